@@ -39,12 +39,16 @@ NO_ENVIRONMENT = (
     "the project's environment is missing here: create it with `make env`, activate it with "
     "`. .venv/bin/activate`"
 )
-TRACE = "PIPELINE_TRACEBACK"  # environment variable that prints the traceback of an error
+TRACE = (
+    "PIPELINE_TRACEBACK"  # environment variable that prints the traceback of an error
+)
 # but for tab and line end; with the marks that turn the direction of a line
 CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
 OUT_OF_MEMORY = "free some memory and run the command again"
 PERMISSIONS = "change the permissions of the file or of its folder (ls -ld shows them)"
-NO_ROOM = "free some space, or raise the limit (quota, ulimit -f), and run the command again"
+NO_ROOM = (
+    "free some space, or raise the limit (quota, ulimit -f), and run the command again"
+)
 # error number of the system → what to do
 REMEDIES = {
     errno.EROFS: "the file system is read-only: run the command in a copy that can be written",
@@ -59,7 +63,9 @@ def main() -> int:
     """Run the command line; return the exit code, 1 after an error and its message."""
     gc.disable()  # imports make no garbage, and collections during them take a quarter of a second
     for stream in filter(None, (sys.stdout, sys.stderr)):
-        stream.reconfigure(errors="replace")  # prints ? for a character that the locale lacks
+        stream.reconfigure(
+            errors="replace"
+        )  # prints ? for a character that the locale lacks
         stream.write = partial(_write_plain, stream)
     name = sys.argv[1] if len(sys.argv) > 1 else "--help"
     try:
@@ -84,10 +90,15 @@ def main() -> int:
             # else Python would fail again on the remaining output when it ends
             with suppress(OSError, ValueError, AttributeError):  # no file descriptor
                 os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        if not isinstance(error, BrokenPipeError):  # the program that reads the output has ended
+        if not isinstance(
+            error, BrokenPipeError
+        ):  # the program that reads the output has ended
             if os.environ.get(TRACE):
                 traceback.print_exception(error)
-            print(f"error: {name}: {error_summary(error)}{_restore_hint()}", file=sys.stderr)
+            print(
+                f"error: {name}: {error_summary(error)}{_restore_hint()}",
+                file=sys.stderr,
+            )
         return 1
 
 
@@ -100,7 +111,9 @@ def error_summary(error: Exception) -> str:
     """Return one line for any error: what was found, and what to do about it."""
     if isinstance(error, PipelineError):
         return str(error)
-    if isinstance(error, ModuleNotFoundError) and not (error.name or "").startswith("pipeline"):
+    if isinstance(error, ModuleNotFoundError) and not (error.name or "").startswith(
+        "pipeline"
+    ):
         return f"no module {error.name}; {NO_ENVIRONMENT}"
     if isinstance(error, OSError) and error.errno:
         file = error.filename2 or error.filename
@@ -135,14 +148,18 @@ def _restore_hint() -> str:
     lock = Path(os.environ.get("DVC_ROOT", "."), folder, "dvc.lock")
     if not stage or not lock.is_file():
         return ""
-    from pipeline.core.typed_yaml import read_yaml  # needs more than the standard library
+    from pipeline.core.typed_yaml import (
+        read_yaml,
+    )  # needs more than the standard library
 
     commands: dict[str, list[str]] = {}
     for out in read_yaml(lock).get("stages", {}).get(stage, {}).get("outs", []):
         if not Path(path := out["path"]).exists():
             by = "git checkout --" if path.startswith("reports/") else "dvc checkout"
             commands.setdefault(by, []).append(path)
-    named = " and ".join(f"`{' '.join([by, *paths])}`" for by, paths in sorted(commands.items()))
+    named = " and ".join(
+        f"`{' '.join([by, *paths])}`" for by, paths in sorted(commands.items())
+    )
     restored = f"run {named}, or undo the change and run `dvc repro`"
     return f"; to restore the earlier results {restored}" if named else ""
 
@@ -179,13 +196,17 @@ def tool_call(folder: str, words: list[str]) -> Callable[[], None]:
     """Return the call of the tool in ``folder`` with the command line ``words``. Its arguments.yaml
     maps names or flags to options of ``add_argument``; types and defaults are those of its ``run``.
     """
-    from pipeline.core.typed_yaml import read_yaml  # needs more than the standard library
+    from pipeline.core.typed_yaml import (
+        read_yaml,
+    )  # needs more than the standard library
 
     tool = import_module(f"pipeline.tools.{folder}.command")
     text = _docstring(f"tools.{folder}.command")
     description, _, epilog = text.partition(": ")[2].partition("\n\n")
     program = f"python -m pipeline {folder.replace('_', '-')}"
-    parser = argparse.ArgumentParser(prog=program, description=description, epilog=epilog)
+    parser = argparse.ArgumentParser(
+        prog=program, description=description, epilog=epilog
+    )
     for name, stated in read_yaml(HERE / f"tools/{folder}/arguments.yaml").items():
         parameter = signature(tool.run).parameters[stated.get("dest", name.strip("-"))]
         kinds = {parameter.annotation, *get_args(parameter.annotation)}
@@ -195,7 +216,10 @@ def tool_call(folder: str, words: list[str]) -> Callable[[], None]:
         if bool in kinds:
             options["action"] = "store_true"
         elif name[0] != "-":
-            options |= {"metavar": name.upper(), "nargs": "?" if "default" in options else None}
+            options |= {
+                "metavar": name.upper(),
+                "nargs": "?" if "default" in options else None,
+            }
         parser.add_argument(name, **options | stated)
     return partial(tool.run, **vars(parser.parse_args(words)))
 

@@ -36,21 +36,34 @@ def pytest_terminal_summary(terminalreporter, config: pytest.Config) -> None:
     skipped = [str(one.longrepr) for one in terminalreporter.stats.get("skipped", [])]
     if absent := sum(any(word in reason for word in BESIDE) for reason in skipped):
         folder = Path(__file__).parents[2] / "shared"
-        terminalreporter.write_line(f"{absent} tests need the recordings in {folder}: skipped")
+        terminalreporter.write_line(
+            f"{absent} tests need the recordings in {folder}: skipped"
+        )
     if (file := config.getoption("durations_file")) is None:
         return
     reports = [each for kind in terminalreporter.stats.values() for each in kind]
     rows = pd.DataFrame(
-        (one.nodeid.partition("::")[0], one.nodeid, one.duration, "slow" not in one.keywords)
+        (
+            one.nodeid.partition("::")[0],
+            one.nodeid,
+            one.duration,
+            "slow" not in one.keywords,
+        )
         for one in reports
         if isinstance(one, pytest.TestReport)
     ).set_axis(["module", "tests", "seconds", "quick"], axis=1)
     rows["seconds without slow tests"] = rows["seconds"] * rows.pop("quick")
     sums = {"tests": "nunique", "seconds": "sum", "seconds without slow tests": "sum"}
-    table = rows.groupby("module").agg(sums).sort_values(["seconds", "tests"], ascending=False)
+    table = (
+        rows.groupby("module")
+        .agg(sums)
+        .sort_values(["seconds", "tests"], ascending=False)
+    )
     clock = {"tests": table["tests"].sum(), "seconds": monotonic() - STARTED}
     first = pd.DataFrame([clock, table.sum()], index=["wall clock", "total"])
-    pd.concat([first, table]).astype({"tests": int}).round(1).to_csv(file, index_label="module")
+    pd.concat([first, table]).astype({"tests": int}).round(1).to_csv(
+        file, index_label="module"
+    )
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -15,8 +15,12 @@ from pipeline import __main__ as command
 from pipeline.core.errors import ConfigError
 
 STAGES = sorted(file.stem for file in (ROOT / "pipeline/stages").glob("[a-z]*.py"))
-STUDIES = sorted(file.parent.name for file in (ROOT / "pipeline/studies").glob("*/stage.py"))
-TOOLS = sorted(file.parent.name for file in (ROOT / "pipeline/tools").glob("*/command.py"))
+STUDIES = sorted(
+    file.parent.name for file in (ROOT / "pipeline/studies").glob("*/stage.py")
+)
+TOOLS = sorted(
+    file.parent.name for file in (ROOT / "pipeline/tools").glob("*/command.py")
+)
 
 
 def run(monkeypatch, *words: str) -> int:
@@ -28,7 +32,11 @@ def test_an_unknown_name_and_the_wrong_number_of_items_are_refused(monkeypatch, 
     assert run(monkeypatch, "nonsense") == 1
     message = capsys.readouterr().err
     assert message.endswith("error: nonsense: there is no such stage, study or tool\n")
-    listed = {kind: line.split()[1:] for line in message.splitlines() for kind in line.split()[:1]}
+    listed = {
+        kind: line.split()[1:]
+        for line in message.splitlines()
+        for kind in line.split()[:1]
+    }
     assert listed["stages"] == STAGES and {"track", "report"} < set(STAGES)
     assert listed["studies"] == STUDIES
     assert listed["tools"] == [tool.replace("_", "-") for tool in TOOLS]
@@ -56,11 +64,23 @@ def test_help_lists_the_names_and_names_each_stage_study_and_tool(monkeypatch, c
 
 FULL, LIMITED = (OSError(kind, "", "a.parquet") for kind in (errno.ENOSPC, errno.EFBIG))
 FAULTS = [
-    (ConfigError("must be > 0, got -0.1", key="a.b"), 1, ["must be > 0, got -0.1 [key a.b]"]),
+    (
+        ConfigError("must be > 0, got -0.1", key="a.b"),
+        1,
+        ["must be > 0, got -0.1 [key a.b]"],
+    ),
     (FULL, 1, ["a.parquet: No space left on device", "free some space"]),
     (LIMITED, 1, ["a.parquet: File too large", "ulimit -f"]),
-    (OSError(errno.EROFS, "", "a", None, "b"), 1, ["b: Read-only file system", "in a copy that"]),
-    (RuntimeError("no\nfile"), 1, ["unexpected RuntimeError: no file", "PIPELINE_TRACEBACK=1"]),
+    (
+        OSError(errno.EROFS, "", "a", None, "b"),
+        1,
+        ["b: Read-only file system", "in a copy that"],
+    ),
+    (
+        RuntimeError("no\nfile"),
+        1,
+        ["unexpected RuntimeError: no file", "PIPELINE_TRACEBACK=1"],
+    ),
     (MemoryError(), 1, ["out of memory"]),
     (KeyboardInterrupt(), 130, ["interrupted"]),
 ]
@@ -74,7 +94,9 @@ def raises(fault: BaseException) -> Callable[[], None]:
 
 
 @pytest.mark.parametrize(("fault", "code", "words"), FAULTS)
-def test_every_error_is_one_line_that_names_the_stage(monkeypatch, capsys, fault, code, words):
+def test_every_error_is_one_line_that_names_the_stage(
+    monkeypatch, capsys, fault, code, words
+):
     monkeypatch.setattr(command, "_find_call", lambda *_: raises(fault))
     assert run(monkeypatch, "track") == code
     (line,) = capsys.readouterr().err.splitlines()
@@ -84,11 +106,15 @@ def test_every_error_is_one_line_that_names_the_stage(monkeypatch, capsys, fault
     assert ("in run" in capsys.readouterr().err) == (code == 1)
 
 
-def called(words: str, shell: bool = False, **environment: str) -> subprocess.CompletedProcess:
+def called(
+    words: str, shell: bool = False, **environment: str
+) -> subprocess.CompletedProcess:
     """Call of Python in the project's root."""
     line = f"{shlex.quote(sys.executable)} {words}"
     command = ["sh", "-c", line] if shell else shlex.split(line)
-    return subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True)
+    return subprocess.run(
+        command, cwd=ROOT, env=environment, capture_output=True, text=True
+    )
 
 
 def test_without_the_environment_one_line_names_the_command_that_makes_it():
@@ -108,7 +134,13 @@ def test_without_the_environment_one_line_names_the_command_that_makes_it():
         ("--help", "", "| true", 0, ""),  # of the shell, whose last command succeeds
         ("--help", "", ">&-", 0, ""),
         ("--help", "1", "> /dev/full", 1, "standard output: No space left on device"),
-        ("inspect params.yaml", "", "> /dev/full", 1, "standard output: No space left on device"),
+        (
+            "inspect params.yaml",
+            "",
+            "> /dev/full",
+            1,
+            "standard output: No space left on device",
+        ),
     ],
 )
 def test_output_that_cannot_be_written_ends_without_a_traceback(
@@ -135,9 +167,8 @@ def test_without_docstrings_the_help_and_the_page_are_the_same():
 
 
 def test_a_stage_ends_with_the_program_that_started_it(tmp_path):
-    stage = (
-        "import pipeline.__main__ as m, signal, time; signal.signal(signal.SIGINT, signal.SIG_IGN)"
-    )
+    stage = "import pipeline.__main__ as m, signal, time"
+    stage += "; signal.signal(signal.SIGINT, signal.SIG_IGN)"
     stage += "; m._end_with_parent(); open('begun', 'w')"
     stage += "\ntry:\n time.sleep(60)\nexcept KeyboardInterrupt:\n open('ended', 'w')"
     starter = "import subprocess, sys, time; subprocess.Popen([sys.executable, '-c', sys.argv[1]])"

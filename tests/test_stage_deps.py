@@ -25,13 +25,17 @@ def stages(*patterns: str) -> dict[str, dict]:
         f"{file.relative_to(ROOT)}:{name}": stage
         for pattern in patterns
         for file in sorted(ROOT.glob(pattern))
-        for name, stage in yaml.safe_load(file.read_text(encoding="utf-8"))["stages"].items()
+        for name, stage in yaml.safe_load(file.read_text(encoding="utf-8"))[
+            "stages"
+        ].items()
     }
 
 
 PAPER = stages("dvc.yaml", "data/raw/*/dvc.yaml")
 # a stage that always runs has no dependencies
-STAGES = {name: stage for name, stage in PAPER.items() if not stage.get("always_changed")}
+STAGES = {
+    name: stage for name, stage in PAPER.items() if not stage.get("always_changed")
+}
 STUDIES = stages("pipeline/studies/*/dvc.yaml")
 every_stage = pytest.mark.parametrize("stage", STAGES)
 
@@ -41,8 +45,13 @@ def paths(stage: dict, *kinds: str) -> list[str]:
     places.
     """
     entries = [entry for kind in kinds for entry in stage.get(kind, [])]
-    names = [next(iter(entry)) if isinstance(entry, dict) else entry for entry in entries]
-    return [re.sub(r"\$\{item\.\w+\}", "*", name).replace("${dataset}", DATASET) for name in names]
+    names = [
+        next(iter(entry)) if isinstance(entry, dict) else entry for entry in entries
+    ]
+    return [
+        re.sub(r"\$\{item\.\w+\}", "*", name).replace("${dataset}", DATASET)
+        for name in names
+    ]
 
 
 def code(stage: dict) -> list[str]:
@@ -64,8 +73,12 @@ def stage_module(stage: dict) -> str:
 def sources(module: str) -> set[str]:
     """The files that a stage runs on; the package itself holds one line of text."""
     harmless = HARMLESS
-    if module.endswith(".configure"):  # of the models it uses the types of their options alone
-        harmless = HARMLESS | {name for name in MODULES if package(name) in ("arm", "statistics")}
+    if module.endswith(
+        ".configure"
+    ):  # of the models it uses the types of their options alone
+        harmless = HARMLESS | {
+            name for name in MODULES if package(name) in ("arm", "statistics")
+        }
     files = {MODULES[name] for name in needed(module, harmless)}
     names = {str(file.relative_to(ROOT)) for file in files if file.stat().st_size}
     return names - {"pipeline/__init__.py"}
@@ -92,8 +105,12 @@ def test_a_stage_depends_on_the_code_that_it_runs_and_on_no_other(stage):
         result |= {"pipeline/conf/model"}  # of the plain models beside the run's
     if module.endswith(".report"):
         # the docstrings of all code of the paper say what implements what
-        result |= {path for path in deps if path not in ("pipeline/studies", "pipeline/tools")}
-    assert {path for path in deps if not any(covers(path, file) for file in read)} <= result
+        result |= {
+            path for path in deps if path not in ("pipeline/studies", "pipeline/tools")
+        }
+    assert {
+        path for path in deps if not any(covers(path, file) for file in read)
+    } <= result
     if "pipeline/arm/model.py" in read:
         assert "pipeline/arm" in deps
         params = [keys for entry in definition["params"] for keys in entry.values()]
@@ -112,14 +129,20 @@ def test_the_folders_that_a_stage_names_are_its_deps_and_outs(stage):
         elif isinstance(node, ast.Constant) and id(node) not in parts:
             named.add(str(node.value))
     for path in named - CLEANED.get(stage, set()) - COMPARED.get(stage, set()):
-        if re.fullmatch(r"(data|reports)/[\w*./]+", path) and not path.endswith("dvc.yaml"):
-            known = any(covers(path, other) or covers(other, path) for other in declared)
+        if re.fullmatch(r"(data|reports)/[\w*./]+", path) and not path.endswith(
+            "dvc.yaml"
+        ):
+            known = any(
+                covers(path, other) or covers(other, path) for other in declared
+            )
             assert known, f"{stage} opens {path}"
 
 
 def test_every_table_is_named_by_the_stages_that_write_it():
     """The whole reproduction compares the names with the files."""
-    declared = yaml.safe_load((ROOT / "pipeline/tables.yaml").read_text(encoding="utf-8"))
+    declared = yaml.safe_load(
+        (ROOT / "pipeline/tables.yaml").read_text(encoding="utf-8")
+    )
     named = {name for stage in PAPER.values() for name in tables_of(stage)}
     assert named == {name for name in declared if name[0] != "."}
 
@@ -127,7 +150,9 @@ def test_every_table_is_named_by_the_stages_that_write_it():
 @pytest.mark.parametrize("stage", STUDIES)
 def test_a_study_names_its_code_and_options_and_not_its_own_lock_file(stage):
     place = stage.partition("/dvc.yaml:")[0]
-    own = {file for file in (ROOT / place).rglob("*.*") if file.suffix in (".py", ".yaml")}
+    own = {
+        file for file in (ROOT / place).rglob("*.*") if file.suffix in (".py", ".yaml")
+    }
     files = {str(file.relative_to(ROOT)) for file in own if file.stat().st_size}
     read = sources(f"{place.replace('/', '.')}.stage") | files - {f"{place}/dvc.yaml"}
     assert uncovered(read, code(STUDIES[stage])) == set()

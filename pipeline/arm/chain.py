@@ -54,7 +54,9 @@ class PlanarChain(Chain):
     def _segments(self, q: ndarray) -> tuple[ndarray, ndarray]:
         """x and z (3, ...) in m of the segments, contiguous along the batch."""
         over = (3, *[1] * (np.ndim(q) - 1))
-        turns = np.moveaxis(np.asarray(q, dtype=float), -1, 0) * self.signs.reshape(over)
+        turns = np.moveaxis(np.asarray(q, dtype=float), -1, 0) * self.signs.reshape(
+            over
+        )
         heading = np.cumsum(turns, axis=0)
         sine, cosine = np.sin(heading), np.cos(heading)
         x, z = (column.reshape(over) for column in self.links.T)
@@ -80,7 +82,10 @@ class PlanarChain(Chain):
         x, z = self._segments(q)
         result = np.empty((*np.shape(q), 3))
         for j, sign in enumerate(self.signs):
-            result[..., 0, j], result[..., 1, j] = sign * z[j:].sum(0), -sign * x[j:].sum(0)
+            result[..., 0, j], result[..., 1, j] = (
+                sign * z[j:].sum(0),
+                -sign * x[j:].sum(0),
+            )
         result[..., 2, :] = self.signs
         return result
 

@@ -64,7 +64,9 @@ class Mechanism(Protocol):
         if np.any(bad):
             index = tuple(int(i) for i in np.argwhere(bad)[0])
             pose = np.asarray(q, dtype=float)[index]
-            least = self.least_singular_value(pose) if np.isfinite(pose).all() else np.nan
+            least = (
+                self.least_singular_value(pose) if np.isfinite(pose).all() else np.nan
+            )
             raise SingularJacobianError(
                 f"the Jacobian is singular at {int(bad.sum())} {what}(s), where a small step of "
                 "the task needs a large step of the joints (or a pose is not finite)",
@@ -115,7 +117,11 @@ def trajectory_table(
     steps = chain.displacement(pose[:-1], pose[1:]), np.diff(q, axis=0)
     v, u = (np.vstack([each * rate, np.zeros((1, each.shape[1]))]) for each in steps)
     x = chain.coordinates(pose)
-    table = {"k": k, "t": k / rate} | spread("x", chain.task, x) | spread("v", chain.task, v)
+    table = (
+        {"k": k, "t": k / rate}
+        | spread("x", chain.task, x)
+        | spread("v", chain.task, v)
+    )
     if len(chain.task) < q.shape[1]:
         table |= spread("u", joints, u)
     return pd.DataFrame(table)

@@ -5,7 +5,17 @@ The argument ``arm`` is the chain's :class:`pipeline.arm.interface.ArmConstants`
 
 import numpy as np
 
-from pipeline.arm.rows import JOINTS, POSITION, ROTATION, SINE, TURN, WIDTH, add_dot, fill, scale
+from pipeline.arm.rows import (
+    JOINTS,
+    POSITION,
+    ROTATION,
+    SINE,
+    TURN,
+    WIDTH,
+    add_dot,
+    fill,
+    scale,
+)
 from pipeline.arm.serial import FRAME_COSINE, FRAME_SHIFT, FRAME_SINE, FRAME_TURN
 from pipeline.core.compiled import inlined, inner
 from pipeline.core.elementary import sine_cosine
@@ -43,7 +53,9 @@ def tip(arm, q, start, count, block):
                 way = q[frame, start : start + count]
                 for k in range(3):
                     for i in range(count):
-                        block[POSITION + k, i] += block[ROTATION + 3 * k + 2, i] * way[i]
+                        block[POSITION + k, i] += (
+                            block[ROTATION + 3 * k + 2, i] * way[i]
+                        )
             for k in range(3):
                 for i in range(count):
                     block[first + k, i] = block[ROTATION + 3 * k + 2, i]
@@ -76,7 +88,11 @@ def task_jacobian(arm, block, first, count):
         row, unit = arm.rows[r], arm.units[r]
         y, z = (row + 1) % 3, (row + 2) % 3
         for j in range(n):
-            entry, axis, sliding = first + r * n + j, JOINTS + 6 * j, arm.sliding[j] > 0.0
+            entry, axis, sliding = (
+                first + r * n + j,
+                JOINTS + 6 * j,
+                arm.sliding[j] > 0.0,
+            )
             ay, az, py, pz = axis + y, axis + z, axis + 3 + y, axis + 3 + z
             if row < 3 and not sliding:
                 for i in range(count):
@@ -165,7 +181,9 @@ def add_displacement(arm, target, block, out, share, count):
         row, factor = arm.rows[r], share * arm.units[r]
         for i in range(count):
             block[out + r, i] += factor * (
-                target[row] - block[POSITION + row, i] if row < 3 else block[TURN + row - 3, i]
+                target[row] - block[POSITION + row, i]
+                if row < 3
+                else block[TURN + row - 3, i]
             )
 
 
@@ -185,9 +203,24 @@ def rotation_vectors(target, flat, count):
         zz = az[0] * bzx + az[1] * bzy + az[2] * bzz
         # 4w(w, x, y, z)
         w = max(1.0 + xx + yy + zz, 1e-300)
-        x = az[0] * byx + az[1] * byy + az[2] * byz - (ay[0] * bzx + ay[1] * bzy + ay[2] * bzz)
-        y = ax[0] * bzx + ax[1] * bzy + ax[2] * bzz - (az[0] * bxx + az[1] * bxy + az[2] * bxz)
-        z = ay[0] * bxx + ay[1] * bxy + ay[2] * bxz - (ax[0] * byx + ax[1] * byy + ax[2] * byz)
+        x = (
+            az[0] * byx
+            + az[1] * byy
+            + az[2] * byz
+            - (ay[0] * bzx + ay[1] * bzy + ay[2] * bzz)
+        )
+        y = (
+            ax[0] * bzx
+            + ax[1] * bzy
+            + ax[2] * bzz
+            - (az[0] * bxx + az[1] * bxy + az[2] * bxz)
+        )
+        z = (
+            ay[0] * bxx
+            + ay[1] * bxy
+            + ay[2] * bxz
+            - (ax[0] * byx + ax[1] * byy + ax[2] * byz)
+        )
         over = 1.0 / np.sqrt(w * w + x * x + y * y + z * z)
         w, x, y, z = over * w, over * x, over * y, over * z
         # tan of a quarter, an eighth and a sixteenth of the angle, divided by sin of its half

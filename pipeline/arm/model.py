@@ -21,7 +21,9 @@ from pipeline.core.options.dataset import Robot
 
 SAMPLES = 64  # poses at which the rows of the task are tested
 LINK = "link "  # prefix of the names of links in Pinocchio
-PLANAR_TOLERANCE = 1e-6  # greatest sine of the angle between an axis and the plane's normal
+PLANAR_TOLERANCE = (
+    1e-6  # greatest sine of the angle between an axis and the plane's normal
+)
 SHORTEST_LINK = 1e-3  # m, of a planar chain
 
 
@@ -31,7 +33,9 @@ class Arm:
 
     chain: PlanarChain
     rotation: ndarray  # (3, 3) axes of the plane in the base frame, in columns
-    translation: ndarray  # (3,) origin of the plane in the base frame, m; O1 lies in y = 0
+    translation: (
+        ndarray  # (3,) origin of the plane in the base frame, m; O1 lies in y = 0
+    )
 
     def to_plane(self, points: ndarray) -> ndarray:
         """(..., 3) coordinates in the plane's frame of ``points`` (..., 3) in the base frame, m."""
@@ -61,7 +65,10 @@ def chain_of(robot: Robot) -> Chain:
     q = low + (high - low) * shares
     if chain.singular(q).all():
         still = np.abs(chain.jacobian(q)).max(axis=(0, 2)) <= 1e-9 * chain.scale
-        rows = ", ".join(np.array(task)[still]) or f"{', '.join(task)} independently of each other"
+        rows = (
+            ", ".join(np.array(task)[still])
+            or f"{', '.join(task)} independently of each other"
+        )
         message = f"robot.task: the arm cannot move {rows}; remove task rows"
         raise ConfigError(message, file=layout.file)
     return chain
@@ -77,7 +84,9 @@ def link_chains(robot: Robot, links: Iterable[str], key: str) -> dict[str, Seria
         above = [joint.name for joint in tree.above(tree.link(link, key))]
         joints = [name for name in robot.joints if name in above]
         if not joints:
-            raise ConfigError(f"{key}: no joint of the arm moves {link!r}", file=tree.file)
+            raise ConfigError(
+                f"{key}: no joint of the arm moves {link!r}", file=tree.file
+            )
         own = replace(robot, joints=joints, tool=link, plane=False, task=["x"])
         chains[link] = layout_of(own, tree).serial(SPACE, 1.0)
     return chains
@@ -89,7 +98,9 @@ def arm_of(robot: Robot) -> Arm:
     """
     layout = layout_of(robot)
     if not layout.has_closed_form:
-        message = f"robot.joints: {layout.names} must be three revolute joints with limits"
+        message = (
+            f"robot.joints: {layout.names} must be three revolute joints with limits"
+        )
         raise ConfigError(message, file=layout.file)
     place = _plane_of(layout)
     return Arm(_planar(layout.in_frame(*place)), *place)
@@ -125,7 +136,9 @@ class Layout:
     points: ndarray  # (n, 3) a point of each axis, m
     rotation: ndarray  # (3, 3) of the tip
     position: ndarray  # (3,) of the tip, m
-    limits: ndarray  # (3, n) lower, upper (rad or m), speed (per s); infinite without one
+    limits: (
+        ndarray  # (3, n) lower, upper (rad or m), speed (per s); infinite without one
+    )
 
     def in_frame(self, rotation: ndarray, translation: ndarray) -> "Layout":
         """Layout in the frame at ``translation``, m, with the columns of ``rotation`` as axes."""
@@ -145,10 +158,17 @@ class Layout:
             x = across - axis * (axis @ across)
             x /= np.linalg.norm(x)
             frame = np.stack([x, np.cross(axis, x), axis], axis=1)
-            placements.append([*(before.T @ frame).ravel(), *((point - origin) @ before)])
+            placements.append(
+                [*(before.T @ frame).ravel(), *((point - origin) @ before)]
+            )
             before, origin = frame, point
-        tip = [*(before.T @ self.rotation).ravel(), *((self.position - origin) @ before)]
-        return SerialChain(task, length, np.array([*placements, tip]), self.sliding, *self.limits)
+        tip = [
+            *(before.T @ self.rotation).ravel(),
+            *((self.position - origin) @ before),
+        ]
+        return SerialChain(
+            task, length, np.array([*placements, tip]), self.sliding, *self.limits
+        )
 
     @property
     def has_closed_form(self) -> bool:
@@ -161,9 +181,14 @@ class Layout:
 def _whole_model(tree: Tree) -> pin.Model:
     """Model of all joints in a URDF."""
     root = deepcopy(tree.root)
-    for key, elements in {"name": root.findall("link"), "link": root.findall("joint/*")}.items():
+    for key, elements in {
+        "name": root.findall("link"),
+        "link": root.findall("joint/*"),
+    }.items():
         for element in elements:
-            if key in element.attrib:  # Pinocchio allows no joint and link of the same name
+            if (
+                key in element.attrib
+            ):  # Pinocchio allows no joint and link of the same name
                 element.set(key, LINK + element.get(key))
     return pin.buildModelFromXML(ElementTree.tostring(root, encoding="unicode"))
 
@@ -199,7 +224,9 @@ def layout_of(robot: Robot, tree: Tree | None = None) -> Layout:
         model, data = _reduced_model(tree, tuple(names), tuple(held.items()))
     except (ValueError, RuntimeError, IndexError) as error:
         reason = " ".join(str(error).split())[:200]
-        message = f"robot.urdf: Pinocchio cannot read it ({reason}); check it with check_urdf"
+        message = (
+            f"robot.urdf: Pinocchio cannot read it ({reason}); check it with check_urdf"
+        )
         raise ConfigError(message, file=tree.file) from None
     jacobian = data.J.reshape(6, -1)  # a single column is a vector in Pinocchio
     sliding = np.array([joint.kind == "prismatic" for joint in joints])
@@ -207,12 +234,16 @@ def layout_of(robot: Robot, tree: Tree | None = None) -> Layout:
     axes = np.where(sliding, jacobian[:3], jacobian[3:]).T
     for name, length in zip(names, np.linalg.norm(axes, axis=1), strict=True):
         if not abs(length - 1.0) < 1e-6:
-            message = f"robot.urdf: the axis of {name} has length {length:.3g}; make it 1"
+            message = (
+                f"robot.urdf: the axis of {name} has length {length:.3g}; make it 1"
+            )
             raise ConfigError(message, file=tree.file)
     points = np.array([data.oMi[i].translation for i in range(1, model.njoints)])
     ends = np.array([(joint.lower, joint.upper) for joint in joints]).T
     links = [LINK + link for link in (tip, base) if link is not None]
-    end, *root = (data.oMf[model.getFrameId(link, pin.FrameType.BODY)] for link in links)
+    end, *root = (
+        data.oMf[model.getFrameId(link, pin.FrameType.BODY)] for link in links
+    )
     pose = end.rotation.copy(), end.translation.copy()
     limits = np.vstack([*ends, model.upperVelocityLimit])
     layout = Layout(tree.file, names, sliding, axes, points, *pose, limits)
@@ -233,7 +264,11 @@ def _plane_of(layout: Layout) -> tuple[ndarray, ndarray]:
         message = f"robot.joints: the axes of {others} are not parallel to {layout.names[first]}"
         message += "; a planar chain needs parallel axes"
         raise ConfigError(message, file=layout.file, axes=layout.axes.round(4).tolist())
-    up = np.array([0.0, 0.0, 1.0]) if abs(normal[2]) < 0.99 else np.array([0.0, 1.0, 0.0])
+    up = (
+        np.array([0.0, 0.0, 1.0])
+        if abs(normal[2]) < 0.99
+        else np.array([0.0, 1.0, 0.0])
+    )
     up = up - normal * (up @ normal)
     up /= np.linalg.norm(up)
     rotation = np.stack([np.cross(normal, up), normal, up], axis=1)

@@ -28,7 +28,9 @@ def planar_jacobian(arm, q, start, count, block):
     stop = start + count
     q1, q2, q3 = q[0, start:stop], q[1, start:stop], q[2, start:stop]
     lx, lz = arm.plane[4], arm.plane[5]
-    for i in range(count):  # one loop per link, as a single loop needs too many registers
+    for i in range(
+        count
+    ):  # one loop per link, as a single loop needs too many registers
         x, z = rotate_link(lx, lz, s1 * q1[i] + s2 * q2[i] + s3 * q3[i])
         flat[first + 2 * WIDTH + i] = z
         flat[first + 5 * WIDTH + i] = -x
@@ -90,7 +92,11 @@ def planar_inverse_square(block, count):
 @inner
 def add_planar_displacement(arm, target, q, start, count, share, block):
     """Add ``share``·(``target`` − x(q)) to the task step; φ keeps its whole turns."""
-    flat, task, jacobian = block.reshape(-1), PLANAR.task * WIDTH, PLANAR.jacobian * WIDTH
+    flat, task, jacobian = (
+        block.reshape(-1),
+        PLANAR.task * WIDTH,
+        PLANAR.jacobian * WIDTH,
+    )
     s1, s2, s3 = arm.plane[6], arm.plane[7], arm.plane[8]
     stop = start + count
     q1, q2, q3 = q[0, start:stop], q[1, start:stop], q[2, start:stop]

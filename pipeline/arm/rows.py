@@ -40,7 +40,17 @@ def block_rows(n: int, m: int) -> Rows:
     normal = singular + 2
     chi_square = normal + n + m
     spare = chi_square + 2
-    places = jacobian, lower, inverse, task, joints, singular, singular + 1, normal, chi_square
+    places = (
+        jacobian,
+        lower,
+        inverse,
+        task,
+        joints,
+        singular,
+        singular + 1,
+        normal,
+        chi_square,
+    )
     return Rows(*places, spare, spare + m * n + m * m + 2 * m + 4)
 
 

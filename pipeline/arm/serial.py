@@ -54,13 +54,17 @@ class SerialChain(Chain):
     def pose(self, q: ndarray) -> ndarray:
         """(..., 12) pose of the tip."""
         tip = self._frames(q)[..., -1, :3, :]
-        return np.concatenate([tip[..., 3], tip[..., :3].reshape(*tip.shape[:-2], 9)], axis=-1)
+        return np.concatenate(
+            [tip[..., 3], tip[..., :3].reshape(*tip.shape[:-2], 9)], axis=-1
+        )
 
     def displacement(self, start: ndarray, end: ndarray) -> ndarray:
         """(..., m) difference of the positions of the poses ``start`` and ``end`` (..., 12), and
         rotation vector of R_end·R_startᵀ times the length.
         """
-        start, end = np.broadcast_arrays(np.asarray(start, float), np.asarray(end, float))
+        start, end = np.broadcast_arrays(
+            np.asarray(start, float), np.asarray(end, float)
+        )
         before, after = (x[..., 3:].reshape(*x.shape[:-1], 3, 3) for x in (start, end))
         turned = rotation_vector(after @ before.swapaxes(-1, -2))
         way = np.concatenate([end[..., :3] - start[..., :3], turned], axis=-1)
@@ -79,10 +83,15 @@ class SerialChain(Chain):
         frames = self._frames(q)
         axes, points = frames[..., :-1, :3, 2], frames[..., :-1, :3, 3]
         lever = frames[..., -1:, :3, 3] - points
-        velocity = axes[..., NEXT] * lever[..., LAST] - axes[..., LAST] * lever[..., NEXT]
+        velocity = (
+            axes[..., NEXT] * lever[..., LAST] - axes[..., LAST] * lever[..., NEXT]
+        )
         if self.sliding.any():
             sliding = self.sliding[:, None]
-            velocity, axes = np.where(sliding, axes, velocity), np.where(sliding, 0.0, axes)
+            velocity, axes = (
+                np.where(sliding, axes, velocity),
+                np.where(sliding, 0.0, axes),
+            )
         columns = np.concatenate([velocity, axes], axis=-1)[..., self._numbers.rows]
         return columns.swapaxes(-1, -2) * self._numbers.units[:, None]
 
@@ -95,7 +104,9 @@ class SerialChain(Chain):
         mean = np.trace(square, axis1=-2, axis2=-1) / max(others, 1)
         near = ~(np.linalg.det(square) > 4 * least**2 * mean**others)
         result = np.array(~finite)
-        result[near] |= ~(np.linalg.svd(jacobian[near], compute_uv=False)[..., -1] >= least)
+        result[near] |= ~(
+            np.linalg.svd(jacobian[near], compute_uv=False)[..., -1] >= least
+        )
         return result[()]
 
     @np.errstate(invalid="ignore")  # a pose may be infinite
@@ -110,7 +121,9 @@ class SerialChain(Chain):
             raise
         inverse = inverse if square else across @ inverse
         # the least singular value is at least 1/‖J⁺‖_F
-        doubtful = ~(np.linalg.norm(inverse, axis=(-2, -1)) * LEAST_SINGULAR * self.scale <= 1)
+        doubtful = ~(
+            np.linalg.norm(inverse, axis=(-2, -1)) * LEAST_SINGULAR * self.scale <= 1
+        )
         if doubtful.any() and self.singular(np.asarray(q)[doubtful]).any():
             self.require_regular(q, what=what)
         return inverse
@@ -122,8 +135,13 @@ class SerialChain(Chain):
     @cached_property
     def _numbers(self) -> ArmConstants:  # without ``least``, which depends on the scale
         rows = np.array([ROWS[name] for name in self.task])
-        frames, units = joint_frames(self.placements), np.where(rows < 3, 1.0, self.length)
-        return ArmConstants(np.empty(0), frames, self.sliding.astype(float), rows, units, 0.0)
+        frames, units = (
+            joint_frames(self.placements),
+            np.where(rows < 3, 1.0, self.length),
+        )
+        return ArmConstants(
+            np.empty(0), frames, self.sliding.astype(float), rows, units, 0.0
+        )
 
     @cached_property
     def _zero(self) -> ndarray:
@@ -168,7 +186,9 @@ def rotation_vector(rotation: ndarray) -> ndarray:
         square = np.empty((len(part), 4, 4))
         square[:, 0, 0], square[:, 0, 1:] = w[far], v[far]
         square[:, 1:, 0] = v[far]
-        square[:, 1:, 1:] = part + part.swapaxes(1, 2) + (2 - w[far])[:, None, None] * np.eye(3)
+        square[:, 1:, 1:] = (
+            part + part.swapaxes(1, 2) + (2 - w[far])[:, None, None] * np.eye(3)
+        )
         greatest = np.diagonal(square, axis1=1, axis2=2).argmax(axis=1)
         row = square[np.arange(len(part)), greatest]
         row = np.where(row[:, :1] < 0, -row, row)
@@ -176,7 +196,9 @@ def rotation_vector(rotation: ndarray) -> ndarray:
         w[far] = row[:, 0]
     sine = np.sqrt(np.vecdot(v, v))
     angle = 2 * np.arctan2(sine, w)
-    return v * np.divide(angle, sine, out=np.zeros_like(sine), where=sine > 0)[..., None]
+    return (
+        v * np.divide(angle, sine, out=np.zeros_like(sine), where=sine > 0)[..., None]
+    )
 
 
 def rigid_motion(places: ndarray, measured: ndarray) -> tuple[ndarray, ndarray]:

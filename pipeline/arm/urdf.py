@@ -29,8 +29,12 @@ class Joint(NamedTuple):
     child: str
     lower: float  # rad or m; infinite for a continuous joint
     upper: float
-    limits: dict[str, float]  # as in the URDF: lower, upper (rad or m), velocity, effort
-    follows: str | None = None  # joint to which it is coupled (mimic): multiplier·q + offset
+    limits: dict[
+        str, float
+    ]  # as in the URDF: lower, upper (rad or m), velocity, effort
+    follows: str | None = (
+        None  # joint to which it is coupled (mimic): multiplier·q + offset
+    )
     multiplier: float = 1.0
     offset: float = 0.0
 
@@ -86,7 +90,9 @@ def read_urdf(file: Path) -> Tree:
             return Tree(file, root, links, {joint.name: joint for joint in joints})
         message = XACRO.format(file.name)
     except OSError as error:
-        message = f"cannot be read ({error.strerror}); state its path from the project's root"
+        message = (
+            f"cannot be read ({error.strerror}); state its path from the project's root"
+        )
     except ElementTree.ParseError as error:
         message, line = f"this is not a URDF file ({error.msg})", error.position[0]
         message = XACRO.format(file.name) if "unbound prefix" in error.msg else message
@@ -97,13 +103,21 @@ def read_urdf(file: Path) -> Tree:
 
 def _require_tree(links: list[str], joints: list[Joint]) -> None:
     """Raise ValueError where the ``joints`` do not make one tree of all ``links``."""
-    children, names = [joint.child for joint in joints], [joint.name for joint in joints]
-    counts = (each for listed in (links, names, children) for each in Counter(listed).items())
+    children, names = (
+        [joint.child for joint in joints],
+        [joint.name for joint in joints],
+    )
+    counts = (
+        each for listed in (links, names, children) for each in Counter(listed).items()
+    )
     twice = next((name for name, count in counts if count > 1), None)
-    unknown = min({name for joint in joints for name in joint[2:4]} - {*links}, default=None)
+    unknown = min(
+        {name for joint in joints for name in joint[2:4]} - {*links}, default=None
+    )
     roots = [link for link in links if link not in {*children}]
     faults = {
-        f"the name {twice!r} occurs twice, or the link has two joints above it": twice is not None,
+        f"the name {twice!r} occurs twice, or the link has two joints above it": twice
+        is not None,
         f"joints name the link {unknown!r}, which the file lacks": unknown is not None,
         f"{len(roots)} root links ({', '.join(roots[:5])}), where a tree has one": links
         and len(roots) != 1,
@@ -125,7 +139,9 @@ def _joint(element: ElementTree.Element) -> Joint:
     except ValueError as error:
         raise ValueError(f"limit or mimic of the joint {name}: {error}") from None
     ends = [parts.get(end, {}).get("link", "") for end in ("parent", "child")]
-    follows = mimic["joint"] if kind in SINGLE else None  # some fixed joints have a mimic element
+    follows = (
+        mimic["joint"] if kind in SINGLE else None
+    )  # some fixed joints have a mimic element
     if kind in LIMITED and not {"velocity", "effort"} <= {*limits}:
         raise ValueError(NO_LIMITS.format(name))
     lower, upper = limits.get("lower", 0.0), limits.get("upper", 0.0)
@@ -141,7 +157,9 @@ class Description(NamedTuple):
     joints: list[Joint]  # base to tip
     base: str | None  # link; None for the root
     tip: str  # link
-    held: dict[str, float]  # coordinates of joints outside the arm, rad or m; 0 if absent
+    held: dict[
+        str, float
+    ]  # coordinates of joints outside the arm, rad or m; 0 if absent
 
 
 def describe(robot: Robot, tree: Tree | None = None) -> Description:
@@ -149,17 +167,25 @@ def describe(robot: Robot, tree: Tree | None = None) -> Description:
     (mimic) outside the arm follow their coupling. Raises ConfigError for names missing in the URDF,
     and if joints, tip and base do not form a chain of joints with one coordinate each.
     """
-    tree, locked, last = tree or read_urdf(Path(robot.urdf)), robot.locked, robot.joints[-1]
+    tree, locked, last = (
+        tree or read_urdf(Path(robot.urdf)),
+        robot.locked,
+        robot.joints[-1],
+    )
     joints = tree.joints
     movable = sorted(name for name, joint in joints.items() if joint.kind in SINGLE)
     for key, names in {"joints": robot.joints, "locked": locked}.items():
         if unknown := [name for name in names if name not in movable]:
-            message = f"robot.{key}: no joint {unknown[0]!r} of one coordinate in the URDF"
+            message = (
+                f"robot.{key}: no joint {unknown[0]!r} of one coordinate in the URDF"
+            )
             raise ConfigError(f"{message}; it has {movable}", file=tree.file)
     if robot.tool is None:
         ends = [end for end in tree.ends if joints[last] in tree.above(end)]
         if len(ends) != 1:
-            message = f"the URDF ends in more than one link beyond {last}; name one of {ends}"
+            message = (
+                f"the URDF ends in more than one link beyond {last}; name one of {ends}"
+            )
             raise ConfigError(f"robot.tool: {message}", file=tree.file)
     tip = ends[0] if robot.tool is None else tree.link(robot.tool, "robot.tool")
     base = None if robot.base is None else tree.link(robot.base, "robot.base")
@@ -170,12 +196,18 @@ def describe(robot: Robot, tree: Tree | None = None) -> Description:
         for joint in joints.values()
         if joint.follows is not None
     }
-    return Description(tree, [joints[name] for name in robot.joints], base, tip, held | locked)
+    return Description(
+        tree, [joints[name] for name in robot.joints], base, tip, held | locked
+    )
 
 
 def _arm_faults(tree: Tree, robot: Robot, base: str | None, tip: str) -> Iterator[str]:
     """Yield the faults of the joints between the base and the tip."""
-    joints, above, below_base = robot.joints, tree.above(tip), tree.above(base) if base else []
+    joints, above, below_base = (
+        robot.joints,
+        tree.above(tip),
+        tree.above(base) if base else [],
+    )
     on = [joint.name for joint in above if joint.name in joints]
     if both := sorted({*joints} & {*robot.locked}):
         yield f"locked: {', '.join(both)} cannot be locked, as robot.joints names it"

@@ -21,7 +21,15 @@ from pipeline.models.kinds import options_type
 
 CONF = Path(__file__).parents[1] / "conf"
 COMPOSED = Path("data/config.yaml")
-GROUPS = ("dataset", "filter", "articulation", "simulation", "wrench", "scale", "compute")
+GROUPS = (
+    "dataset",
+    "filter",
+    "articulation",
+    "simulation",
+    "wrench",
+    "scale",
+    "compute",
+)
 
 
 @options()
@@ -72,12 +80,20 @@ def compose_config(params_file: Path) -> Config:
     params = validated(Params, read_yaml(params_file), file=params_file)
     options_by_group = [(group, getattr(params, group)) for group in GROUPS]
     faults = []
-    for group, option in options_by_group + [("model", model) for model in params.models]:
+    for group, option in options_by_group + [
+        ("model", model) for model in params.models
+    ]:
         if option not in (names := option_names(group)):
             message = f"{group}: no option {option!r}; there are {', '.join(names)}"
-            faults.append(ConfigError(message, key="models" if group == "model" else group))
-    if twice := sorted({name for name in params.models if params.models.count(name) > 1}):
-        faults.append(ConfigError(f"models: {', '.join(twice)} occurs twice", key="models"))
+            faults.append(
+                ConfigError(message, key="models" if group == "model" else group)
+            )
+    if twice := sorted(
+        {name for name in params.models if params.models.count(name) > 1}
+    ):
+        faults.append(
+            ConfigError(f"models: {', '.join(twice)} occurs twice", key="models")
+        )
     if faults:
         raise joined_faults(faults, params_file)
     sheet = datasheet.read(datasheet.path_of(params.dataset))
@@ -88,9 +104,13 @@ def compose_config(params_file: Path) -> Config:
     try:
         values = _compose(overrides, sheet, option_file, *changes)
     except ConfigError as error:
-        raise ConfigError(error.message, **({"file": params_file} | error.evidence)) from None
+        raise ConfigError(
+            error.message, **({"file": params_file} | error.evidence)
+        ) from None
     open_keys = [*datasheet.unfilled_keys(values["dataset"])]
-    config, faults = (None, datasheet.to_fill_in(open_keys)) if open_keys else _validate(values)
+    config, faults = (
+        (None, datasheet.to_fill_in(open_keys)) if open_keys else _validate(values)
+    )
     if unknown := sorted(set(values["models"] or {}) - set(params.models)):
         message = f"no model {', '.join(unknown)} is chosen; there are {', '.join(params.models)}"
         faults.append(ConfigError(message, key="overrides.models"))
@@ -100,7 +120,9 @@ def compose_config(params_file: Path) -> Config:
     return config
 
 
-def _stating(key: str, params: Params, params_file: Path, sheet: datasheet.Datasheet) -> Path:
+def _stating(
+    key: str, params: Params, params_file: Path, sheet: datasheet.Datasheet
+) -> Path:
     """Return the file that has the longest part of the nested ``key``: ``params_file``, the
     datasheet, or the option file of the section or model.
     """
@@ -145,14 +167,19 @@ def _validate(values: dict[str, Any]) -> tuple[Config | None, list[ConfigError]]
 
 @cache
 def _laboratory_type() -> type:
-    from pipeline.laboratory.options import SECTIONS  # a recorded dataset has no laboratory
+    from pipeline.laboratory.options import (
+        SECTIONS,
+    )  # a recorded dataset has no laboratory
 
     parts = [(part, structure, None) for part, structure in SECTIONS.items()]
     return options()(make_dataclass("Laboratory", parts))
 
 
 def _compose(
-    overrides: list[str], sheet: datasheet.Datasheet, option_file: Path, *changes: dict[str, Any]
+    overrides: list[str],
+    sheet: datasheet.Datasheet,
+    option_file: Path,
+    *changes: dict[str, Any],
 ) -> dict[str, Any]:
     """Return the option files of ``overrides`` merged with ``sheet`` and ``changes``, resolved.
 
@@ -166,12 +193,16 @@ def _compose(
     from omegaconf.errors import OmegaConfBaseException
 
     try:
-        with initialize_config_dir(str(option_file.resolve().parents[1]), version_base="1.3"):
+        with initialize_config_dir(
+            str(option_file.resolve().parents[1]), version_base="1.3"
+        ):
             composed = hydra_compose("config", overrides=overrides)
         OmegaConf.set_struct(composed, False)
         option = OmegaConf.to_container(composed, resolve=False)["dataset"]
         if keys := list(datasheet.common_keys(option, sheet.values, "dataset.")):
-            message = f"also in {option_file.name}: {', '.join(keys)}; keep each in one file"
+            message = (
+                f"also in {option_file.name}: {', '.join(keys)}; keep each in one file"
+            )
             raise ConfigError(message, key=keys[0], file=sheet.file)
         merged = OmegaConf.merge(composed, {"dataset": sheet.values}, *changes)
         return OmegaConf.to_container(merged, resolve=True)
@@ -185,7 +216,9 @@ def dataset_values(option_file: Path) -> dict[str, Any]:
     values = read_yaml(file)
     about = {"about": values.pop("about")} if "about" in values else {}
     sheet = datasheet.Datasheet(file, values)
-    return about | _compose([f"dataset={option_file.stem}"], sheet, option_file)["dataset"]
+    return (
+        about | _compose([f"dataset={option_file.stem}"], sheet, option_file)["dataset"]
+    )
 
 
 def write_config(params_file: Path, file: Path = COMPOSED) -> None:
@@ -216,9 +249,15 @@ def sections(
     """
     config, stages = composed_config(), read_yaml(dvc_file).get("stages", {})
     if stage not in stages:
-        raise ConfigError(f"no stage {stage!r}; there are {', '.join(stages)}", file=dvc_file)
-    entries = [entry for entry in stages[stage].get("params", []) if isinstance(entry, dict)]
-    declared = [section for entry in entries for section in entry.get(str(COMPOSED), [])]
+        raise ConfigError(
+            f"no stage {stage!r}; there are {', '.join(stages)}", file=dvc_file
+        )
+    entries = [
+        entry for entry in stages[stage].get("params", []) if isinstance(entry, dict)
+    ]
+    declared = [
+        section for entry in entries for section in entry.get(str(COMPOSED), [])
+    ]
     settings = SimpleNamespace(compute=config.compute)
     beyond = dvc_file.resolve().is_relative_to(CONF.parent)
     if beyond and "dataset.robot" in declared and config.dataset.robot is None:
@@ -232,7 +271,9 @@ def sections(
             place, value = vars(place).setdefault(key, SimpleNamespace()), value[key]
             value = value if isinstance(value, dict) else vars(value)
         if last not in value:
-            raise ConfigError(f"there is no {name} for the stage {stage}", file=COMPOSED)
+            raise ConfigError(
+                f"there is no {name} for the stage {stage}", file=COMPOSED
+            )
         setattr(place, last, value[last])
     return settings
 
@@ -251,7 +292,9 @@ def model_options(names: Iterable[str]) -> dict[str, Any]:
     for name in names:
         file = CONF / "model" / f"{name}.yaml"
         if name not in known:
-            raise ConfigError(f"no model {name!r}; there are {', '.join(known)}", file=file)
+            raise ConfigError(
+                f"no model {name!r}; there are {', '.join(known)}", file=file
+            )
         values = read_yaml(file)
         result[name] = validated(options_type(values.get("kind")), values, name, file)
     return result

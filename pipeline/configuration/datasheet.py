@@ -7,7 +7,13 @@ from typing import Any, NamedTuple
 from pipeline.core.errors import ConfigError
 from pipeline.core.options.dataset import About, Dataset
 from pipeline.core.typed_yaml import read_yaml
-from pipeline.core.validation import MISSING, all_faults, joined_faults, options, validated
+from pipeline.core.validation import (
+    MISSING,
+    all_faults,
+    joined_faults,
+    options,
+    validated,
+)
 
 DATASHEETS = Path(__file__).parents[2] / "data" / "raw"
 OPEN = "???"  # placeholder of a value that the user has to fill in
@@ -37,20 +43,30 @@ def read(file: Path) -> Datasheet:
     values = read_yaml(file)
     about = values.pop("about", None)
     if about is None:
-        message = "a datasheet needs about: subject, source and licence of its recordings"
+        message = (
+            "a datasheet needs about: subject, source and licence of its recordings"
+        )
         raise ConfigError(message, key="about", file=file)
     if is_open(about):
-        raise joined_faults(to_fill_in([*unfilled_keys({"about": about} | values)]), file)
+        raise joined_faults(
+            to_fill_in([*unfilled_keys({"about": about} | values)]), file
+        )
     validated(About, about, "about", file)
     return Datasheet(file, values)
 
 
 def to_fill_in(keys: list[str]) -> list[ConfigError]:
     """Return the fault of ``keys`` of the dataset whose value is ???."""
-    return [ConfigError(f"fill in {', '.join(keys)}: the value is ???", key=f"dataset.{keys[0]}")]
+    return [
+        ConfigError(
+            f"fill in {', '.join(keys)}: the value is ???", key=f"dataset.{keys[0]}"
+        )
+    ]
 
 
-def common_keys(option: dict[str, Any], sheet: dict[str, Any], prefix: str) -> Iterator[str]:
+def common_keys(
+    option: dict[str, Any], sheet: dict[str, Any], prefix: str
+) -> Iterator[str]:
     """Yield the nested keys that are in both files."""
     for key in sheet:
         stated, other = sheet[key], option.get(key)
@@ -92,7 +108,9 @@ def get_filled(values: Any, key: str) -> Any:
     return None if is_open(value) else value
 
 
-def check_values(values: dict[str, Any]) -> tuple[Dataset | None, list[ConfigError], list[str]]:
+def check_values(
+    values: dict[str, Any],
+) -> tuple[Dataset | None, list[ConfigError], list[str]]:
     """Return the dataset of ``values`` (None if faulty), the errors of unknown keys and wrong
     values, and the sorted required keys that are absent.
     """

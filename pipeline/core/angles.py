@@ -12,8 +12,12 @@ from pipeline.core.errors import RecordingError
 
 TURN = 2 * np.pi  # rad
 ALIKE = 0.1  # rad, greatest distance on the circle at which two angles count as equal
-MOST_TURNS = 4  # turns, greatest angle of an arm's joint; greater angles have another unit
-BESIDE = 5  # rows before and after a jump that show the speed, and in which a spike ends
+MOST_TURNS = (
+    4  # turns, greatest angle of an arm's joint; greater angles have another unit
+)
+BESIDE = (
+    5  # rows before and after a jump that show the speed, and in which a spike ends
+)
 SIDES = np.array([(0, 0), (1, 1), (0, 0)])  # sides of the rows, behind another axis
 FASTEST = 3.0  # greatest speed during a jump over the speed beside it
 TURN_NOISE = 0.02  # rad, greatest noise of a measured angle at a jump
@@ -46,7 +50,9 @@ def unwrap(
     if not turns.any() and not spikes.any():
         return angles, 0
     reach, speed = min(BESIDE, len(steps) - 1), np.abs(motion) / seconds
-    around = np.pad(np.stack([speed, np.where(turns, 0.0, speed)]), SIDES * reach, mode="reflect")
+    around = np.pad(
+        np.stack([speed, np.where(turns, 0.0, speed)]), SIDES * reach, mode="reflect"
+    )
     jumping, others = sliding_window_view(around, 2 * reach + 1, axis=1)
     fastest = np.maximum(np.median(jumping, axis=-1), others.max(axis=-1))
     allowed = np.minimum(FASTEST * fastest * seconds + TURN_NOISE, TURN / 4)
@@ -54,11 +60,15 @@ def unwrap(
     later = sliding_window_view(after, reach + 1, axis=0)
     returns = (later == -turns[..., None]).any(axis=-1)
     outside = np.ptp(angles, axis=0) > TURN * np.abs(turns) + TURN_NOISE
-    unlike = (np.abs(motion) > allowed) | (np.abs(turns) > MOST_TURNS) | (returns & outside)
+    unlike = (
+        (np.abs(motion) > allowed) | (np.abs(turns) > MOST_TURNS) | (returns & outside)
+    )
     if (wrong := ((turns != 0) & unlike) | spikes).any():
         row, joint = np.argwhere(wrong)[0].tolist()
         name = names[joint] if len(names) == angles.shape[1] else f"joint {joint + 1}"
-        faulty = row + bool(row or wrong[1:2, joint].any())  # after one step alone, the first row
+        faulty = row + bool(
+            row or wrong[1:2, joint].any()
+        )  # after one step alone, the first row
         raise RecordingError(
             f"{name} ({signal}) jumps by {steps[row, joint]:.4g} rad at "
             f"{time[row + 1] - time[0]:.6g} s from the start, which is neither a motion nor whole "
@@ -68,10 +78,14 @@ def unwrap(
             **evidence,
         )
     removed = np.cumsum(turns, axis=0)
-    return angles - TURN * np.vstack([np.zeros_like(removed[:1]), removed]), int((turns != 0).sum())
+    return angles - TURN * np.vstack([np.zeros_like(removed[:1]), removed]), int(
+        (turns != 0).sum()
+    )
 
 
-def _spikes(motion: np.ndarray, seconds: np.ndarray, measured: np.ndarray | bool) -> np.ndarray:
+def _spikes(
+    motion: np.ndarray, seconds: np.ndarray, measured: np.ndarray | bool
+) -> np.ndarray:
     """Return the mask (N − 1, joints) of steps to a single row far from the rows beside it, and of
     at most FEW steps of a ``measured`` angle far beyond all other steps; a command may step. A step
     over missing rows counts as the mean step in them.
@@ -83,24 +97,32 @@ def _spikes(motion: np.ndarray, seconds: np.ndarray, measured: np.ndarray | bool
     most = np.partition(mean, -FEW - 1, axis=0)[-FEW - 1]
     spikes |= np.where(measured, mean, 0.0) > np.maximum(SPIKE, SHARPER * most)
     beside = np.pad(size, SIDES[1:] * BESIDE)
-    around = sliding_window_view(beside, 2 * BESIDE + 2, axis=0)  # of the steps k and k + 1
+    around = sliding_window_view(
+        beside, 2 * BESIDE + 2, axis=0
+    )  # of the steps k and k + 1
     usual = np.sort(around, axis=-1)[..., -3]  # the greatest but for the two of a spike
     there = np.minimum(size[:-1], size[1:]) > np.maximum(SPIKE, SHARPER * usual)
     spikes[:-1] |= there & (motion[:-1] * motion[1:] < 0)
     return spikes
 
 
-def turns_apart(a: np.ndarray, b: np.ndarray, circular: np.ndarray | bool = True) -> np.ndarray:
+def turns_apart(
+    a: np.ndarray, b: np.ndarray, circular: np.ndarray | bool = True
+) -> np.ndarray:
     """Return the whole turns (any shape) that bring the angles ``b`` in rad nearest to ``a``."""
     return np.where(circular, np.rint((a - b) / TURN), 0.0)
 
 
-def apart(a: np.ndarray, b: np.ndarray, circular: np.ndarray | bool = True) -> np.ndarray:
+def apart(
+    a: np.ndarray, b: np.ndarray, circular: np.ndarray | bool = True
+) -> np.ndarray:
     """Return the distances ``a`` − ``b`` in rad on the circle, from −π to π."""
     return a - b - TURN * turns_apart(a, b, circular)
 
 
-def whole_turns(a: np.ndarray, b: np.ndarray, circular: np.ndarray | bool = True) -> np.ndarray:
+def whole_turns(
+    a: np.ndarray, b: np.ndarray, circular: np.ndarray | bool = True
+) -> np.ndarray:
     """Return median whole turns (joints,) of ``a`` − ``b`` (N, joints) rad; 0 if beyond ALIKE."""
     turns = np.rint(np.median(a - b, axis=0) / TURN)
     turns[np.median(np.abs(a - b - TURN * turns), axis=0) > ALIKE] = 0

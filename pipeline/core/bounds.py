@@ -26,10 +26,26 @@ NO_SPACE = (errno.ENOSPC, errno.EDQUOT)
 LINK = re.compile(rb"\.{1,2}/[^\n\0]{1,200}")
 # beginning of a file that stands for another file: name, remedy
 STAND_INS = (
-    (rb"version https://git-lfs\.github\.com/spec/", "a pointer of Git LFS", "run `git lfs pull`"),
-    (rb"(\.\./)*(\.git)?/annex/objects/", "a pointer of git-annex", "run `git annex get`"),
-    (rb"(md5: \w+\n|frozen: \w+\n)*(deps|outs):\n", "a pointer of DVC", "run `dvc pull`"),
-    (rb"(?i)\s*<(!doctype html|html)\b", "a web page", "download the file that the page offers"),
+    (
+        rb"version https://git-lfs\.github\.com/spec/",
+        "a pointer of Git LFS",
+        "run `git lfs pull`",
+    ),
+    (
+        rb"(\.\./)*(\.git)?/annex/objects/",
+        "a pointer of git-annex",
+        "run `git annex get`",
+    ),
+    (
+        rb"(md5: \w+\n|frozen: \w+\n)*(deps|outs):\n",
+        "a pointer of DVC",
+        "run `dvc pull`",
+    ),
+    (
+        rb"(?i)\s*<(!doctype html|html)\b",
+        "a web page",
+        "download the file that the page offers",
+    ),
 )
 
 
@@ -37,12 +53,18 @@ STAND_INS = (
 class Reading:
     """Greatest size, reading time and memory of one recording file; errors name the bound."""
 
-    file_mib: Bound = 64  # of a file that is read whole; bags and archives are read in parts
-    part_mib: Bound = 64  # of a part that is unpacked at once: a frame, an array, a chunk of a bag
+    file_mib: Bound = (
+        64  # of a file that is read whole; bags and archives are read in parts
+    )
+    part_mib: Bound = (
+        64  # of a part that is unpacked at once: a frame, an array, a chunk of a bag
+    )
     markers: Bound = 2000  # of a take
     joints: Bound = 1000  # of a URDF
     seconds: Annotated[float, Field(gt=0)] = 60.0  # of a call in a separate process
-    memory_mib: Bound = 2048  # of a call in a separate process, in addition to the program's
+    memory_mib: Bound = (
+        2048  # of a call in a separate process, in addition to the program's
+    )
 
 
 _in_force: ContextVar[Reading] = ContextVar("reading", default=Reading())  # noqa: B039 (frozen)
@@ -80,11 +102,15 @@ def require_content(content: bytes, file: Path) -> bytes:
     file = Path(file)
     own = {"a web page": (".html", ".htm"), "a pointer of DVC": (".dvc",)}
     for mark, name, remedy in STAND_INS:
-        if file.suffix.lower() not in own.get(name, ()) and re.match(mark, content[:1024]):
+        if file.suffix.lower() not in own.get(name, ()) and re.match(
+            mark, content[:1024]
+        ):
             raise RecordingError(f"{name} in place of the file: {remedy}", file=file)
     if LINK.fullmatch(content) and (file.parent / content.decode("latin-1")).exists():
         message = f"the text of a link to {content.decode('latin-1')} in place of the file: name "
-        raise RecordingError(f"{message}the file, or check out with core.symlinks=true", file=file)
+        raise RecordingError(
+            f"{message}the file, or check out with core.symlinks=true", file=file
+        )
     return content
 
 
@@ -120,7 +146,9 @@ class Sandbox:
         Raises the pipeline's errors of the function unchanged. Raises RecordingError for any other
         exception, and where the call exceeds ``seconds`` or ``memory_mib`` or ends the process.
         """
-        if current_process().daemon:  # a worker of Dask may not start a process: a hang ends it
+        if (
+            current_process().daemon
+        ):  # a worker of Dask may not start a process: a hang ends it
             faulthandler.dump_traceback_later(bounds().seconds, exit=True)
             try:
                 outcome = _outcome(function, arguments)
@@ -137,7 +165,9 @@ class Sandbox:
             self._connection.send_bytes(pickle.dumps((function, arguments)))
             if not self._connection.poll(bounds().seconds):
                 self.__exit__()
-                raise _refusal(f"the file is not read within {bounds().seconds:g} s", "seconds")
+                raise _refusal(
+                    f"the file is not read within {bounds().seconds:g} s", "seconds"
+                )
             try:
                 outcome = pickle.loads(self._connection.recv_bytes())
             except (EOFError, ConnectionResetError):
@@ -146,7 +176,9 @@ class Sandbox:
                 self.__exit__()
                 if code == -SIGKILL:
                     message = "the reading process was killed, as where a machine lacks memory: "
-                    raise RecordingError(f"{message}free memory, and run this again") from None
+                    raise RecordingError(
+                        f"{message}free memory, and run this again"
+                    ) from None
                 how = Signals(-code).name if code < 0 else f"exit code {code}"
                 raise ReaderFailure(f"reading it ends the process ({how})") from None
         if isinstance(outcome, PipelineError):
@@ -157,7 +189,9 @@ class Sandbox:
 def _serve(connection: Connection, other: Connection) -> None:
     """Run calls until the caller ends, with an address space of at most ``memory_mib`` more."""
     other.close()  # else the end of the caller would not be noticed
-    taken = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    taken = (
+        int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    )
     _, hard = resource.getrlimit(resource.RLIMIT_AS)
     most = taken + bounds().memory_mib * MIB
     most = most if hard == resource.RLIM_INFINITY else min(most, hard)
@@ -170,7 +204,9 @@ def _serve(connection: Connection, other: Connection) -> None:
         # a nested sandbox ends earlier, because its caller has the more exact message
         half = replace(bounds(), seconds=bounds().seconds / 2)
         outcome = within(half, _outcome, _call_pickled, (function, *arguments))
-        connection.send_bytes(outcome if isinstance(outcome, bytes) else pickle.dumps(outcome))
+        connection.send_bytes(
+            outcome if isinstance(outcome, bytes) else pickle.dumps(outcome)
+        )
 
 
 def _call_pickled(function: Callable, *arguments: object) -> bytes:
@@ -184,11 +220,15 @@ def _outcome(function: Callable, arguments: tuple) -> Any:
     except PipelineError as error:
         return error
     except MemoryError:
-        return _refusal(f"it needs more than {bounds().memory_mib} MiB of memory", "memory_mib")
+        return _refusal(
+            f"it needs more than {bounds().memory_mib} MiB of memory", "memory_mib"
+        )
     except RecursionError:
         return RecordingError("the file nests too deeply to be read")
     except ImportError as error:
-        return RecordingError(f"a package is missing ({error}): run `make`, which installs it")
+        return RecordingError(
+            f"a package is missing ({error}): run `make`, which installs it"
+        )
     except Exception as error:
         if isinstance(error, OSError) and error.errno in NO_SPACE:
             message = f"no space left on device at {gettempdir()}: free some space, or set TMPDIR"
@@ -196,7 +236,9 @@ def _outcome(function: Callable, arguments: tuple) -> Any:
         if isinstance(error, OSError) and error.errno is not None:
             return RecordingError(f"the file cannot be read ({error.strerror})")
         words = " ".join(str(error).split())[:200]
-        return ReaderFailure(f"its reader fails on it ({type(error).__name__}: {words})")
+        return ReaderFailure(
+            f"its reader fails on it ({type(error).__name__}: {words})"
+        )
 
 
 def _refusal(message: str, bound: str, **evidence: object) -> RecordingError:

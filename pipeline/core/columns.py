@@ -51,17 +51,23 @@ def matrices(table: "pd.DataFrame", family: str, names: Sequence[str]) -> np.nda
     """Symmetric matrices (rows, n, n) over ``names``, from the columns of ``family``."""
     first, second = np.triu_indices(len(names))
     full = np.empty((len(table), len(names), len(names)))
-    full[:, first, second] = full[:, second, first] = table[pairs(family, names)].to_numpy()
+    full[:, first, second] = full[:, second, first] = table[
+        pairs(family, names)
+    ].to_numpy()
     return full
 
 
-def spread(family: str, names: Sequence[str], array: np.ndarray) -> dict[str, np.ndarray]:
+def spread(
+    family: str, names: Sequence[str], array: np.ndarray
+) -> dict[str, np.ndarray]:
     """Columns of ``family`` by name, from ``array`` (..., n) with its leading axes flattened."""
     flat = np.reshape(array, (-1, len(names)))
     return dict(zip(columns(family, names), flat.T, strict=True))
 
 
-def triangle(family: str, names: Sequence[str], array: np.ndarray) -> dict[str, np.ndarray]:
+def triangle(
+    family: str, names: Sequence[str], array: np.ndarray
+) -> dict[str, np.ndarray]:
     """Columns of ``family`` by name, from the upper triangles of ``array`` (..., n, n)."""
     first, second = np.triu_indices(len(names))
     flat = np.reshape(array, (-1, len(names), len(names)))[:, first, second]

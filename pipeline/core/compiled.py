@@ -26,8 +26,12 @@ def compiled_sources() -> list[Path]:
     """Return the files with compiled functions and the files that they import, which define every
     function and constant in machine code. An import within a function defines none.
     """
-    texts = {name: file.read_text(encoding="utf-8") for name, file in module_files().items()}
-    return imported_sources([name for name, text in texts.items() if COMPILED.search(text)])
+    texts = {
+        name: file.read_text(encoding="utf-8") for name, file in module_files().items()
+    }
+    return imported_sources(
+        [name for name, text in texts.items() if COMPILED.search(text)]
+    )
 
 
 def cache_folder() -> Path:
@@ -37,7 +41,9 @@ def cache_folder() -> Path:
     """
     name = f"pipeline-{sources_hash(compiled_sources())}"
     setting = os.environ.get(VARIABLE)
-    if setting and Path(setting).name == name:  # the process that started this one has set it
+    if (
+        setting and Path(setting).name == name
+    ):  # the process that started this one has set it
         return Path(setting)
     user = Path(os.path.expanduser("~"), ".cache", "pipeline")
     for base in [Path(setting)] if setting else [SOURCES / "__pycache__", user]:
@@ -47,7 +53,9 @@ def cache_folder() -> Path:
                 folder.mkdir(parents=True)
                 earlier = {*base.glob("pipeline-*")} - {folder}
                 with suppress(OSError):  # another process may remove them meanwhile
-                    for old in sorted(earlier, key=lambda one: one.stat().st_mtime)[:-KEPT]:
+                    for old in sorted(earlier, key=lambda one: one.stat().st_mtime)[
+                        :-KEPT
+                    ]:
                         shutil.rmtree(old, ignore_errors=True)
             with tempfile.TemporaryFile(dir=folder):
                 return folder

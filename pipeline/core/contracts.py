@@ -44,7 +44,10 @@ class Column(NamedTuple):
         """Return the column that ``text`` declares."""
         if (parts := DECLARATION.fullmatch(text)) is None:
             raise ValueError(f"not the declaration of a column: {text!r}")
-        kind, among = parts["kind"], tuple(re.findall("[^, ][^,]*", parts["among"] or ""))
+        kind, among = (
+            parts["kind"],
+            tuple(re.findall("[^, ][^,]*", parts["among"] or "")),
+        )
         low = float(parts["low"] or (0 if kind == "count" else -np.inf))
         gaps, optional = kind == "log" or bool(parts["gaps"]), bool(parts["optional"])
         return cls(kind, low, float(parts["high"] or np.inf), among, gaps, optional)
@@ -84,7 +87,9 @@ def read_declarations(file: Path = TABLES) -> dict[str, dict[str, Column]]:
     }
 
 
-def expand_families(declaration: dict[str, Column], present: list[str]) -> dict[str, Column]:
+def expand_families(
+    declaration: dict[str, Column], present: list[str]
+) -> dict[str, Column]:
     """Return the ``declaration`` with each family replaced by its members among ``present``."""
     columns = {}
     for name, column in declaration.items():
@@ -94,10 +99,14 @@ def expand_families(declaration: dict[str, Column], present: list[str]) -> dict[
     return columns
 
 
-def _require_fit(table: pd.DataFrame, name: str, columns: dict[str, Column], file: Path) -> None:
+def _require_fit(
+    table: pd.DataFrame, name: str, columns: dict[str, Column], file: Path
+) -> None:
     """Raise ContractError with the file and the column of the first fault."""
     faults = {column: "is missing" for column in columns if column not in table.columns}
-    faults |= {column: "is not declared" for column in table.columns if column not in columns}
+    faults |= {
+        column: "is not declared" for column in table.columns if column not in columns
+    }
     if not faults:
         faults = {column: rule.fault(table[column]) for column, rule in columns.items()}
     for column, fault in faults.items():
@@ -106,16 +115,22 @@ def _require_fit(table: pd.DataFrame, name: str, columns: dict[str, Column], fil
             raise ContractError(message, file=file, column=column)
 
 
-def write(table: pd.DataFrame, name: str, folder: Path, declarations: Path = TABLES) -> None:
+def write(
+    table: pd.DataFrame, name: str, folder: Path, declarations: Path = TABLES
+) -> None:
     """Check ``table`` and write ``folder/name.parquet``, with equal bytes for equal tables."""
     file = Path(folder) / f"{name}.parquet"
-    columns = expand_families(read_declarations(declarations)[name], list(table.columns))
+    columns = expand_families(
+        read_declarations(declarations)[name], list(table.columns)
+    )
     unknown = [column for column in table.columns if column not in columns]
     known = [column for column in columns if column in table.columns]
     table = table[known + unknown].reset_index(drop=True)
     for column in known:
         # integers of any width; numbers that would be rounded are refused below
-        if columns[column].kind == "count" and pd.api.types.is_integer_dtype(table[column]):
+        if columns[column].kind == "count" and pd.api.types.is_integer_dtype(
+            table[column]
+        ):
             table[column] = table[column].astype("int64")
     _require_fit(table, name, columns, file)
     with naming(file):
@@ -151,7 +166,9 @@ def write_metrics(metrics: dict, file: Path) -> None:
     """Write numbers as JSON in full precision; ContractError for one that is not finite."""
     if broken := [name for name, value in metrics.items() if not math.isfinite(value)]:
         raise ContractError(f"{', '.join(broken)} not finite", file=file)
-    write_text(json.dumps(metrics, indent=2, default=lambda number: number.item()) + "\n", file)
+    write_text(
+        json.dumps(metrics, indent=2, default=lambda number: number.item()) + "\n", file
+    )
 
 
 def write_text(text: str, file: Path) -> None:
@@ -185,7 +202,9 @@ def naming(place: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        if "requested and" in str(error):  # by NumPy, which does not state the system's reason
+        if "requested and" in str(
+            error
+        ):  # by NumPy, which does not state the system's reason
             error.errno = errno.ENOSPC
         if error.errno and error.filename is None:
             error.filename = os.fspath(place)
@@ -201,7 +220,9 @@ def _partial(place: Path) -> Path:
     return place.with_name(f".{place.name}.{os.getpid()}.partial")
 
 
-def stacked(table: pd.DataFrame, columns: str | list[str]) -> tuple[list[str], np.ndarray]:
+def stacked(
+    table: pd.DataFrame, columns: str | list[str]
+) -> tuple[list[str], np.ndarray]:
     """Return the names of the takes (N,) and the ``columns``, a list or a family, as (N, K, n).
 
     Raises ContractError where the takes have unequal numbers of consecutive rows.
@@ -210,7 +231,9 @@ def stacked(table: pd.DataFrame, columns: str | list[str]) -> tuple[list[str], n
         columns = family_columns(columns, members(table, columns))
     codes, names = pd.factorize(table["take"])
     count = len(names)
-    if not count or not np.array_equal(codes, np.repeat(np.arange(count), len(table) // count)):
+    if not count or not np.array_equal(
+        codes, np.repeat(np.arange(count), len(table) // count)
+    ):
         lengths = table["take"].value_counts().to_dict()
         message = "every take must have the same number of consecutive rows"
         raise ContractError(message, lengths=lengths)

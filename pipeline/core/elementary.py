@@ -14,13 +14,33 @@ from pipeline.core.compiled import inlined, inner
 MAGIC = 1.5 * 2.0**52
 # π/2 and ln 2 in parts of 33 bits, whose products with small integers are exact, and a remainder
 # (Sun Microsystems, fdlibm, 1993)
-QUARTER = 1.57079632673412561417e00, 6.07710050630396597660e-11, 2.02226624879595063154e-21
+QUARTER = (
+    1.57079632673412561417e00,
+    6.07710050630396597660e-11,
+    2.02226624879595063154e-21,
+)
 LOG_2 = 6.93147180369123816490e-01, 1.90821492927058770002e-10
 # within π/4 of zero, r = x²: sin x = x + x³·S(r), cos x = 1 − r/2 + r²·C(r) (fdlibm)
-SINE = -1.66666666666666324348e-01, 8.33333333332248946124e-03, -1.98412698298579493134e-04
-SINE += 2.75573137070700676789e-06, -2.50507602534068634195e-08, 1.58969099521155010221e-10
-COSINE = 4.16666666666666019037e-02, -1.38888888888741095749e-03, 2.48015872894767294178e-05
-COSINE += -2.75573143513906633035e-07, 2.08757232129817482790e-09, -1.13596475577881948265e-11
+SINE = (
+    -1.66666666666666324348e-01,
+    8.33333333332248946124e-03,
+    -1.98412698298579493134e-04,
+)
+SINE += (
+    2.75573137070700676789e-06,
+    -2.50507602534068634195e-08,
+    1.58969099521155010221e-10,
+)
+COSINE = (
+    4.16666666666666019037e-02,
+    -1.38888888888741095749e-03,
+    2.48015872894767294178e-05,
+)
+COSINE += (
+    -2.75573143513906633035e-07,
+    2.08757232129817482790e-09,
+    -1.13596475577881948265e-11,
+)
 # Taylor series of exp(x) = 1 + x + x²·E(x): within (ln 2)/2 of zero the first omitted term is
 # below half a unit in the last place
 EXPONENTIAL = tuple(1 / factorial(k + 2) for k in range(12))
@@ -38,7 +58,10 @@ def sine_cosine(angle: float) -> tuple[float, float]:
     sine, cosine = SINE[5], COSINE[5]
     for k in range(4, -1, -1):
         sine, cosine = sine * square + SINE[k], cosine * square + COSINE[k]
-    sine, cosine = x + x * square * sine, 1.0 - (0.5 * square - square * square * cosine)
+    sine, cosine = (
+        x + x * square * sine,
+        1.0 - (0.5 * square - square * square * cosine),
+    )
     odd = (quadrant & 1) != 0
     s, c = (cosine if odd else sine), (sine if odd else cosine)
     return (-s if (quadrant & 2) != 0 else s), (-c if ((quadrant + 1) & 2) != 0 else c)

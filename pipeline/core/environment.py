@@ -15,7 +15,9 @@ BOUNDS = {
     # its sine and exponential differ in the last bits from the C library's
     "NUMBA_DISABLE_INTEL_SVML": "1",
 }
-PROCESSOR = "PIPELINE_PROCESSOR"  # environment variable: "any" leaves the instruction set open
+PROCESSOR = (
+    "PIPELINE_PROCESSOR"  # environment variable: "any" leaves the instruction set open
+)
 FLAGS = Path("/proc/cpuinfo")
 NOT_EQUAL = (
     f"this processor has no AVX2 and FMA, or {PROCESSOR} is set: numbers may differ in the last "
@@ -25,7 +27,10 @@ NOT_EQUAL = (
 
 def has_equal_bytes() -> bool:
     """Return True on an x86-64 processor with AVX2 and FMA, on which all bytes are equal."""
-    if os.environ.get(PROCESSOR) == "any" or platform.machine() not in ("x86_64", "AMD64"):
+    if os.environ.get(PROCESSOR) == "any" or platform.machine() not in (
+        "x86_64",
+        "AMD64",
+    ):
         return False
     lines = FLAGS.read_text().splitlines() if FLAGS.is_file() else []
     flags = next((line.split() for line in lines if line.startswith("flags")), [])

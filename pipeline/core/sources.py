@@ -8,7 +8,9 @@ from pathlib import Path
 
 SOURCES = Path(__file__).parents[1]
 STATEMENT = r"(?:from|import) (pipeline[\w.]*)(?: import (\([^)]*\)|.*))?"
-AT_IMPORT, ANYWHERE = (re.compile(rf"^{indent}{STATEMENT}", re.M) for indent in ("", r"[ \t]*"))
+AT_IMPORT, ANYWHERE = (
+    re.compile(rf"^{indent}{STATEMENT}", re.M) for indent in ("", r"[ \t]*")
+)
 
 
 def module_files() -> dict[str, Path]:
@@ -16,21 +18,29 @@ def module_files() -> dict[str, Path]:
     # os.walk, unlike glob, accepts that another process removes a cache meanwhile
     places = ((Path(place), names) for place, _, names in os.walk(SOURCES))
     modules = {}
-    for file in sorted(place / n for place, names in places for n in names if n[-3:] == ".py"):
+    for file in sorted(
+        place / n for place, names in places for n in names if n[-3:] == ".py"
+    ):
         parts = ("pipeline", *file.relative_to(SOURCES).with_suffix("").parts)
         modules[".".join(parts).removesuffix(".__init__")] = file
     return modules
 
 
-def imported_sources(modules: Iterable[str], statements: re.Pattern = AT_IMPORT) -> list[Path]:
+def imported_sources(
+    modules: Iterable[str], statements: re.Pattern = AT_IMPORT
+) -> list[Path]:
     """Return the files of ``modules`` and of all modules that they import, by ``statements`` at the
     top of a module or ANYWHERE, sorted.
     """
     files, found, waiting = module_files(), set(), [*modules]
     while waiting:
         found.add(name := waiting.pop())
-        for module, names in statements.findall(files[name].read_text(encoding="utf-8")):
-            members = {f"{module}.{part}" for part in re.findall(r"\w+", names)} & files.keys()
+        for module, names in statements.findall(
+            files[name].read_text(encoding="utf-8")
+        ):
+            members = {
+                f"{module}.{part}" for part in re.findall(r"\w+", names)
+            } & files.keys()
             waiting += ((members or {module}) & files.keys()) - found
     return sorted(files[name] for name in found)
 

@@ -17,12 +17,16 @@ class Loader(yaml.CSafeLoader):
         keys = [key.value for key, _ in node.value]
         if twice := sorted({key for key in keys if keys.count(key) > 1}):
             where = node.start_mark.line + 1
-            raise yaml.YAMLError(f"key {twice[0]!r} occurs twice in the mapping of line {where}")
+            raise yaml.YAMLError(
+                f"key {twice[0]!r} occurs twice in the mapping of line {where}"
+            )
         return super().construct_mapping(node, deep)
 
 
 Loader.yaml_implicit_resolvers = {
-    first: [(tag, pattern) for tag, pattern in resolvers if not tag.endswith(":timestamp")]
+    first: [
+        (tag, pattern) for tag, pattern in resolvers if not tag.endswith(":timestamp")
+    ]
     for first, resolvers in yaml.CSafeLoader.yaml_implicit_resolvers.items()
 }
 FLOAT = re.compile(r"[-+]?\d[\d_]*(\.[\d_]*)?[eE][-+]?\d+$")

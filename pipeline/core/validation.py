@@ -5,7 +5,14 @@ from dataclasses import fields, is_dataclass
 from difflib import get_close_matches
 from functools import cache, wraps
 from pathlib import Path
-from typing import Any, TypeVar, dataclass_transform, get_args, get_origin, get_type_hints
+from typing import (
+    Any,
+    TypeVar,
+    dataclass_transform,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 from pydantic import dataclasses as pydantic_dataclasses
@@ -39,7 +46,9 @@ def options(**arguments: Any) -> Callable[[type[T]], type[T]]:
             try:
                 construct(self, *values, **named)
             except ValidationError as error:
-                raise joined_faults([_fault(one, made, "") for one in error.errors()]) from None
+                raise joined_faults(
+                    [_fault(one, made, "") for one in error.errors()]
+                ) from None
 
         made.__init__ = init
         return made
@@ -47,7 +56,9 @@ def options(**arguments: Any) -> Callable[[type[T]], type[T]]:
     return decorate
 
 
-def validated(structure: type[T], values: Any, section: str = "", file: Path | None = None) -> T:
+def validated(
+    structure: type[T], values: Any, section: str = "", file: Path | None = None
+) -> T:
     """Return the object of ``values``; raises ConfigError with every fault and its key."""
     found, faults = all_faults(structure, values, section)
     if faults:
@@ -83,7 +94,12 @@ def joined_faults(faults: list[ConfigError], file: Path | None = None) -> Config
 def _fault(error: Any, structure: type, section: str) -> ConfigError:
     """Return pydantic's ``error`` with key, value, allowed values and the nearest of them."""
     place, kind, given = [*error["loc"]], error["type"], error["input"]
-    if kind != "invalid_key" and place and isinstance(place[0], int) and is_dataclass(structure):
+    if (
+        kind != "invalid_key"
+        and place
+        and isinstance(place[0], int)
+        and is_dataclass(structure)
+    ):
         place[0] = fields(structure)[place[0]].name  # an argument by position
     place, context, known = [str(part) for part in place], error.get("ctx", {}), []
     if isinstance(cause := context.get("error"), Fault):
@@ -100,7 +116,12 @@ def _fault(error: Any, structure: type, section: str) -> ConfigError:
         message = "must contain keys and values"
     else:
         message = f"{error['msg'][0].lower()}{error['msg'][1:]}, got {given!r}"
-        known = str(context.get("expected", "")).replace(" or ", ", ").replace("'", "").split(", ")
+        known = (
+            str(context.get("expected", ""))
+            .replace(" or ", ", ")
+            .replace("'", "")
+            .split(", ")
+        )
     if isinstance(given, str) and (near := get_close_matches(given, known, n=1)):
         message += f"; did you mean {near[0]}?"
     if place and place[-1] not in message:

@@ -23,7 +23,11 @@ from pipeline.recordings.steps import training_steps
 from pipeline.statistics.curves import variation_limits
 
 WISHART = "wishart"
-NAMES = {"pivoted_lu": "pivoted LU", "qr": "QR of J", "qr_transposed": "QR of Jᵀ (control)"}
+NAMES = {
+    "pivoted_lu": "pivoted LU",
+    "qr": "QR of J",
+    "qr_transposed": "QR of Jᵀ (control)",
+}
 # the paper's models; the first is the reference of comparisons
 KINDS = ("additive", "wishart", "gaussian")
 
@@ -36,15 +40,21 @@ class Choices:
     filter: Filter
     mode: str  # mode of the realisations: one_step or free_running
     clock: str = "aligned"  # key of the camera in Recordings.cameras
-    measurement: float = 1.0  # factor on the measurement noise that scores add to every step, or 0
+    measurement: float = (
+        1.0  # factor on the measurement noise that scores add to every step, or 0
+    )
     batch: int = 0  # number of the batch of test takes for the filter
     draw: int = 0  # number of the random stream
-    closed: bool = False  # whether the paper's models are also filtered in a closed loop
+    closed: bool = (
+        False  # whether the paper's models are also filtered in a closed loop
+    )
 
     @classmethod
     def of_run(cls, settings: SimpleNamespace, **further: Options) -> "Choices":
         """Return the run's choices: its first model of each paper's kind, and ``further``."""
-        by_kind = {model.kind: model for model in reversed(list(settings.models.values()))}
+        by_kind = {
+            model.kind: model for model in reversed(list(settings.models.values()))
+        }
         models = {kind: by_kind[kind] for kind in KINDS if kind in by_kind} | further
         return cls(models, settings.filter, settings.simulation.mode)
 
@@ -58,12 +68,16 @@ class Choices:
         """Return this case with only the model ``name``, and default choices for the filter."""
         defaults = {"filter": Filter("none", 0.0, 1), "clock": "", "batch": 0}
         closed = self.closed and name in KINDS
-        return replace(self, models={name: self.models[name]}, closed=closed, **defaults)
+        return replace(
+            self, models={name: self.models[name]}, closed=closed, **defaults
+        )
 
     def filter_case(self, name: str, closed: bool) -> "Choices":
         """Return this case with one model, its loop, and defaults for choices without effect."""
         defaults = {"mode": "", "measurement": 1.0, "batch": 0}
-        return replace(self, models={name: self.models[name]}, closed=closed, **defaults)
+        return replace(
+            self, models={name: self.models[name]}, closed=closed, **defaults
+        )
 
     def with_wishart(self, **changes: object) -> "Choices":
         """Return this case with ``changes`` of the options of the Wishart model."""
@@ -104,7 +118,9 @@ class Recordings:
     filtered: int  # number of takes in a batch of the filter
     realizations: int
     seed: int
-    described: bool = True  # whether cases have the evidence on the recordings themselves
+    described: bool = (
+        True  # whether cases have the evidence on the recordings themselves
+    )
 
     def generator(self, name: str, *numbers: int) -> np.random.Generator:
         """Return the random stream ``name`` of a stage, by numbers of the draw and the trial."""
@@ -116,7 +132,9 @@ class Recordings:
         """:func:`variation_limits` (n, 2) of the training takes, None unless they are described."""
         if not self.described:
             return None
-        return variation_limits(self.takes.training.noise, self.generator("score.variation"))
+        return variation_limits(
+            self.takes.training.noise, self.generator("score.variation")
+        )
 
 
 def recorded_takes(robot: Robot, motion: Motion) -> Takes:

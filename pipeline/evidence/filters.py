@@ -6,7 +6,12 @@ import numpy as np
 import pandas as pd
 
 from pipeline.core.filters import NONE, models_of
-from pipeline.evidence.table import difference_row, evidence_row, evidence_table, following_rows
+from pipeline.evidence.table import (
+    difference_row,
+    evidence_row,
+    evidence_table,
+    following_rows,
+)
 from pipeline.statistics.curves import VARYING, following_tests, variation_limits
 from pipeline.statistics.scores import (
     FOLLOWS,
@@ -37,9 +42,13 @@ def filter_evidence(
     """
     laws, refusals, rows, models = {}, [], [], models_of(filters)
     for name, each in filters.items():
-        laws[name], refused = posterior_scores(each.error, each.measured_covariance, joints)
+        laws[name], refused = posterior_scores(
+            each.error, each.measured_covariance, joints
+        )
         if refused:
-            refusals.append(f"the posterior of {name} is not scored as a normal law: {refused}")
+            refusals.append(
+                f"the posterior of {name} is not scored as a normal law: {refused}"
+            )
     bounds = {name: filters[name].bound for name in models}
 
     def of_bound(model: str, takes: np.ndarray) -> np.ndarray:
@@ -51,9 +60,14 @@ def filter_evidence(
         error, bound = filters[name].error, bounds[name]
         for joint, scores in bound_scores(error, bound, joints).items():
             keys = {"model": name, "joint": joint}
-            rows += [evidence_row(quantity, value, **keys) for quantity, value in scores.items()]
+            rows += [
+                evidence_row(quantity, value, **keys)
+                for quantity, value in scores.items()
+            ]
         chosen = np.append(False, steady)
-        tests = following_tests(bound.mean(axis=0), error, chosen, joints, rng, centred=False)
+        tests = following_tests(
+            bound.mean(axis=0), error, chosen, joints, rng, centred=False
+        )
         for row in following_rows(tests, FOLLOWS, "correlation_of_bound", name):
             row["steps"] = row["steps"].removeprefix("all")
             rows += [row] if row["steps"] or row["quantity"] != FOLLOWS else []
@@ -62,8 +76,12 @@ def filter_evidence(
         keys = {"model": models[0], "joint": joint}
         rows.append(evidence_row("error_variation_limits", VARYING, *ends, **keys))
     scores = {"log_score": ("filter_log_score", "")}
-    scores |= {f"rms_error_{joint}_rad": ("rms_error_of_a_take", joint) for joint in joints}
-    every = scores | {f"coverage_of_one_sigma_{joint}": ("coverage", joint) for joint in joints}
+    scores |= {
+        f"rms_error_{joint}_rad": ("rms_error_of_a_take", joint) for joint in joints
+    }
+    every = scores | {
+        f"coverage_of_one_sigma_{joint}": ("coverage", joint) for joint in joints
+    }
     tables = {rival: score_comparison(laws, rival) for rival in (models[0], NONE)}
     for own in tables[NONE][tables[NONE]["score"].isin(every)].itertuples():
         (quantity, joint), of_takes = every[own.score], laws[own.model][own.score]
@@ -72,9 +90,15 @@ def filter_evidence(
     for name in models[1:]:
         places = [(joint, quantity) for joint in joints for quantity in COMPARED]
         for (joint, quantity), own in zip(places, differences[name], strict=True):
-            rows.append(difference_row(quantity, own, model=name, rival=models[0], joint=joint))
+            rows.append(
+                difference_row(quantity, own, model=name, rival=models[0], joint=joint)
+            )
     for rival, table in tables.items():
-        for own in table[table["score"].isin(scores) & (table["model"] != rival)].itertuples():
+        for own in table[
+            table["score"].isin(scores) & (table["model"] != rival)
+        ].itertuples():
             quantity, joint = scores[own.score]
-            rows.append(difference_row(quantity, own, model=own.model, rival=rival, joint=joint))
+            rows.append(
+                difference_row(quantity, own, model=own.model, rival=rival, joint=joint)
+            )
     return evidence_table(rows), tables[NONE], refusals

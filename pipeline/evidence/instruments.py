@@ -16,7 +16,9 @@ ENTRIES = ("11", "22")  # of Σ_S that are published
 COMPONENTS = ("fx", "fy")
 
 
-def camera_evidence(noise: pd.DataFrame, slopes: pd.DataFrame | None = None) -> pd.DataFrame:
+def camera_evidence(
+    noise: pd.DataFrame, slopes: pd.DataFrame | None = None
+) -> pd.DataFrame:
     """Return size and variation over time of the noise in the table ``kinect_noise``, and the
     ``slopes`` of :func:`pipeline.perception.depth_noise.error_slopes` near a sample.
 
@@ -24,7 +26,9 @@ def camera_evidence(noise: pd.DataFrame, slopes: pd.DataFrame | None = None) -> 
     about 1. The interval of the variation of the standard deviation is the jackknife's over takes.
     """
     of_all, rows = noise[noise["take"] == "none"], []
-    left_out = [own for take, own in noise.groupby("take", sort=False) if take != "none"]
+    left_out = [
+        own for take, own in noise.groupby("take", sort=False) if take != "none"
+    ]
     joints, parts = members(of_all, "b"), []
     for own in (of_all, *left_out):
         parts.append(np.diagonal(matrices(own, "r", joints), axis1=1, axis2=2).T)
@@ -49,14 +53,22 @@ def wrench_evidence(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     repeats, of a mean force the one of the independent samples of its record.
     """
     rows, spreads = [], tables["wrench_spread"].groupby("agents")
-    maxima, means = spreads["maximum"].agg(["median", "mean", "std"]), spreads["mean"].std()
-    for own in wrench_summary(tables["wrench_errors"], tables["wrench_spread"]).itertuples():
+    maxima, means = (
+        spreads["maximum"].agg(["median", "mean", "std"]),
+        spreads["mean"].std(),
+    )
+    for own in wrench_summary(
+        tables["wrench_errors"], tables["wrench_spread"]
+    ).itertuples():
         keys, ends = {"configuration": own.agents}, (own.max_low, own.max_high)
         repeats = maxima.loc[own.agents]
         spread = keys | {"standard_error": repeats["std"]}
         rows += [
             evidence_row(
-                "mean_error_of_variances", own.mean, standard_error=means[own.agents], **keys
+                "mean_error_of_variances",
+                own.mean,
+                standard_error=means[own.agents],
+                **keys,
             ),
             evidence_row("greatest_error_of_variances", own.max, *ends, **keys),
             evidence_row("median_of_greatest_errors", repeats["median"], **keys),
@@ -77,13 +89,21 @@ def wrench_evidence(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     for own in _records(tables, "force_moments"):
         for c in COMPONENTS if own["source"] == "measured" else ():
             error = np.sqrt(own[f"var_{c}"] / independent[own["configuration"]])
-            keys = {"entry": c, "configuration": own["configuration"], "standard_error": error}
+            keys = {
+                "entry": c,
+                "configuration": own["configuration"],
+                "standard_error": error,
+            }
             rows.append(evidence_row("mean_force", own[c], **keys))
     for own in tests:
         keys = {"configuration": own["configuration"], "estimator": own["form"]}
-        rows.append(evidence_row("two_sample_p_value", own["two_sample_p_value"], **keys))
+        rows.append(
+            evidence_row("two_sample_p_value", own["two_sample_p_value"], **keys)
+        )
         share = own["matrix_share_fx"]
-        rows.append(evidence_row("share_of_sigma_s_in_the_variance", share, entry="fx", **keys))
+        rows.append(
+            evidence_row("share_of_sigma_s_in_the_variance", share, entry="fx", **keys)
+        )
     return evidence_table(rows)
 
 

@@ -31,10 +31,17 @@ from pipeline.statistics.curves import (
     variation,
 )
 from pipeline.statistics.scores import score_comparison
-from pipeline.statistics.takes import jackknife_difference, lag_one_correlation, share_between
+from pipeline.statistics.takes import (
+    jackknife_difference,
+    lag_one_correlation,
+    share_between,
+)
 
 # estimates of the noise, which have entries, and of the paper's estimator, which have none
-NOISE = {"sigma_omega": "sigma_omega_{}_rad2", "correlation_omega": "correlation_omega_{}"}
+NOISE = {
+    "sigma_omega": "sigma_omega_{}_rad2",
+    "correlation_omega": "correlation_omega_{}",
+}
 PAPERS = ("sigma_b", "u", "alpha")
 Rows = Iterator[dict[str, object]]
 
@@ -45,7 +52,9 @@ class Outcome:
 
     model: MotionModel | None = None
     closed: ClosedLoopFit | None = None  # the model in a closed loop
-    estimates: Mapping[str, float] = field(default_factory=dict)  # by the names of fit.json
+    estimates: Mapping[str, float] = field(
+        default_factory=dict
+    )  # by the names of fit.json
     mean: np.ndarray | None = None  # (M+1, n) rad, of the realisations
     deviation: np.ndarray | None = None  # (M+1, n) rad
     # (takes,) nats, of all steps and of the moving steps
@@ -63,7 +72,9 @@ def noise_tests(
     """
     noise = modelled_noise(model, training)
     steady = constant_speed(poses)
-    return noise, following_tests(noise.std, training.noise, steady, training.joints, rng)
+    return noise, following_tests(
+        noise.std, training.noise, steady, training.joints, rng
+    )
 
 
 def motion_evidence(
@@ -86,7 +97,10 @@ def motion_evidence(
     rows = [] if limits is None else [*_recorded_rows(takes, limits)]
     for name, each in outcomes.items():
         rows += _estimate_rows(name, each.estimates, len(training.joints))
-    off = {name: (each.mean - takes.poses.mean(axis=0))[1:] for name, each in realized.items()}
+    off = {
+        name: (each.mean - takes.poses.mean(axis=0))[1:]
+        for name, each in realized.items()
+    }
     nominal = training.q + training.chain.nominal_step(training.q, training.v)
     off[NO_NOISE] = (nominal - training.q_next).mean(axis=0)
     for name, error in off.items():
@@ -95,16 +109,25 @@ def motion_evidence(
     for name, curves in std.items():
         for joint, curve in zip(training.joints, curves.T, strict=True):
             if np.all(np.isfinite(curve)):
-                rows.append(evidence_row("std", root_mean_square(curve), model=name, joint=joint))
+                rows.append(
+                    evidence_row(
+                        "std", root_mean_square(curve), model=name, joint=joint
+                    )
+                )
                 value = variation(curve)
-                rows.append(evidence_row("std_variation", value, model=name, joint=joint))
+                rows.append(
+                    evidence_row("std_variation", value, model=name, joint=joint)
+                )
     if mode == "one_step" and modelled:
         rows += _noise_rows({name: outcomes[name] for name in modelled}, training)
     return evidence_table([*rows, *_score_rows(outcomes)])
 
 
 def _recorded_rows(takes: Takes, limits: np.ndarray) -> Rows:
-    noise, recordings = takes.training.noise, [name.rpartition("_")[0] for name in takes.names]
+    noise, recordings = (
+        takes.training.noise,
+        [name.rpartition("_")[0] for name in takes.names],
+    )
     yield evidence_row("takes", len(noise), model=RECORDED)
     share = share_between(noise, recordings)
     yield evidence_row("share_of_variance_between_recordings", share, model=RECORDED)
@@ -113,13 +136,17 @@ def _recorded_rows(takes: Takes, limits: np.ndarray) -> Rows:
     for j, joint in enumerate(takes.training.joints):
         keys = {"model": RECORDED, "joint": joint}
         yield evidence_row("commanded_range", ranges[j], **keys)
-        yield evidence_row("lag_one_correlation", lag_one_correlation(noise[..., j]), **keys)
+        yield evidence_row(
+            "lag_one_correlation", lag_one_correlation(noise[..., j]), **keys
+        )
         yield evidence_row("std_variation_limits", VARYING, *limits[j], **keys)
 
 
 def _estimate_rows(model: str, numbers: Mapping[str, float], joints: int) -> Rows:
     """Yield the estimates that have a published value, with their intervals if there are any."""
-    named = {f"{name}_paper": {"quantity": name, "estimator": "paper"} for name in PAPERS}
+    named = {
+        f"{name}_paper": {"quantity": name, "estimator": "paper"} for name in PAPERS
+    }
     named["u_paper_unbounded"] = {"quantity": "u_unbounded", "estimator": "paper"}
     for pair in combinations_with_replacement(range(1, joints + 1), 2):
         entry = "".join(map(str, pair))
@@ -127,7 +154,10 @@ def _estimate_rows(model: str, numbers: Mapping[str, float], joints: int) -> Row
             named[pattern.format(entry)] = {"quantity": quantity, "entry": entry}
     for name, place in named.items():
         if name in numbers:
-            ends = {end: numbers.get(f"{name}_interval_{end}", np.nan) for end in ("low", "high")}
+            ends = {
+                end: numbers.get(f"{name}_interval_{end}", np.nan)
+                for end in ("low", "high")
+            }
             yield evidence_row(value=numbers[name], model=model, **ends, **place)
 
 
@@ -137,8 +167,13 @@ def _noise_rows(outcomes: Mapping[str, Outcome], training: Recorded) -> Rows:
     for a prediction without noise (NO_NOISE), and with the same model's in the last joint.
     """
     for model, each in outcomes.items():
-        yield from following_rows(each.following, "std_correlation", "std_correlation", model)
-    modelled, joints = {name: each.modelled for name, each in outcomes.items()}, training.joints
+        yield from following_rows(
+            each.following, "std_correlation", "std_correlation", model
+        )
+    modelled, joints = (
+        {name: each.modelled for name, each in outcomes.items()},
+        training.joints,
+    )
     errors, sizes = jackknifed_spreads(modelled, training.noise)
     for joint in joints:
         yield evidence_row("std_error", 1.0, model=NO_NOISE, joint=joint)
@@ -146,11 +181,17 @@ def _noise_rows(outcomes: Mapping[str, Outcome], training: Recorded) -> Rows:
     for model, (j, joint) in places:
         yield evidence_row("std_error", errors[model][0, j], model=model, joint=joint)
     for model, (j, joint) in places:
-        rivals = {NO_NOISE: 1.0, first: errors[first][:, j], joints[-1]: errors[model][:, -1]}
+        rivals = {
+            NO_NOISE: 1.0,
+            first: errors[first][:, j],
+            joints[-1]: errors[model][:, -1],
+        }
         for rival, other in rivals.items():
             if rival not in (model, joint):
                 own = jackknife_difference(errors[model][:, j] - other)
-                yield difference_row("std_error", own, model=model, joint=joint, rival=rival)
+                yield difference_row(
+                    "std_error", own, model=model, joint=joint, rival=rival
+                )
     for model, (j, joint) in places:
         own = jackknife_difference(sizes[model][:, j])
         yield difference_row("std", own, model=model, joint=joint, rival=RECORDED)
@@ -166,7 +207,11 @@ def _noise_rows(outcomes: Mapping[str, Outcome], training: Recorded) -> Rows:
 def _score_rows(outcomes: Mapping[str, Outcome]) -> Rows:
     """Yield the log scores of held-out steps, and their differences to the first model's."""
     for steps in ("all", "moving"):
-        known = {name: own.log_score for name, own in outcomes.items() if steps in own.log_score}
+        known = {
+            name: own.log_score
+            for name, own in outcomes.items()
+            if steps in own.log_score
+        }
         scored = {name: {"log_score": own[steps]} for name, own in known.items()}
         rival = next(iter(scored), "")
         for own in score_comparison(scored, rival).itertuples():

@@ -34,7 +34,9 @@ from pipeline.statistics.scores import Filtered, training_mean
 Loop = tuple[MotionModel, Commands]  # a fitted model and its commands
 # number of the take, its part of the case, the loop, the take's measurements
 Trial = tuple[int, Choices, Loop, Measurements]
-Run = Callable[[Callable, Sequence], Iterable]  # like the built-in map, with results in order
+Run = Callable[
+    [Callable, Sequence], Iterable
+]  # like the built-in map, with results in order
 PAPERS_ESTIMATE = "{}_paper"  # names of the estimates of the paper's estimator
 
 
@@ -50,15 +52,21 @@ def evaluate(
         return dict(zip(trials, results, strict=True))
 
     # options are not hashable; equal options have equal representations
-    models = {repr(part): part for case in cases for part in map(case.model_case, case.models)}
+    models = {
+        repr(part): part for case in cases for part in map(case.model_case, case.models)
+    }
     outcomes = map_trials(outcome, models)
     loops = {key: _loops(result, recordings) for key, result in outcomes.items()}
     trials: dict[str, Trial] = {}
-    keys: list[dict[str, dict[str, str]]] = []  # filter → take → key of its trial, for each case
+    keys: list[
+        dict[str, dict[str, str]]
+    ] = []  # filter → take → key of its trial, for each case
     for case in cases:
         keys.append({})
         batch = takes[case.batch * count : (case.batch + 1) * count]
-        for name in filter(KINDS.__contains__, case.models if len(batch) == count else ()):
+        for name in filter(
+            KINDS.__contains__, case.models if len(batch) == count else ()
+        ):
             for closed, loop in loops[repr(case.model_case(name))].items():
                 part = case.filter_case(name, closed)
                 own = keys[-1][names.closed(name) if closed else name] = {}
@@ -115,7 +123,9 @@ def outcome(case: Choices, recordings: Recordings) -> Outcome:
             result.closed, refused = closed_loop_of(training, case.options, fit)
             result.refusals += [f"no closed loop: {refused}"] if refused else []
         result.log_score = _log_scores(case, fit, takes)
-        starts = np.resize(takes.poses, (recordings.realizations, *takes.poses.shape[1:]))
+        starts = np.resize(
+            takes.poses, (recordings.realizations, *takes.poses.shape[1:])
+        )
         course = (result.model, training.chain, starts, training.v, case.mode)
         drawn = recordings.generator(f"simulate.{kind}", case.draw)
         realized, _, _ = realize(*course, drawn)
@@ -130,17 +140,29 @@ def outcome(case: Choices, recordings: Recordings) -> Outcome:
     return result
 
 
-def _papers_estimates(case: Choices, recorded: Recorded, fit: Estimate) -> dict[str, float]:
+def _papers_estimates(
+    case: Choices, recorded: Recorded, fit: Estimate
+) -> dict[str, float]:
     """Return the paper's estimates, for comparison with the published parameters."""
-    if (requested := kinds.estimator_options(case.options).get(PAPERS_ESTIMATE)) is None:
+    if (
+        requested := kinds.estimator_options(case.options).get(PAPERS_ESTIMATE)
+    ) is None:
         return {}
     try:
-        papers = fit if requested == case.options else kinds.estimate(recorded, requested)
+        papers = (
+            fit if requested == case.options else kinds.estimate(recorded, requested)
+        )
     except (ModelDomainError, SolverError):
         return {}
-    estimates = {PAPERS_ESTIMATE.format(name): value for name, value in papers.determined.items()}
-    unbounded = papers.diagnostics.get("u_unbounded")  # 1 where û is at the end of its search
-    return estimates if unbounded is None else estimates | {"u_paper_unbounded": unbounded}
+    estimates = {
+        PAPERS_ESTIMATE.format(name): value for name, value in papers.determined.items()
+    }
+    unbounded = papers.diagnostics.get(
+        "u_unbounded"
+    )  # 1 where û is at the end of its search
+    return (
+        estimates if unbounded is None else estimates | {"u_paper_unbounded": unbounded}
+    )
 
 
 def _log_scores(case: Choices, fit: Estimate, takes: Takes) -> dict[str, np.ndarray]:
@@ -150,7 +172,9 @@ def _log_scores(case: Choices, fit: Estimate, takes: Takes) -> dict[str, np.ndar
         folds.append((fit.model, training, np.stack(list(takes.test.values()))))
     for i in range(0 if takes.test else count):
         others = training.subset(np.delete(np.arange(count), i))
-        folds.append((kinds.estimate(others, case.options).model, others, takes.poses[[i]]))
+        folds.append(
+            (kinds.estimate(others, case.options).model, others, takes.poses[[i]])
+        )
     density = np.concatenate([_log_density(*fold, case.measurement) for fold in folds])
     scores = {"moving": density[:, np.any(training.v, axis=1)].mean(axis=1)}
     return scores if case.measurement == 0 else scores | {"all": density.mean(axis=1)}
@@ -163,10 +187,14 @@ def _log_density(
     q, q_next = poses[:, :-1], poses[:, 1:]
     v = np.broadcast_to(training.v, (*q.shape[:-1], training.v.shape[-1]))
     if factor:
-        return model.log_density(training.chain, q, v, q_next, factor * training.measurement)
+        return model.log_density(
+            training.chain, q, v, q_next, factor * training.measurement
+        )
     moving = np.any(v, axis=-1)
     density = np.full(moving.shape, np.nan)
-    density[moving] = model.log_density(training.chain, q[moving], v[moving], q_next[moving])
+    density[moving] = model.log_density(
+        training.chain, q[moving], v[moving], q_next[moving]
+    )
     return density
 
 
@@ -183,23 +211,41 @@ def case_evidence(
     """
     takes, limits = recordings.takes, recordings.variation_limits
     tables = [motion_evidence(outcomes, takes, case.mode, limits)]
-    refusals = {f"{model}: {why}" for model, result in outcomes.items() for why in result.refusals}
+    refusals = {
+        f"{model}: {why}"
+        for model, result in outcomes.items()
+        for why in result.refusals
+    }
     if (camera := recordings.cameras.get(case.clock)) is None:
         return tables[0], sorted(refusals)
     tables += [] if camera.noise is None else [camera_evidence(camera.noise)]
     complete, tested = {}, []
     for model, by_take in posteriors.items():
-        lost = {f"{model}: {reason}" for reason in by_take.values() if isinstance(reason, str)}
+        lost = {
+            f"{model}: {reason}"
+            for reason in by_take.values()
+            if isinstance(reason, str)
+        }
         refusals |= lost
         if by_take and not lost:
             moments = ((own.mean, own.covariance) for own in by_take.values())
-            complete[model], tested = tuple(map(np.stack, zip(*moments, strict=True))), [*by_take]
+            complete[model], tested = (
+                tuple(map(np.stack, zip(*moments, strict=True))),
+                [*by_take],
+            )
     if names.models_of(complete):
         measured = [camera.takes[take] for take in tested] if case.closed else None
         truth = np.stack([takes.test[take] for take in tested])
-        filters = all_filters(takes, truth, complete, measured, recordings.rate, case.measurement)
-        stream, steady = recordings.generator("score.bounds"), constant_speed(takes.poses)
-        tables.append(filter_evidence(filters, takes.training.joints, steady, stream)[0])
+        filters = all_filters(
+            takes, truth, complete, measured, recordings.rate, case.measurement
+        )
+        stream, steady = (
+            recordings.generator("score.bounds"),
+            constant_speed(takes.poses),
+        )
+        tables.append(
+            filter_evidence(filters, takes.training.joints, steady, stream)[0]
+        )
     return pd.concat(tables, ignore_index=True), sorted(refusals)
 
 

@@ -17,7 +17,10 @@ NUMBERS |= {"windows": int, "groups": int, "spread": float, "needed": float}
 
 
 def pose_table(
-    runs: Sequence[JointRun], chain: Chain, models: Mapping[str, MotionModel], rng: Generator
+    runs: Sequence[JointRun],
+    chain: Chain,
+    models: Mapping[str, MotionModel],
+    rng: Generator,
 ) -> pd.DataFrame:
     """Return the table ``pose_effect``: the exponent of ‖J⁺‖ and of each model's standard deviation
     in the size of the joints' noise, after the joint speed, with its interval over motions. Runs of
@@ -29,7 +32,11 @@ def pose_table(
         regular = ~chain.singular(q)
         q, dq = q[regular], dq[regular]
         noise = np.diff(run.measured, axis=0)[regular] - dq
-        shapes = {NORM: np.repeat(frobenius(chain.inverse_jacobian(q))[:, None], q.shape[1], 1)}
+        shapes = {
+            NORM: np.repeat(
+                frobenius(chain.inverse_jacobian(q))[:, None], q.shape[1], 1
+            )
+        }
         v = np.matvec(chain.jacobian(q), dq)
         for name, model in models.items():
             try:
@@ -38,11 +45,18 @@ def pose_table(
                 continue
             shapes[name] = np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1))
         for name, x in shapes.items():
-            motions.setdefault(name, {}).setdefault(run.motion, []).append((noise, dq, x))
+            motions.setdefault(name, {}).setdefault(run.motion, []).append(
+                (noise, dq, x)
+            )
     rows = []
     for name, by_motion in motions.items():
-        whole = [tuple(map(np.concatenate, zip(*each, strict=True))) for each in by_motion.values()]
+        whole = [
+            tuple(map(np.concatenate, zip(*each, strict=True)))
+            for each in by_motion.values()
+        ]
         if (found := pose_effect(windows_of(whole), rng)) is not None:
             exponent, *others = found
             rows.append((name, *exponent[:3], *others))
-    return pd.DataFrame(rows, columns=["quantity", *NUMBERS]).astype(NUMBERS)  # also without rows
+    return pd.DataFrame(rows, columns=["quantity", *NUMBERS]).astype(
+        NUMBERS
+    )  # also without rows

@@ -54,7 +54,9 @@ def evidence_row(
 
 def difference_row(quantity: str, own: NamedTuple, **keys: object) -> dict[str, object]:
     """Return the row of a difference with its interval: the fields of ``Difference`` in ``own``."""
-    return evidence_row(quantity, own.difference, own.low, own.high, own.standard_error, **keys)
+    return evidence_row(
+        quantity, own.difference, own.low, own.high, own.standard_error, **keys
+    )
 
 
 def following_rows(
@@ -73,7 +75,9 @@ def following_rows(
 def evidence_table(rows: Iterable[dict]) -> pd.DataFrame:
     """Return the table of ``rows`` without infinite numbers and rows without a value."""
     table = pd.DataFrame(rows, columns=[*KEYS, *NUMBERS])
-    table = table.astype(dict.fromkeys(NUMBERS, float)).replace([np.inf, -np.inf], np.nan)
+    table = table.astype(dict.fromkeys(NUMBERS, float)).replace(
+        [np.inf, -np.inf], np.nan
+    )
     return table[table["value"].notna()].reset_index(drop=True)
 
 

@@ -46,7 +46,9 @@ def draw_all(out: Path, options: dict[str, object], compute: Compute) -> None:
     drawn = []
     for name, figure in figures_in().items():
         places = figure.tables.items()
-        absent = [table for table, place in places if not contracts.exists(table, Path(place))]
+        absent = [
+            table for table, place in places if not contracts.exists(table, Path(place))
+        ]
         if absent:
             lacking = figure.needs or f"table {absent[0]}"
             print(f"figures: {name} left out: the dataset has no {lacking}")
@@ -63,7 +65,9 @@ def _draw(name: str, options: dict[str, object], folder: Path) -> tuple[str, dic
     """Draw one figure; return its name and its entry of ``captions.json``."""
     draw, title, caption, tables, _ = figures_in()[name]
     # a table has priority over an option of equal name
-    named = options | {table: contracts.read(table, Path(place)) for table, place in tables.items()}
+    named = options | {
+        table: contracts.read(table, Path(place)) for table, place in tables.items()
+    }
     save(draw(**{key: named[key] for key in signature(draw).parameters}), folder, name)
     sources = [f"{place}/{table}.parquet" for table, place in tables.items()]
     script = f"{draw.__module__.replace('.', '/')}.py"

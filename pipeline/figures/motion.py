@@ -23,7 +23,11 @@ SOURCES = {
 LAWS = {
     "joint_step": {"color": style.BLACK, "label": "white steps"},
     "joint_error_normal": {"color": style.BLUE, "ls": "-.", "label": "memory, normal"},
-    "joint_error": {"color": style.VERMILLION, "ls": "--", "label": "memory, Student's t"},
+    "joint_error": {
+        "color": style.VERMILLION,
+        "ls": "--",
+        "label": "memory, Student's t",
+    },
 }
 
 
@@ -41,7 +45,9 @@ def joint_realizations(joints: pd.DataFrame, process_noise: pd.DataFrame) -> Fig
     for (joint, line), axes in zip(style.joint_lines(names).items(), row, strict=True):
         angles = training.pivot(index="t", columns="take", values=column("q", joint))
         lines = axes.plot(angles.index, angles.to_numpy(), **thin)
-        (mean,) = axes.plot(angles.mean(axis=1), color=style.BLACK, linestyle="--", linewidth=0.7)
+        (mean,) = axes.plot(
+            angles.mean(axis=1), color=style.BLACK, linestyle="--", linewidth=0.7
+        )
         middle = (angles.min().min() + angles.max().max()) / 2
         axes.set(ylabel=f"{line['label']} (rad)", ylim=(middle - span, middle + span))
         axes.set_xlim(0, angles.index[-1])
@@ -58,11 +64,17 @@ def joint_realizations(joints: pd.DataFrame, process_noise: pd.DataFrame) -> Fig
 
 
 def joint_std(
-    deviation: pd.DataFrame, models: list[str], joints: list[str], mode: str, recordings: str
+    deviation: pd.DataFrame,
+    models: list[str],
+    joints: list[str],
+    mode: str,
+    recordings: str,
 ) -> Figure:
     """Draw Fig. (STDq): one panel per joint, all on one scale; ``mode`` of the simulation."""
     across, size = style.panels_across(len(joints)), (style.TWO_COLUMNS, 1.9, 0.6)
-    lines = {"recorded": style.RECORDED | {"label": recordings}} | style.model_lines(models)
+    lines = {"recorded": style.RECORDED | {"label": recordings}} | style.model_lines(
+        models
+    )
     figure, (row,) = style.joint_panels(len(joints), across, size, sharey=True)
     shown = deviation.set_index(["source", "t"])[columns("s", joints)].loc[[*lines]]
     tops = sorted(shown.groupby("source").max().max(axis=1))
@@ -84,13 +96,22 @@ def ridge(ridges: pd.DataFrame, models: list[str]) -> Figure:
     named = [model for model in models if model in set(ridges["model"])]
     size = {"rows": len(named), "columns": 2, "sharex": True}
     figure, grid = style.panels(style.TWO_COLUMNS, 0.4 + 1.8 * len(named), **size)
-    dot = {"color": style.VERMILLION, "marker": "o", "markersize": 3, "linestyle": "none"}
-    for (excess, shape), (model, line) in zip(grid, style.model_lines(named).items(), strict=True):
+    dot = {
+        "color": style.VERMILLION,
+        "marker": "o",
+        "markersize": 3,
+        "linestyle": "none",
+    }
+    for (excess, shape), (model, line) in zip(
+        grid, style.model_lines(named).items(), strict=True
+    ):
         rows = ridges[ridges["model"] == model].set_index("u")
         best = rows.loc[rows["excess"].idxmin()]
         excess.plot(rows["excess"], color=line["color"])
         excess.plot(best.name, best["excess"], **dot, clip_on=False)
-        excess.set(ylabel=f"{line['label']}\nexcess objective (unit: caption)", ylim=(0, None))
+        excess.set(
+            ylabel=f"{line['label']}\nexcess objective (unit: caption)", ylim=(0, None)
+        )
         for name, label, dashes in RIDGE_SHAPES:
             look = {"color": line["color"], "linestyle": dashes, "label": label}
             shape.plot(rows[name] / best[name], **look)
@@ -109,8 +130,17 @@ def sigma_b_over_weight(sigma_b_weights: pd.DataFrame, models: list[str]) -> Fig
     height = 1.0 + 2.2 * len(named)
     figure, grid = style.panels(style.ONE_COLUMN, height, rows=len(named), sharex=True)
     lines = style.model_lines(dict.fromkeys([*models, *named]))
-    dashed = {"ls": "--", "lw": 0.8, "color": style.VERMILLION, "label": "moment estimate"}
-    mark = {"ms": 3, "color": style.VERMILLION, "label": "weight returning the estimate"}
+    dashed = {
+        "ls": "--",
+        "lw": 0.8,
+        "color": style.VERMILLION,
+        "label": "moment estimate",
+    }
+    mark = {
+        "ms": 3,
+        "color": style.VERMILLION,
+        "label": "weight returning the estimate",
+    }
     at_rest = {"lw": 0.8, "color": style.GREY, "label": "weight by the noise at rest"}
     for (axes,), model in zip(grid, named, strict=True):
         rows = sigma_b_weights[sigma_b_weights["model"] == model]
@@ -142,8 +172,12 @@ def noise_quantiles(noise_quantiles: pd.DataFrame) -> Figure:
     for joint, axes in zip(joints, row, strict=True):
         axes.plot(ends, ends, color=style.LIGHT_GREY, label="normal law")
         for model, line in LAWS.items():
-            chosen = (noise_quantiles["joint"] == joint) & (noise_quantiles["model"] == model)
-            axes.plot(*noise_quantiles.loc[chosen, ["normal", "noise"]].to_numpy().T, **line)
+            chosen = (noise_quantiles["joint"] == joint) & (
+                noise_quantiles["model"] == model
+            )
+            axes.plot(
+                *noise_quantiles.loc[chosen, ["normal", "noise"]].to_numpy().T, **line
+            )
         axes.set_title(style.joint_label(joint))
     for axes in row[-across:]:
         axes.set_xlabel("normal quantile (std)")

@@ -14,31 +14,54 @@ from pipeline.figures import style
 ERROR = "_standard_error"  # end of the name of a measure that is an error of another measure
 LABEL_DISTANCE = 13  # pt from the node, on the outer side of the bend
 # unit of a measure: unit of its strip, and factor between them
-UNITS = {"share": ("%", 100), "m": ("mm", 1000), "s": ("ms", 1000), "s/s": ("ms/s", 1000)}
+UNITS = {
+    "share": ("%", 100),
+    "m": ("mm", 1000),
+    "s": ("ms", 1000),
+    "s/s": ("ms/s", 1000),
+}
 UNITS |= {"rad": ("mrad", 1000), "count": ("frames", 1), "frames": ("frames", 1)}
 KEPT = {"marker": ".", "ms": 3, "color": style.BLUE, "ls": "none", "label": "take"}
-LEFT_OUT = {"marker": "x", "ms": 4, "color": style.VERMILLION, "ls": "none", "label": "left out"}
+LEFT_OUT = {
+    "marker": "x",
+    "ms": 4,
+    "color": style.VERMILLION,
+    "ls": "none",
+    "label": "left out",
+}
 
 
 def articulation(cloud: pd.DataFrame, skeleton: pd.DataFrame) -> Figure:
     """Draw Fig. (KinOptFig): one panel per view, both on the same scale."""
     width, depth = np.ptp(cloud[["x", "z"]].to_numpy(), axis=0)
     height = 1.6 + 2 * (style.ONE_COLUMN - 0.6) * depth / width
-    figure, grid = style.panels(style.ONE_COLUMN, height, rows=2, sharex=True, sharey=True)
-    dots = {"color": style.SKY, "markersize": 1.8, "markeredgewidth": 0, "rasterized": True}
+    figure, grid = style.panels(
+        style.ONE_COLUMN, height, rows=2, sharex=True, sharey=True
+    )
+    dots = {
+        "color": style.SKY,
+        "markersize": 1.8,
+        "markeredgewidth": 0,
+        "rasterized": True,
+    }
     rings = {"color": style.VERMILLION, "markersize": 3.5, "markerfacecolor": "white"}
     for axes, view in zip(grid[:, 0], ("initial", "extended"), strict=True):
         points, nodes = (
-            table.loc[table["view"] == view, ["x", "z"]].to_numpy() for table in (cloud, skeleton)
+            table.loc[table["view"] == view, ["x", "z"]].to_numpy()
+            for table in (cloud, skeleton)
         )
         axes.plot(*points.T, ".", label="point cloud", **dots)
         axes.plot(*nodes.T, "o-", label="fitted segments", **rings)
         before, after = np.roll(nodes, 1, axis=0), np.roll(nodes, -1, axis=0)
         before[0], after[-1] = nodes[1], nodes[-2]
-        outer = 2 * nodes - before - after  # away from the neighbours; up at a straight joint
+        outer = (
+            2 * nodes - before - after
+        )  # away from the neighbours; up at a straight joint
         outer[~outer.any(axis=1)] = (0.0, 1.0)
         outer /= np.linalg.norm(outer, axis=1, keepdims=True)
-        for text, node, side in zip(("O1", "O2", "O3", "EE"), nodes, outer, strict=True):
+        for text, node, side in zip(
+            ("O1", "O2", "O3", "EE"), nodes, outer, strict=True
+        ):
             place = {"xytext": LABEL_DISTANCE * side, "textcoords": "offset points"}
             axes.annotate(text, node, **place, ha="center", va="center")
         axes.set(ylabel="z (m)", aspect="equal")
@@ -57,7 +80,9 @@ def kinect_noise(kinect_noise: pd.DataFrame) -> Figure:
         row[0].plot(rows[column("b", joint)], **line)
         row[1].plot(np.sqrt(rows[column("r", joint, joint)]), **line)
     row[0].axhline(0, color=style.GREY, linewidth=0.5, zorder=0)
-    for axes, label in zip(row, ("mean (rad)", "standard deviation (rad)"), strict=True):
+    for axes, label in zip(
+        row, ("mean (rad)", "standard deviation (rad)"), strict=True
+    ):
         axes.set(xlabel="time (s)", ylabel=label)
         axes.xaxis.set_major_locator(MultipleLocator(1))
     style.letters(row)
@@ -67,18 +92,28 @@ def kinect_noise(kinect_noise: pd.DataFrame) -> Figure:
     return figure
 
 
-def filter_errors(filter_error: pd.DataFrame, models: list[str], joints: list[str]) -> Figure:
+def filter_errors(
+    filter_error: pd.DataFrame, models: list[str], joints: list[str]
+) -> Figure:
     """Draw Fig. (PartFiltRes): rows of panels in the order of ``models``, all on one scale."""
     figure, grid = style.model_panels(models, joints, "error (rad)")
     shown = filter_error["take"].iloc[0]
     mean = filter_error[filter_error["model"] == NONE].groupby("t")
-    grey = {"color": style.LIGHT_GREY, "linewidth": 0.25, "rasterized": True, "zorder": 1}
+    grey = {
+        "color": style.LIGHT_GREY,
+        "linewidth": 0.25,
+        "rasterized": True,
+        "zorder": 1,
+    }
     blue = {"color": style.BLUE, "lw": 0.8, "label": f"error of {shown}"}
     orange = {"color": style.VERMILLION, "lw": 0.8, "label": f"±1σ bound of {shown}"}
     black = {"color": style.BLACK, "lw": 0.5, "label": "rms error of the training mean"}
     for row, model in zip(grid, models, strict=True):
         rows = filter_error[filter_error["model"] == model]
-        take, others = rows[rows["take"] == shown].set_index("t"), rows[rows["take"] != shown]
+        take, others = (
+            rows[rows["take"] == shown].set_index("t"),
+            rows[rows["take"] != shown],
+        )
         for joint, axes in zip(joints, row, strict=True):
             error, std = column("e", joint), take[column("s", joint)]
             rms = np.sqrt(mean[error].agg(lambda errors: np.mean(errors**2)))
@@ -94,7 +129,9 @@ def filter_errors(filter_error: pd.DataFrame, models: list[str], joints: list[st
     return figure
 
 
-def filter_closed_loop(filter_error: pd.DataFrame, models: list[str], joints: list[str]) -> Figure:
+def filter_closed_loop(
+    filter_error: pd.DataFrame, models: list[str], joints: list[str]
+) -> Figure:
     """Draw rows of panels in the order of ``models``, the panels of a joint on one scale."""
     figure, grid = style.model_panels(models, joints, "rms error (rad)")
     squares = filter_error[columns("e", joints)] ** 2
@@ -103,7 +140,12 @@ def filter_closed_loop(filter_error: pd.DataFrame, models: list[str], joints: li
         looks = {
             NONE: {"label": "training mean", "color": style.GREY, "lw": 1.6},
             model: {"label": "open loop", "color": style.BLUE, "lw": 0.8},
-            closed(model): {"label": "closed loop", "color": style.GREEN, "lw": 0.8, "ls": "--"},
+            closed(model): {
+                "label": "closed loop",
+                "color": style.GREEN,
+                "lw": 0.8,
+                "ls": "--",
+            },
             MEMORY: {"label": "linear filter", "color": style.BLACK, "lw": 0.8},
         }
         for joint, axes in zip(joints, row, strict=True):
@@ -119,20 +161,41 @@ def recording_quality(takes: pd.DataFrame) -> Figure:
     """Draw a strip for each measure that the dataset has."""
     known = takes.drop_duplicates("take").reset_index(drop=True)
     place = pd.Series(np.arange(1, len(known) + 1), known["take"])
-    by_measure = {name: rows.set_index("take") for name, rows in takes.groupby("measure")}
+    by_measure = {
+        name: rows.set_index("take") for name, rows in takes.groupby("measure")
+    }
     # a standard error without a limit is drawn with its measure alone
     strips = takes[takes["limit"].notna() | ~takes["measure"].str.endswith(ERROR)]
     shown = list(dict.fromkeys(strips["measure"]))
     height = 0.62 * len(shown) + 0.9
     figure, grid = style.panels(style.TWO_COLUMNS, height, rows=len(shown), sharex=True)
-    dashed = {"color": style.BLACK, "lw": 0.8, "ls": (0, (4, 3)), "label": "limit", "zorder": 1}
-    between = {"color": style.LIGHT_GREY, "lw": 0.8, "label": "training | test", "zorder": 0}
-    bars = {"fmt": "none", "ecolor": style.GREY, "elinewidth": 0.5, "label": "± 2 standard errors"}
+    dashed = {
+        "color": style.BLACK,
+        "lw": 0.8,
+        "ls": (0, (4, 3)),
+        "label": "limit",
+        "zorder": 1,
+    }
+    between = {
+        "color": style.LIGHT_GREY,
+        "lw": 0.8,
+        "label": "training | test",
+        "zorder": 0,
+    }
+    bars = {
+        "fmt": "none",
+        "ecolor": style.GREY,
+        "elinewidth": 0.5,
+        "label": "± 2 standard errors",
+    }
     boundaries = np.flatnonzero(known["part"] != known["part"].shift())[1:] + 0.5
     for axes, measure in zip(grid[:, 0], shown, strict=True):
         rows = by_measure[measure]
         unit, factor = UNITS.get(rows["unit"].iloc[0], (rows["unit"].iloc[0], 1))
-        for mark, of in ((KEPT, rows[~rows["left_out"]]), (LEFT_OUT, rows[rows["left_out"]])):
+        for mark, of in (
+            (KEPT, rows[~rows["left_out"]]),
+            (LEFT_OUT, rows[rows["left_out"]]),
+        ):
             if len(of):
                 axes.plot(place[of.index], factor * of["value"], **mark, zorder=3)
         if (errors := by_measure.get(measure + ERROR)) is not None:
@@ -143,7 +206,9 @@ def recording_quality(takes: pd.DataFrame) -> Figure:
                 axes.axhline(side * limit, **dashed)
         axes.margins(y=0.12)
         if rows["value"].min() >= 0:  # from zero, with whole marks at either end
-            top = max(axes.get_ylim()[1], 1.0 if factor == 1 else 0.0)  # counts up to 1 at least
+            top = max(
+                axes.get_ylim()[1], 1.0 if factor == 1 else 0.0
+            )  # counts up to 1 at least
             axes.set_ylim(-0.08 * top, 1.08 * top)
         for boundary in boundaries:
             axes.axvline(boundary, **between)

@@ -22,7 +22,10 @@ BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
 BLUE, VERMILLION, PURPLE, GREY = "#0072B2", "#D55E00", "#CC79A7", "#999999"
 LIGHT_GREY = "#CCCCCC"
 
-RECORDED = {"color": VERMILLION, "linestyle": "-"}  # the label says if recorded or simulated
+RECORDED = {
+    "color": VERMILLION,
+    "linestyle": "-",
+}  # the label says if recorded or simulated
 MODELS = {
     name: {"label": label, "color": color, "linestyle": dashes}
     for name, label, color, dashes in (
@@ -37,7 +40,16 @@ FURTHER = (  # looks of models that are not in MODELS, in turn
     {"color": ORANGE, "linestyle": (0, (10, 1.5, 2, 1.5))},
 )
 COLORS = (BLUE, VERMILLION, GREEN, PURPLE, SKY, ORANGE, BLACK, GREY)  # of joints
-DASHES = "-", "--", "-.", ":", (0, (6, 2)), (0, (3, 1, 1, 1)), (0, (1, 1)), (0, (8, 1.5, 1, 1.5))
+DASHES = (
+    "-",
+    "--",
+    "-.",
+    ":",
+    (0, (6, 2)),
+    (0, (3, 1, 1, 1)),
+    (0, (1, 1)),
+    (0, (8, 1.5, 1, 1.5)),
+)
 BESIDE = 4  # greatest number of joints whose panels are in one line
 
 # matplotlib's defaults, so that a user's matplotlibrc has no effect
@@ -48,8 +60,12 @@ mpl.rcParams.update(
         "mathtext.fontset": "stix",
         **dict.fromkeys(["font.size", "axes.titlesize", "axes.labelsize"], 8),
         **dict.fromkeys(["xtick.labelsize", "ytick.labelsize", "legend.fontsize"], 7.5),
-        **dict.fromkeys(["legend.frameon", "axes.spines.top", "axes.spines.right"], False),
-        **dict.fromkeys(["axes.linewidth", "xtick.major.width", "ytick.major.width"], 0.5),
+        **dict.fromkeys(
+            ["legend.frameon", "axes.spines.top", "axes.spines.right"], False
+        ),
+        **dict.fromkeys(
+            ["axes.linewidth", "xtick.major.width", "ytick.major.width"], 0.5
+        ),
         **dict.fromkeys(["xtick.major.size", "ytick.major.size"], 2.5),
         "legend.handlelength": 2.6,
         "lines.linewidth": 1.0,
@@ -97,7 +113,11 @@ def panels(
 
 
 def joint_panels(
-    joints: int, across: int, size: tuple[float, float, float], groups: int = 1, **layout: object
+    joints: int,
+    across: int,
+    size: tuple[float, float, float],
+    groups: int = 1,
+    **layout: object,
 ) -> tuple[Figure, np.ndarray]:
     """Return a figure over time and its axes (``groups``, ``joints``): a group has one panel for
     each joint, ``across`` panels in a line; the last line of a group may be shorter.
@@ -123,7 +143,9 @@ def model_panels(
 ) -> tuple[Figure, np.ndarray]:
     """Return a figure over time and its axes (models, joints) on one scale, a group per model."""
     across, size = panels_across(len(joints)), (TWO_COLUMNS, 1.25, 0.55)
-    figure, grid = joint_panels(len(joints), across, size, groups=len(models), sharey=True)
+    figure, grid = joint_panels(
+        len(joints), across, size, groups=len(models), sharey=True
+    )
     for row, line in zip(grid, model_lines(models).values(), strict=True):
         for first in row[::across]:
             first.set_ylabel(f"{line['label']}\n{quantity}")
@@ -150,10 +172,14 @@ def legend(figure: Figure, ncols: int = 4) -> Legend:
     entries = {}
     for axes in figure.axes:
         entries |= dict(zip(*axes.get_legend_handles_labels()[::-1], strict=True))
-    return figure.legend(entries.values(), entries, loc="outside upper center", ncols=ncols)
+    return figure.legend(
+        entries.values(), entries, loc="outside upper center", ncols=ncols
+    )
 
 
-def arrow(axes: Axes, start, end, color: str, arrowstyle: str = "-|>", linewidth: float = 0.8):
+def arrow(
+    axes: Axes, start, end, color: str, arrowstyle: str = "-|>", linewidth: float = 0.8
+):
     """Draw an arrow from ``start`` (2,) to ``end`` (2,)."""
     look = {"arrowstyle": arrowstyle, "color": color, "linewidth": linewidth}
     axes.annotate("", end, start, arrowprops=look | {"shrinkA": 0, "shrinkB": 0})
@@ -176,5 +202,7 @@ def save(figure: Figure, folder: Path, name: str) -> None:
     )
     figure.set_dpi(PNG_RESOLUTION)
     FigureCanvasAgg(figure).print_png(
-        folder / f"{name}.png", metadata={"Software": None}, pil_kwargs={"optimize": True}
+        folder / f"{name}.png",
+        metadata={"Software": None},
+        pil_kwargs={"optimize": True},
     )

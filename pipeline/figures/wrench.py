@@ -45,18 +45,27 @@ def cable_robot() -> Figure:
     turn = np.array([[np.cos(TILT), -np.sin(TILT)], [np.sin(TILT), np.cos(TILT)]])
     outline = {"facecolor": "#EEEEEE", "edgecolor": style.BLACK, "linewidth": 0.8}
     axes.add_patch(Polygon(CORNERS @ turn.T, **outline))
-    for origin, frame, names in (([-4.3, -3.7], np.eye(2), "xy"), ([0.0, 0.0], turn, "uv")):
+    for origin, frame, names in (
+        ([-4.3, -3.7], np.eye(2), "xy"),
+        ([0.0, 0.0], turn, "uv"),
+    ):
         for direction, name in zip(frame.T, names, strict=True):
-            style.arrow(axes, origin, origin + 0.75 * direction, style.BLACK, arrowstyle="->")
+            style.arrow(
+                axes, origin, origin + 0.75 * direction, style.BLACK, arrowstyle="->"
+            )
             axes.text(*(origin + 0.92 * direction), f"${name}$", **CENTRED)
     for i, (local, *states) in enumerate(CABLES, start=1):
         point = turn @ local
         style.arrow(axes, (0, 0), point, style.GREY)
-        aside = np.array([-abs(point[1]), np.sign(point[1]) * point[0]]) / np.hypot(*point)
+        aside = np.array([-abs(point[1]), np.sign(point[1]) * point[0]]) / np.hypot(
+            *point
+        )
         axes.text(*(0.36 * point + 0.28 * aside), f"$r_{i}$", **CENTRED)
         level = np.column_stack([point, point + np.array([1.6, 0])])
         axes.plot(*level, color=style.GREY, linestyle=":", linewidth=0.7)
-        for (degrees, tension), (symbol, radius, line) in zip(states, STATES, strict=True):
+        for (degrees, tension), (symbol, radius, line) in zip(
+            states, STATES, strict=True
+        ):
             along, color = unit_vector(np.radians(degrees)), line["color"]
             tip = point + tension * along
             axes.plot(*np.column_stack([point, tip]), **line)
@@ -64,7 +73,9 @@ def cable_robot() -> Figure:
             size = {"width": 2 * radius, "height": 2 * radius, "theta2": degrees}
             axes.add_patch(Arc(point, **size, color=color, linewidth=0.7))
             # clear of the platform for a long arc
-            middle = point + (radius + 0.3) * unit_vector(np.radians(min(degrees / 2, 70)))
+            middle = point + (radius + 0.3) * unit_vector(
+                np.radians(min(degrees / 2, 70))
+            )
             for place, name in ((tip + 0.45 * along, "T"), (middle, r"\theta")):
                 axes.text(*place, f"${symbol.format(name, i)}$", color=color, **CENTRED)
         axes.plot(*point, "o", color=style.BLACK, markersize=3)
@@ -81,8 +92,14 @@ def wrench_error_histograms(wrench_errors: pd.DataFrame) -> Figure:
     colors = mpl.colormaps["viridis"](np.linspace(0, 0.9, len(groups)))
     figure, ((axes,),) = style.panels(style.ONE_COLUMN, 2.5)
     for color, (agents, errors) in zip(colors, groups, strict=True):
-        look = {"histtype": "stepfilled", "facecolor": (*color[:3], 0.15), "edgecolor": color}
-        label = f"$m$ = {agents}: mean {errors.mean():.1f}, greatest {errors.max():.1f} %"
+        look = {
+            "histtype": "stepfilled",
+            "facecolor": (*color[:3], 0.15),
+            "edgecolor": color,
+        }
+        label = (
+            f"$m$ = {agents}: mean {errors.mean():.1f}, greatest {errors.max():.1f} %"
+        )
         axes.hist(errors, edges, **look, linewidth=0.9, label=label)
     axes.set(xlabel="relative error of the variances (%)", ylabel="number of systems")
     axes.set_xlim(0, edges[-1])
@@ -91,17 +108,23 @@ def wrench_error_histograms(wrench_errors: pd.DataFrame) -> Figure:
 
 
 def wrench_density(
-    force_density: pd.DataFrame, configurations: Mapping[str, Arrangement], recordings: str
+    force_density: pd.DataFrame,
+    configurations: Mapping[str, Arrangement],
+    recordings: str,
 ) -> Figure:
     """Draw Fig. (WrenchExprmnt): one range and one colour scale for all ``configurations``."""
     layout = {"rows": len(configurations), "columns": 3, "width_ratios": (1.3, 1, 1)}
-    figure, grid = style.panels(style.TWO_COLUMNS, 0.4 + 1.75 * layout["rows"], **layout)
+    figure, grid = style.panels(
+        style.TWO_COLUMNS, 0.4 + 1.75 * layout["rows"], **layout
+    )
     tension = max(max(each.tension) for each in configurations.values())
     limits = [(force_density[c].min(), force_density[c].max()) for c in ("fx", "fy")]
     shades = {"cmap": "CMRmap_r", "vmin": 0, "vmax": force_density["density"].max()}
     cross = {"color": style.SKY, "markersize": 6, "markeredgewidth": 1.0}
     for row, (name, robots) in zip(grid, configurations.items(), strict=True):
-        pulls = np.multiply(robots.tension, [np.cos(robots.direction), np.sin(robots.direction)])
+        pulls = np.multiply(
+            robots.tension, [np.cos(robots.direction), np.sin(robots.direction)]
+        )
         _draw_robots(row[0], robots, pulls, ROBOTS * tension)
         row[0].set_title(style.plain_label(name), loc="left", fontweight="bold")
         density_rows = force_density[force_density["configuration"] == name]
@@ -111,32 +134,60 @@ def wrench_density(
             cells = (density.columns, density.index, density.to_numpy())
             image = axes.pcolormesh(*cells, **shades, rasterized=True)
             axes.plot(*pulls.sum(axis=1), "+", **cross)
-            axes.set(xlim=limits[0], ylim=limits[1], aspect="equal", anchor="N", ylabel="$F_y$ (N)")
+            axes.set(
+                xlim=limits[0],
+                ylim=limits[1],
+                aspect="equal",
+                anchor="N",
+                ylabel="$F_y$ (N)",
+            )
     for axes in grid[-1, 1:]:
         axes.set_xlabel("$F_x$ (N)")
-    for axes, title in zip(grid[0], ("robots", recordings, "matrix model"), strict=True):
+    for axes, title in zip(
+        grid[0], ("robots", recordings, "matrix model"), strict=True
+    ):
         axes.set_title(title)
-    figure.colorbar(image, ax=grid[:, 1:], label="density (N$^{-2}$)", shrink=0.5, aspect=30)
+    figure.colorbar(
+        image, ax=grid[:, 1:], label="density (N$^{-2}$)", shrink=0.5, aspect=30
+    )
     return figure
 
 
-def _draw_robots(axes: Axes, robots: Arrangement, pulls: np.ndarray, far: float) -> None:
+def _draw_robots(
+    axes: Axes, robots: Arrangement, pulls: np.ndarray, far: float
+) -> None:
     """Draw cables from the platform to the robots, and the robots' forces ``pulls`` (2, m) in N."""
-    circle = {"color": style.GREY, "markersize": 13, "markerfacecolor": "white", "zorder": 2}
+    circle = {
+        "color": style.GREY,
+        "markersize": 13,
+        "markerfacecolor": "white",
+        "zorder": 2,
+    }
     cables = zip(robots.direction, robots.tension, pulls.T, strict=True)
     for i, (direction, tension, pull) in enumerate(cables, start=1):
         robot = far * unit_vector(direction)
-        axes.plot(*np.column_stack([(0, 0), robot]), color=style.GREY, linewidth=0.8, zorder=1)
+        axes.plot(
+            *np.column_stack([(0, 0), robot]), color=style.GREY, linewidth=0.8, zorder=1
+        )
         axes.plot(*robot, "o", **circle)
         axes.text(*robot, str(i), **CENTRED)
         label = rf"$\underline{{T}}_{i}$ = {tension:.2f} N" + "\n"
         label += rf"$\underline{{\theta}}_{i}$ = {direction:.2f} rad"
         side, alignment = (1, "left") if robot[0] >= 0 else (-1, "right")
-        place = {"xytext": (10 * side, 0), "textcoords": "offset points", "ha": alignment}
+        place = {
+            "xytext": (10 * side, 0),
+            "textcoords": "offset points",
+            "ha": alignment,
+        }
         axes.annotate(label, robot, **place, va="center", fontsize=7)
         style.arrow(axes, (0, 0), pull, style.BLUE, linewidth=1.2)
     style.arrow(axes, (0, 0), pulls.sum(axis=1), style.BLACK, linewidth=1.2)
-    axes.set(xlim=(-2 * far, 2 * far), ylim=(-1.2 * far, 1.2 * far), aspect="equal", anchor="N")
+    axes.set(
+        xlim=(-2 * far, 2 * far),
+        ylim=(-1.2 * far, 1.2 * far),
+        aspect="equal",
+        anchor="N",
+    )
     axes.set_axis_off()
 
 
@@ -152,7 +203,9 @@ def wrench_marginals(wrench_marginals: pd.DataFrame, recordings: str) -> Figure:
             shown = curves[curves["density"] > SHOWN * curves["density"].max()]
             for source, look in LINES.items():
                 curve = curves[curves["source"] == source]
-                axes.plot(curve["value"], curve["density"], **{"label": recordings} | look)
+                axes.plot(
+                    curve["value"], curve["density"], **{"label": recordings} | look
+                )
             label = f"$F_{row[1]}$ (N)" if row[0] == "f" else rf"$M_{row[1]}/\ell$ (N)"
             axes.set(xlabel=label, ylim=(0, None), yticks=[])
             if len(shown):

@@ -33,7 +33,11 @@ from pipeline.statistics.takes import takes_moments
 
 
 def linear_filter(
-    path: ndarray, covariance: ndarray, takes: Sequence[Measurements], dt: float, response=None
+    path: ndarray,
+    covariance: ndarray,
+    takes: Sequence[Measurements],
+    dt: float,
+    response=None,
 ) -> tuple[ndarray, ndarray]:
     """Return means (T, M+1, n) in rad and covariances (T, M+1, n, n) in rad² of the poses of the T
     ``takes`` at each step given the frames up to it. ``path`` (M+1, n) rad is q̄ at steps of ``dt``
@@ -74,7 +78,9 @@ def _posterior(path, covariance, measurements, dt, response):
     white = solve_triangular(factor, residual.reshape(rows), lower=True)
     gain = solve_triangular(factor, across.reshape(rows, grid * n), lower=True)
     so_far = np.arange(rows)[:, None] < n * frames.first[1:]
-    gain = np.moveaxis(gain.reshape(rows, grid, n) * so_far[..., None], 0, 2)  # (M+1, n, nF)
+    gain = np.moveaxis(
+        gain.reshape(rows, grid, n) * so_far[..., None], 0, 2
+    )  # (M+1, n, nF)
     steps = np.arange(grid)
     return path + gain @ white, covariance[steps, :, steps] - gain @ gain.swapaxes(1, 2)
 
@@ -92,7 +98,9 @@ def baseline_predictions(
     roots = deviation_roots(training, measurement)
     each = roots @ roots
     across = autocorrelation(training, measurement)[1] * (roots[1:] @ roots[:-1])
-    gain = np.swapaxes(np.linalg.solve(each[:-1] + measurement, np.swapaxes(across, 1, 2)), 1, 2)
+    gain = np.swapaxes(
+        np.linalg.solve(each[:-1] + measurement, np.swapaxes(across, 1, 2)), 1, 2
+    )
     left = each[1:] + measurement - gain @ np.swapaxes(across, 1, 2)
     errors = off[..., 1:, :] - np.matvec(gain, off[..., :-1, :])
     return {
@@ -120,7 +128,9 @@ def deviation_roots(poses: ndarray, measurement: ndarray) -> ndarray:
     beyond the measurement's.
     """
     covariances = takes_moments(poses)[1]
-    return np.stack([root(without_measurement(each, measurement)[0]) for each in covariances])
+    return np.stack(
+        [root(without_measurement(each, measurement)[0]) for each in covariances]
+    )
 
 
 def autocorrelation(poses: ndarray, measurement: ndarray) -> ndarray:

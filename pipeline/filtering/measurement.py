@@ -20,7 +20,11 @@ from pipeline.core.columns import columns, matrices, members, values
 from pipeline.core.errors import ConfigError, ModelDomainError
 from pipeline.core.options.dataset import Dataset
 
-MOTION, TRACK, ARTICULATE = Path("data/ingest/motion"), Path("data/track"), Path("data/articulate")
+MOTION, TRACK, ARTICULATE = (
+    Path("data/ingest/motion"),
+    Path("data/track"),
+    Path("data/articulate"),
+)
 SHARE_DIGITS = 6  # of times in steps: 0.03 s / 0.01 s is step 3, not a later step
 SINGULAR_VARIANCE = 1e-12  # least/greatest variance of R at which R counts as singular
 
@@ -80,7 +84,9 @@ class Measurements:
             raise ModelDomainError(f"{message} it from more takes than joints", **where)
         factor = np.linalg.cholesky(self.covariance)
         log_determinant = np.log(np.diagonal(factor, axis1=1, axis2=2)).sum(axis=1)
-        return np.linalg.inv(factor), -log_determinant - 0.5 * factor.shape[-1] * np.log(2 * np.pi)
+        return np.linalg.inv(factor), -log_determinant - 0.5 * factor.shape[
+            -1
+        ] * np.log(2 * np.pi)
 
 
 def measurements(angles: pd.DataFrame, noise: pd.DataFrame) -> list[Measurements]:
@@ -105,13 +111,18 @@ def measured_takes(dataset: Dataset) -> list[Measurements]:
     if dataset.measurement == "depth":
         if not contracts.exists("angles", ARTICULATE):
             return []
-        return measurements(*(contracts.read(n, ARTICULATE) for n in ("angles", "kinect_noise")))
+        return measurements(
+            *(contracts.read(n, ARTICULATE) for n in ("angles", "kinect_noise"))
+        )
     return _encoder_takes(dataset, contracts.read("joints", TRACK))
 
 
 def _encoder_rows(joints: pd.DataFrame, part: str) -> list[tuple]:
     """Return (take, rows) of the table ``encoders`` for the takes of ``joints`` in the ``part``."""
-    takes, table = joints.loc[joints["part"] == part, "take"], contracts.read("encoders", MOTION)
+    takes, table = (
+        joints.loc[joints["part"] == part, "take"],
+        contracts.read("encoders", MOTION),
+    )
     if absent := sorted(set(takes) - set(table["take"])):
         message = f"there are no measurements of the takes {', '.join(absent)}"
         raise ConfigError(message, key="dataset.encoders")
@@ -135,7 +146,9 @@ class EncoderNoise(NamedTuple):
         steps = np.arange(len(self.bias))
         place = np.clip(t / self.dt, 0, steps[-1])
         bias = np.stack([np.interp(place, steps, b) for b in self.bias.T], axis=-1)
-        together = max(1.0, self.lasts / float(np.median(np.diff(t)))) if len(t) > 1 else 1.0
+        together = (
+            max(1.0, self.lasts / float(np.median(np.diff(t)))) if len(t) > 1 else 1.0
+        )
         return bias, together * self.covariance[np.round(place).astype(int)]
 
 

@@ -39,10 +39,14 @@ class Posterior:
     ess: ndarray  # (M+1,) effective sample size
     resampled: ndarray  # (M+1,) bool: the step ended in resampling
     clipped: ndarray  # (M+1,) int: particles whose noise covariance the model clipped
-    outside: ndarray  # (M+1,) int: particles that left D_q; at k = 0 rejected first poses
+    outside: (
+        ndarray  # (M+1,) int: particles that left D_q; at k = 0 rejected first poses
+    )
     measured: ndarray  # (M+1,) bool: at least one measurement entered
     left_out: int  # measurements before the start or after the end of the motion
-    log_evidence: float  # log of the unbiased estimate of p(all measurements, path within D_q)
+    log_evidence: (
+        float  # log of the unbiased estimate of p(all measurements, path within D_q)
+    )
 
 
 def particle_filter(
@@ -61,10 +65,14 @@ def particle_filter(
     covariance that is not positive definite, with take and step.
     """
     frames = measurements.frames(len(commands.v), dt)
-    poses, rejected = initial_particles(start, chain, options.particles, rng, measurements.take)
+    poses, rejected = initial_particles(
+        start, chain, options.particles, rng, measurements.take
+    )
     limits = [np.array(each, dtype=float) for each in (chain.lower, chain.upper)]
     planar = isinstance(chain, PlanarChain)
-    singular = [chain.straight, float(np.arcsin(SINGULAR_SINE))] if planar else [0.0, 0.0]
+    singular = (
+        [chain.straight, float(np.arcsin(SINGULAR_SINE))] if planar else [0.0, 0.0]
+    )
     # no effective sample size is below 0
     threshold = float(options.threshold) if options.scheme != "none" else 0.0
     scheme = sampling.SCHEMES.index(options.scheme)
@@ -78,20 +86,30 @@ def particle_filter(
         arm = model.law(chain), *compiled_arm(chain)
         vanished = sampling.sequential_importance_sampling(*arm, loop, *steps)
     else:
-        memory = model.first_memory(poses, start.mean, rng) if model.traits.memory else None
+        memory = (
+            model.first_memory(poses, start.mean, rng) if model.traits.memory else None
+        )
         vanished = _filter_by_draws(model, chain, commands, memory, *steps)
     if vanished >= 0:
         message = f"all {options.particles} weights vanished: every particle has left the joint "
         message += "limits or is not finite; use more particles, or compare the model's noise and "
         message += "the start pose with the recording"
-        where = {"take": measurements.take, "step": vanished, "time": round(vanished * dt, 6)}
+        where = {
+            "take": measurements.take,
+            "step": vanished,
+            "time": round(vanished * dt, 6),
+        }
         raise DegenerateFilterError(message, **where)
     record.outside[0] = rejected
     left_out = len(measurements.t) - len(frames.share)
-    return Posterior(*record, np.diff(frames.first) > 0, left_out, float(particles.totals[1]))
+    return Posterior(
+        *record, np.diff(frames.first) > 0, left_out, float(particles.totals[1])
+    )
 
 
-def _filter_by_draws(model, chain, commands, memory, setting, q, particles, record, rng) -> int:
+def _filter_by_draws(
+    model, chain, commands, memory, setting, q, particles, record, rng
+) -> int:
     """Return and fill what :func:`sequential_importance_sampling` does, by the ``model``'s draws in
     NumPy, from the ``memory`` (P, s) of the particles or None. Each step takes tens of times as
     long. A pose after a singular pose is NaN; the memory stays where it would not be finite.
@@ -104,7 +122,9 @@ def _filter_by_draws(model, chain, commands, memory, setting, q, particles, reco
             poses, v = before.T[alive], commands.v[k - 1]
             v = np.broadcast_to(v, (len(poses), len(v)))
             if commands.share:
-                v = corrected_command(chain, poses, v, commands.path[k - 1], commands.share)
+                v = corrected_command(
+                    chain, poses, v, commands.path[k - 1], commands.share
+                )
             q[:] = np.nan
             if memory is None:
                 q.T[alive] = model.sample(chain, poses, v, rng)
@@ -129,11 +149,17 @@ def initial_particles(
     ``count`` consecutive draws lie outside D_q.
     """
     if not np.isfinite(start.covariance).all():
-        message = "the covariance of the start poses is not finite; give two training takes"
+        message = (
+            "the covariance of the start poses is not finite; give two training takes"
+        )
         raise ModelDomainError(message, take=take)
     variances, axes = np.linalg.eigh(start.covariance)
     # rounding may turn the zero eigenvalues of a singular covariance negative
-    root, poses, rejected = axes * np.sqrt(np.maximum(variances, 0.0)), start.mean[None][:0], 0
+    root, poses, rejected = (
+        axes * np.sqrt(np.maximum(variances, 0.0)),
+        start.mean[None][:0],
+        0,
+    )
     while len(poses) < count:
         normals = rng.standard_normal((count, len(variances)))
         draws = start.mean + (root * normals[:, None]).sum(axis=-1)

@@ -187,7 +187,11 @@ def weighted_moments(weights, q, mean, covariance, scratch):
         count = min(WIDTH, len(weights) - start)
         weight, weighted = weights[start : start + count], scratch[n, :count]
         for j in range(n):
-            angle, middle, deviation = q[j, start : start + count], mean[j], scratch[j, :count]
+            angle, middle, deviation = (
+                q[j, start : start + count],
+                mean[j],
+                scratch[j, :count],
+            )
             for i in range(count):
                 deviation[i] = angle[i] - middle
                 weighted[i] = weight[i] * deviation[i]
@@ -231,7 +235,9 @@ class Setting(NamedTuple):
     domain: tuple
     frames: NamedTuple  # pipeline.filtering.measurement.Frames
     scheme: int  # index of SCHEMES
-    threshold: float  # effective sample size over P below which the particles are resampled
+    threshold: (
+        float  # effective sample size over P below which the particles are resampled
+    )
 
 
 class Particles(NamedTuple):
@@ -239,7 +245,9 @@ class Particles(NamedTuple):
 
     weights: ndarray  # (P,) of sum 1
     log_weights: ndarray  # (P,)
-    chosen: ndarray  # (P,) indices of the particles that continued in the last resampling
+    chosen: (
+        ndarray  # (P,) indices of the particles that continued in the last resampling
+    )
     totals: ndarray  # (2,) effective sample size and log-evidence
     scratch: ndarray  # (n + 2, max(P, WIDTH))
 
@@ -274,7 +282,9 @@ def update(k, setting, before, q, particles, record, rng):
     weights, log_weights, chosen, totals, scratch = particles
     frames, n, count = setting.frames, len(q), len(weights)
     if k > 0:
-        record.outside[k] = keep_inside(setting.domain, before, q, log_weights, scratch[0])
+        record.outside[k] = keep_inside(
+            setting.domain, before, q, log_weights, scratch[0]
+        )
     for frame in range(frames.first[k], frames.first[k + 1]):
         weigh(frames, frame, before, q, log_weights, scratch)
     if record.outside[k] > 0 or frames.first[k] < frames.first[k + 1]:

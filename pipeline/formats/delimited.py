@@ -17,16 +17,33 @@ from pipeline.formats.format import decoded, file_content
 
 # alternatives begin with different characters, so that no text takes long to match
 NUMBER = re.compile(r"\s*[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?\s*")
-QUOTED_DECIMAL = re.compile(r'"[+-]?(\d+,(\d{1,2}|\d{4,})|0+,\d+)"')  # "1,250" may be a thousand
-GREATEST = 1e20  # greatest measured number: above any time in ns, and its square is finite
+QUOTED_DECIMAL = re.compile(
+    r'"[+-]?(\d+,(\d{1,2}|\d{4,})|0+,\d+)"'
+)  # "1,250" may be a thousand
+GREATEST = (
+    1e20  # greatest measured number: above any time in ns, and its square is finite
+)
 # blank cell, and words of C runtimes, Python, MATLAB and spreadsheets for a missing number
-MISSING = ("", "NaN", "nan", "NAN", "-nan", "-nan(ind)", "1.#QNAN", "-1.#IND", "None", "none")
+MISSING = (
+    "",
+    "NaN",
+    "nan",
+    "NAN",
+    "-nan",
+    "-nan(ind)",
+    "1.#QNAN",
+    "-1.#IND",
+    "None",
+    "none",
+)
 MISSING += ("null", "NULL", "Null", "N/A", "n/a", "NA", "#N/A")
 
 SPACE = " "  # separator that stands for any number of blanks
 
 _STATED = read_yaml(Path(__file__).with_suffix(".yaml"))
-FOREIGN: dict[str, list[str]] = _STATED.pop("foreign")  # name → pattern of the beginning, remedy
+FOREIGN: dict[str, list[str]] = _STATED.pop(
+    "foreign"
+)  # name → pattern of the beginning, remedy
 _WORDS = _STATED.pop("spellings").items()
 SPELLINGS = {word: unit for unit, words in _WORDS for word in words.split()}
 # quantity → unit → factor to N, N·m, s or rad
@@ -51,7 +68,9 @@ def read_text(file: Path) -> Text:
     if not content.strip():
         raise RecordingError("the file is empty; export or copy it again", file=file)
     if (text := decoded(content)) is None:
-        message = "this is not plain text (the file has zero bytes); export it as UTF-8 text"
+        message = (
+            "this is not plain text (the file has zero bytes); export it as UTF-8 text"
+        )
         raise RecordingError(message, file=file)
     *lines, last = text.replace("\xa0", " ").replace("\ufeff", "").split("\n")
     return Text(lines, last or "\0" * content.endswith(b"\0\0") or None)
@@ -92,7 +111,11 @@ def numbers_of(
     """
 
     form = {"sep": separator, "decimal": decimal, "header": None, "dtype": "float64"}
-    form |= {"usecols": sorted({*columns}), "keep_default_na": False, "na_values": [*MISSING]}
+    form |= {
+        "usecols": sorted({*columns}),
+        "keep_default_na": False,
+        "na_values": [*MISSING],
+    }
     form |= {"skipinitialspace": True, "skip_blank_lines": False}
     try:
         values = pd.read_csv(io.StringIO("\n".join(rows)), **form)[columns].to_numpy()
@@ -110,12 +133,16 @@ def numbers_of(
             raise RecordingError(f"{message}damaged", file=file, line=line)
         for column in columns:
             cell = "".join(cells[column : column + 1])
-            plain = cell if decimal == "." else cell.replace(".", "?").replace(decimal, ".")
+            plain = (
+                cell if decimal == "." else cell.replace(".", "?").replace(decimal, ".")
+            )
             is_number = NUMBER.fullmatch(plain) and abs(float(plain)) <= GREATEST
             if not (is_number or (gaps and cell in MISSING)):
                 message = f"column {column + 1} has no number; fill it in, or leave the row out"
                 if cell not in MISSING:
-                    message = f"column {column + 1} holds {cell[:80]!r}, not a finite number"
+                    message = (
+                        f"column {column + 1} holds {cell[:80]!r}, not a finite number"
+                    )
                     message += f" up to {GREATEST:g}" if NUMBER.fullmatch(plain) else ""
                 raise RecordingError(message, file=file, line=line)
     if sound:  # quoted separators separate no cells
@@ -157,13 +184,19 @@ def counts_on(cells: list[str]) -> bool:
     if len(cells) < 3 or is_number(cells[0]):
         return False
     numbers = [int(cell) for cell in cells[1:] if re.fullmatch(r"\d{1,4}", cell)]
-    return bool(numbers) and numbers == [*range(numbers[0], numbers[0] + len(cells) - 1)]
+    return bool(numbers) and numbers == [
+        *range(numbers[0], numbers[0] + len(cells) - 1)
+    ]
 
 
 def is_rowlike(line: str) -> bool:
     """Return whether a line has a number, and at most as many words as numbers."""
     pieces = re.split(r'[,;\s"]+', line)
-    words = [piece for piece in pieces if piece not in MISSING and re.search(r"^[^\W\d]", piece)]
+    words = [
+        piece
+        for piece in pieces
+        if piece not in MISSING and re.search(r"^[^\W\d]", piece)
+    ]
     return len(words) <= count_numbers(pieces) > 0
 
 
@@ -173,23 +206,32 @@ def separator_of(line: str) -> str:
         return mark
     pieces = line.split()
     # if no comma touches a blank, blanks separate the cells and commas are decimal marks
-    spaced = len(pieces) > 1 and not any("," in (piece[0], piece[-1]) for piece in pieces)
+    spaced = len(pieces) > 1 and not any(
+        "," in (piece[0], piece[-1]) for piece in pieces
+    )
     # a blank may also be between a date and a time
     numbers = 2 * count_numbers(pieces) >= len(pieces) or "," not in line
     return SPACE if spaced and numbers and '"' not in line else ","
 
 
-def with_nanoseconds(rows: list[str], labels: list[str], mark: str, sign: str) -> list[str]:
+def with_nanoseconds(
+    rows: list[str], labels: list[str], mark: str, sign: str
+) -> list[str]:
     """Return the ``rows`` with whole nanoseconds, of a column right of whole seconds by the
     ``labels``, as fraction of the seconds also: secs and nsecs, or sec and nanosec.
     """
-    parts = [re.fullmatch(r"(.*?)(n|nano|)sec(?:ond)?s?", label.lower()) for label in labels]
+    parts = [
+        re.fullmatch(r"(.*?)(n|nano|)sec(?:ond)?s?", label.lower()) for label in labels
+    ]
     for n, (one, other) in enumerate(pairwise(parts)):
         if one and other and one[1] == other[1] and not one[2] and other[2]:
             cells = re.compile(
                 rf"^((?:[^{mark}]*{mark}){{{n}}}\s*\d+)(?={mark}\s*(\d{{1,9}})(?!\d))"
             )
-            return [cells.sub(lambda cell: f"{cell[1]}{sign}{cell[2]:0>9}", row) for row in rows]
+            return [
+                cells.sub(lambda cell: f"{cell[1]}{sign}{cell[2]:0>9}", row)
+                for row in rows
+            ]
     return rows
 
 

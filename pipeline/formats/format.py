@@ -31,11 +31,15 @@ class Kind(StrEnum):
     MOTION = "motion"  # read(file, unit) → pipeline.formats.motion.take.MotionTake
     JOINTS = "joints"  # read(file, options) → pipeline.formats.joints.log.JointLog
     FORCE = "force"  # read(file, options) → pipeline.formats.force.record.ForceRecord
-    CALIBRATION = "calibration"  # read(file) → pipeline.formats.force.calibration.Calibration
+    CALIBRATION = (
+        "calibration"  # read(file) → pipeline.formats.force.calibration.Calibration
+    )
     IMAGE = "image"  # read(file, shape=) → pipeline.formats.depth.image.RawDepth
     CLOUD = "cloud"  # read(file) → pipeline.formats.depth.cloud.PointCloud
     SEQUENCE = "sequence"  # read(file) → pipeline.formats.depth.image.DepthIndex
-    INTRINSICS = "intrinsics"  # read(file, width=, height=) → …depth.intrinsics.Intrinsics
+    INTRINSICS = (
+        "intrinsics"  # read(file, width=, height=) → …depth.intrinsics.Intrinsics
+    )
     TRAJECTORY = "trajectory"  # read(file) → table t, x:*, v:*
     BAG = "bag"  # read(file) → pipeline.formats.rosbag.Summary
     TABLE = "table"  # read(file, key=) → pipeline.formats.number_sheet.Sheet
@@ -109,14 +113,20 @@ def formats_in(package: ModuleType, *kinds: Kind) -> tuple[Format, ...]:
     """
     modules = walk_packages(package.__path__, f"{package.__name__}.")
     declared = [getattr(import_module(module.name), "FORMAT", ()) for module in modules]
-    formats = [one for each in declared for one in (each if isinstance(each, tuple) else (each,))]
+    formats = [
+        one
+        for each in declared
+        for one in (each if isinstance(each, tuple) else (each,))
+    ]
     chosen = [one for one in formats if not kinds or one.kind in kinds]
     return tuple(sorted(chosen, key=lambda one: one.kind == Kind.TABLE))
 
 
 def recognised(head: Head, formats: Sequence[Format]) -> Format | None:
     """Return the first of the ``formats`` that recognises ``head``, or None."""
-    return next((one for one in formats if one.recognises and one.recognises(head)), None)
+    return next(
+        (one for one in formats if one.recognises and one.recognises(head)), None
+    )
 
 
 def format_of(file: Path, formats: Sequence[Format]) -> Format | None:
@@ -131,7 +141,9 @@ def readable(file: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        message = f"the file cannot be read ({error.strerror}); copy it again, or take it out"
+        message = (
+            f"the file cannot be read ({error.strerror}); copy it again, or take it out"
+        )
         raise RecordingError(message, file=file) from None
 
 
@@ -156,7 +168,11 @@ def advised(advice: str, **evidence: object) -> Iterator[None]:
         yield
     except RecordingError as error:
         failed = isinstance(error, ReaderFailure)
-        message = f"{error.message}; the file may be damaged: {advice}" if failed else error.message
+        message = (
+            f"{error.message}; the file may be damaged: {advice}"
+            if failed
+            else error.message
+        )
         raise type(error)(message, **evidence | error.evidence) from None
 
 
@@ -171,7 +187,9 @@ def compare_announced(
         return {f"found_{items}": found}
     lacking = int(announced) - found
     if lacking and refusal:
-        message = f"the file announces {int(announced)} {items} and holds {found}: {refusal}"
+        message = (
+            f"the file announces {int(announced)} {items} and holds {found}: {refusal}"
+        )
         raise RecordingError(message, **where)
     counts = {f"announced_{items}": int(announced), f"found_{items}": found}
     if lacking:
@@ -205,7 +223,9 @@ def paths_below(folder: Path) -> list[Path]:
         paths += [Path(place, name) for name in [*folders, *files]]
         for name in [*folders]:
             real = os.path.realpath(path := os.path.join(place, name))
-            if real in entered or (os.path.islink(path) and real.startswith(f"{root}/")):
+            if real in entered or (
+                os.path.islink(path) and real.startswith(f"{root}/")
+            ):
                 folders.remove(name)  # entered at its own place
             entered.add(real)
     return sorted(paths)

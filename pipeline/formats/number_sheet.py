@@ -13,14 +13,28 @@ import numpy as np
 
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.formats import delimited
-from pipeline.formats.delimited import MISSING, count_numbers, counts_on, is_number, split_line
+from pipeline.formats.delimited import (
+    MISSING,
+    count_numbers,
+    counts_on,
+    is_number,
+    split_line,
+)
 from pipeline.formats.format import Format, Head, Kind
 
 SEPARATORS = (",", ";", "\t", delimited.SPACE)
 SAMPLED = 40  # last lines, by which numeric columns are recognised
 REMARKS = 5  # greatest number of lines of words below the rows
-TREES = (".json", ".jsonl", ".yaml", ".yml", ".xml")  # suffixes of files that are no table
-HEADER_END = "***End_of_Header***"  # line of LabVIEW's measurement files, after each section
+TREES = (
+    ".json",
+    ".jsonl",
+    ".yaml",
+    ".yml",
+    ".xml",
+)  # suffixes of files that are no table
+HEADER_END = (
+    "***End_of_Header***"  # line of LabVIEW's measurement files, after each section
+)
 ORIGINS = {"endheader": "of OpenSim (MOT, STO)", HEADER_END: "of LabVIEW (LVM)"}
 IN_DEGREES = {"yes": "deg", "no": "rad"}
 LONGEST_GAP = 10  # longest interpolated gap, in median steps of the column
@@ -70,7 +84,9 @@ class Sheet:
     def settings(self) -> dict[str, str]:
         """Settings of the header: cells ``name = value`` and lines ``name: value``."""
         above = (split_line(line.lstrip("#% "), self.separator) for line in self.header)
-        stated = [cell.partition("=") for cells in above for cell in cells if "=" in cell]
+        stated = [
+            cell.partition("=") for cells in above for cell in cells if "=" in cell
+        ]
         lines = [line.strip().strip('"') for line in self.header if "=" not in line]
         stated += [line.partition(":") for line in lines if ":" in line]
         return {name.strip(): value.strip() for name, _, value in stated}
@@ -87,14 +103,18 @@ class Sheet:
         contents = {}
         width = max(len(self.labels), delimited.filled_width(self.last))
         for column in {*range(width)} - {*self.numeric}:
-            cell, label = ("".join(row[column : column + 1]) for row in (self.last, self.labels))
+            cell, label = (
+                "".join(row[column : column + 1]) for row in (self.last, self.labels)
+            )
             content = "dates or times" if DATE.search(cell) else "words"
             contents[label or str(column)] = "nothing" if cell in MISSING else content
         return contents
 
     def words(self, column: int) -> list[str]:
         """Return (N,) the text of a column's cells; empty text where a row is too short."""
-        return [(split_line(row, self.separator)[column:] or [""])[0] for row in self.rows]
+        return [
+            (split_line(row, self.separator)[column:] or [""])[0] for row in self.rows
+        ]
 
     def unit(self, column: int, kind: str = "") -> str | None:
         """Return the unit of a ``column``, stated in the header behind or below the label, or of an
@@ -113,20 +133,28 @@ class Sheet:
         columns, names = {}, [(label, delimited.bare(label)) for label in self.labels]
         for quantity, name in wanted.items():
             fits = [column for column, pair in enumerate(names) if name in pair]
-            fits = [name] * (0 <= name < len(self.last)) if isinstance(name, int) else fits
+            fits = (
+                [name] * (0 <= name < len(self.last)) if isinstance(name, int) else fits
+            )
             if len(fits) != 1:
-                present = ", ".join(self.labels) or "; ".join(self.header)[:300] or "nothing"
+                present = (
+                    ", ".join(self.labels) or "; ".join(self.header)[:300] or "nothing"
+                )
                 message = f"{quantity}: {len(fits)} columns have the label or number (from 0) "
                 message += f"{name!r}, one is required; the labels above the {self.width} columns "
                 message += f"are {present}"
-                raise RecordingError(message, file=self.file, line=self.label_line, key=key)
+                raise RecordingError(
+                    message, file=self.file, line=self.label_line, key=key
+                )
             columns[quantity] = fits[0]
         return columns
 
     def values(self, columns: list[int], *, gaps: bool = False) -> np.ndarray:
         """Return numbers (N, columns); a missing one is NaN if ``gaps``, else RecordingError."""
         form = {"separator": self.separator, "decimal": self.decimal, "gaps": gaps}
-        return delimited.numbers_of(self.rows, self.lines, columns, file=self.file, **form)
+        return delimited.numbers_of(
+            self.rows, self.lines, columns, file=self.file, **form
+        )
 
     def samples(
         self, columns: list[int], clock: int | None = None, at: Collection[int] = ()
@@ -141,7 +169,9 @@ class Sheet:
         def fault(problem: str, place: int, row: int) -> RecordingError:
             label = "".join(self.labels[columns[place] : columns[place] + 1])
             message = f"column {columns[place] + 1} {label} {problem}; fill it in, or leave the row"
-            return RecordingError(f"{message} out", file=self.file, line=self.lines[row])
+            return RecordingError(
+                f"{message} out", file=self.file, line=self.lines[row]
+            )
 
         values = self.values(columns, gaps=True)
         rows, missing = np.arange(len(values)), np.isnan(values)
@@ -153,8 +183,13 @@ class Sheet:
         filled, missing = values[rows], missing[rows]
         x = rows.astype(float) if clock is None else filled[:, columns.index(clock)]
         if np.isnan(x).any():
-            raise fault("has no number", columns.index(clock), rows[np.isnan(x).argmax()])
-        order, inside = np.arange(len(rows)), (taken := ~missing[:, leading].all(axis=1))
+            raise fault(
+                "has no number", columns.index(clock), rows[np.isnan(x).argmax()]
+            )
+        order, inside = (
+            np.arange(len(rows)),
+            (taken := ~missing[:, leading].all(axis=1)),
+        )
         for place in others:
             known = np.flatnonzero(~missing[:, place])
             if len(known) < max(2, len(rows) / SPARSEST):
@@ -163,22 +198,36 @@ class Sheet:
             inside = inside & (order >= known[0]) & (order <= known[-1])
             after = np.searchsorted(known, order).clip(1, len(known) - 1)
             steps = np.diff(x[known])
-            wide = missing[:, place] & inside & (steps[after - 1] > LONGEST_GAP * np.median(steps))
+            wide = (
+                missing[:, place]
+                & inside
+                & (steps[after - 1] > LONGEST_GAP * np.median(steps))
+            )
             if wide.any():
-                problem = f"has no number in a gap of more than {LONGEST_GAP} of its steps"
+                problem = (
+                    f"has no number in a gap of more than {LONGEST_GAP} of its steps"
+                )
                 raise fault(problem, place, rows[wide.argmax()])
             filled[:, place] = np.interp(x, x[known], filled[known, place])
         if not inside.any():
-            raise fault("has no number at the times of the other columns", leading[0], 0)
+            raise fault(
+                "has no number at the times of the other columns", leading[0], 0
+            )
         counts = {"rows_without_numbers": len(values) - len(rows)}
         counts["rows_without_measured_angle"] = len(rows) - int(taken.sum())
         counts["incomplete_end_rows"] = int(np.sum(taken & ~inside))
         counts["interpolated_cells"] = int(missing[inside].sum())
-        return Samples(filled[inside], rows[inside], {n: k for n, k in counts.items() if k})
+        return Samples(
+            filled[inside], rows[inside], {n: k for n, k in counts.items() if k}
+        )
 
 
 def read_sheet(
-    file: Path, *, separator: str | None = None, decimal: str | None = None, key: str = ""
+    file: Path,
+    *,
+    separator: str | None = None,
+    decimal: str | None = None,
+    key: str = "",
 ) -> Sheet:
     """Return the table in ``file`` with the ``separator`` (comma, semicolon, tab or blank) and the
     ``decimal`` mark; None detects them. Raises RecordingError for a known format that is no table,
@@ -195,20 +244,36 @@ def read_sheet(
 
 
 def _sheet(
-    text: delimited.Text, file: Path, separator: str | None, decimal: str | None, key: str
+    text: delimited.Text,
+    file: Path,
+    separator: str | None,
+    decimal: str | None,
+    key: str,
 ) -> Sheet:
     if other := delimited.foreign("\n".join(text.lines[:3]) + "\n"):
-        raise RecordingError(f"this is a {other[0]}, which is not read; {other[1]}", file=file)
-    places = [number for number, line in enumerate(text.lines, start=1) if line.strip(' \t,;"')]
+        raise RecordingError(
+            f"this is a {other[0]}, which is not read; {other[1]}", file=file
+        )
+    places = [
+        number
+        for number, line in enumerate(text.lines, start=1)
+        if line.strip(' \t,;"')
+    ]
     if not places:
-        raise RecordingError("no samples: the file has no complete line; record again", file=file)
+        raise RecordingError(
+            "no samples: the file has no complete line; record again", file=file
+        )
     lines = [text.lines[place - 1] for place in places]
     tail = [*map(delimited.is_rowlike, lines[: -REMARKS - 1 : -1])]
     below = tail.index(True) if any(tail) else 0  # remarks
     mark = separator or delimited.separator_of(lines[-1 - below])
     if mark == delimited.SPACE:
         lines = [mark.join(line.lstrip("#%").split()) for line in lines]
-    if separator is None and mark == "," and delimited.has_quoted_decimals(lines[-SAMPLED:]):
+    if (
+        separator is None
+        and mark == ","
+        and delimited.has_quoted_decimals(lines[-SAMPLED:])
+    ):
         lines, mark = [";".join(split_line(line, ",")) for line in lines], ";"
     start, repeated = _sections(lines, places, mark)
     end = len(lines) - below
@@ -223,7 +288,9 @@ def _sheet(
     labels, units, label_line = _header(lines[:top], places, mark, last, numeric, file)
     if start and labels[:1] == ["X_Value"]:
         stated = (split_line(line, mark) for line in lines[:start])
-        units = next((["s", *cells[1:]] for cells in stated if cells[0] == "Y_Unit_Label"), ["s"])
+        units = next(
+            (["s", *cells[1:]] for cells in stated if cells[0] == "Y_Unit_Label"), ["s"]
+        )
     again = text.lines[label_line - 1] if labels else None
     rows = [n for n in range(top, end) if text.lines[places[n] - 1] != again]
     rows = [n for n in rows if text.lines[places[n] - 1][0] not in "#%"]
@@ -233,10 +300,16 @@ def _sheet(
         counts["remark_rows"] = remarks
     above = lines[:top], labels, units, label_line
     lines, places = [lines[n] for n in rows], [places[n] for n in rows]
-    signs = [sign for sign in ".," if sign != mark and any(sign in row for row in lines)]
-    if decimal is None and len(signs) > 1:  # ignore the marks in columns without numbers
+    signs = [
+        sign for sign in ".," if sign != mark and any(sign in row for row in lines)
+    ]
+    if (
+        decimal is None and len(signs) > 1
+    ):  # ignore the marks in columns without numbers
         split = [split_line(row, mark) for row in lines]
-        numbers = "".join(cell for cells in split for n, cell in enumerate(cells) if n in numeric)
+        numbers = "".join(
+            cell for cells in split for n, cell in enumerate(cells) if n in numeric
+        )
         if len(signs := [sign for sign in signs if sign in numbers]) > 1:
             message = "decimal points and decimal commas in one table; mend it, or set decimal"
             raise RecordingError(message, file=file, key=key)
@@ -256,7 +329,9 @@ def _sections(lines: list[str], places: list[int], mark: str) -> tuple[int, int]
         return 0, 0
     whole = len(lines)
     for end in reversed(ends[2:]):
-        first = max((n for n in range(end) if lines[n].startswith("Channels")), default=end)
+        first = max(
+            (n for n in range(end) if lines[n].startswith("Channels")), default=end
+        )
         del lines[first : end + 2], places[first : end + 2]
     labels = split_line(lines[start := ends[:2][-1] + 1].rstrip(mark), mark)
     if labels[-1] == "Comment":
@@ -273,20 +348,36 @@ def _numeric_columns(split: list[list[str]]) -> list[int]:
             if not any(is_number(cell) or cell in MISSING[1:] for cell in cells):
                 break
             alike.append(cells)
-    filled = [[cell for cell in cells if cell not in MISSING] for cells in zip(*alike, strict=True)]
-    return [n for n, cells in enumerate(filled) if 2 * count_numbers(cells) >= len(cells) > 0]
+    filled = [
+        [cell for cell in cells if cell not in MISSING]
+        for cells in zip(*alike, strict=True)
+    ]
+    return [
+        n
+        for n, cells in enumerate(filled)
+        if 2 * count_numbers(cells) >= len(cells) > 0
+    ]
 
 
 def _first_row(
-    lines: list[str], start: int, mark: str, numeric: list[int], last: list[str], file: Path
+    lines: list[str],
+    start: int,
+    mark: str,
+    numeric: list[int],
+    last: list[str],
+    file: Path,
 ) -> int:
     """Return the first line from ``start`` on with only numbers in ``numeric`` cells, or with no
     content above such a line; RecordingError for none.
     """
     for top in range(start, len(lines)):
         cells = split_line(lines[top], mark)
-        values = [cells[column] for column in numeric] if len(cells) == len(last) else []
-        if any(map(is_number, values)) and all(is_number(one) or one in MISSING for one in values):
+        values = (
+            [cells[column] for column in numeric] if len(cells) == len(last) else []
+        )
+        if any(map(is_number, values)) and all(
+            is_number(one) or one in MISSING for one in values
+        ):
             break
     else:
         message = f"no samples: no row of numbers up to the line {lines[-1][:80]!r}; record it or "
@@ -294,25 +385,40 @@ def _first_row(
     if top + 1 < len(lines) and counts_on(cells):
         return top + 1
     blank = {*MISSING}.issuperset
-    while top > start and len(up := split_line(lines[top - 1], mark)) == len(last) and blank(up):
+    while (
+        top > start
+        and len(up := split_line(lines[top - 1], mark)) == len(last)
+        and blank(up)
+    ):
         top -= 1
     return top
 
 
 def _header(
-    lines: list[str], places: list[int], mark: str, last: list[str], numeric: list[int], file: Path
+    lines: list[str],
+    places: list[int],
+    mark: str,
+    last: list[str],
+    numeric: list[int],
+    file: Path,
 ) -> tuple[list[str], list[str], int]:
     """Return labels, units and the labels' line; RecordingError for a damaged row above rows."""
     for line, place in zip(lines, places, strict=False):
         for other in SEPARATORS:
-            cells = line.split() if other == delimited.SPACE else split_line(line, other)
+            cells = (
+                line.split() if other == delimited.SPACE else split_line(line, other)
+            )
             filled = [cell for cell in cells if cell]
             if 2 < len(filled) == count_numbers(filled) and not counts_on(cells):
-                message = f"numbers unlike the rows below, or damaged: {line[:80]!r}: {MEND}"
+                message = (
+                    f"numbers unlike the rows below, or damaged: {line[:80]!r}: {MEND}"
+                )
                 raise RecordingError(message, file=file, line=place)
     above = [split_line(line.lstrip("#% "), mark) for line in lines]
     cells = above[-1] if above else []
-    numbers = count_numbers([cells[column] for column in numeric if column < len(cells)])
+    numbers = count_numbers(
+        [cells[column] for column in numeric if column < len(cells)]
+    )
     if numbers and len(cells) in (len(last), numbers) and not counts_on(cells):
         message = f"words and numbers in one row: {lines[-1][:80]!r}: {MEND}"
         raise RecordingError(message, file=file, line=places[len(lines) - 1])
@@ -321,7 +427,9 @@ def _header(
         raise RecordingError(message + MEND, file=file, line=places[len(lines)])
     units: list[str] = []
     for place, cells in reversed([*zip(places, above, strict=False)]):
-        cells = [cell for cell in cells if "=" not in cell]  # cells of settings label no column
+        cells = [
+            cell for cell in cells if "=" not in cell
+        ]  # cells of settings label no column
         if not re.search(r"\w", "".join(cells)):
             continue
         filled, width = delimited.filled_width(cells), len(last)
@@ -329,13 +437,22 @@ def _header(
         if stated and not units and place > places[0]:
             units = cells
         elif numeric[-1] < filled <= width and (filled > 1 or width == 1):
-            return (cells + [""] * width)[: max(filled, delimited.filled_width(last))], units, place
+            return (
+                (cells + [""] * width)[: max(filled, delimited.filled_width(last))],
+                units,
+                place,
+            )
     return [], units, places[len(lines)]
 
 
 def _begins(head: Head) -> bool:
     """Return whether the reader finds rows, or an error that names an option or a line."""
-    if head.text is None or not head.lines or head.suffix in TREES or delimited.foreign(head.text):
+    if (
+        head.text is None
+        or not head.lines
+        or head.suffix in TREES
+        or delimited.foreign(head.text)
+    ):
         return False
     *lines, last = head.text.split("\n")
     try:

@@ -42,7 +42,10 @@ IMAGE, CLOUD = "sensor_msgs/msg/Image", "sensor_msgs/msg/PointCloud2"
 CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 PIXELS = dict.fromkeys(("16UC1", "mono16"), np.dtype(np.uint16))
 PIXELS["32FC1"] = np.dtype(np.float32)
-DATATYPES = {7: np.dtype(np.float32), 8: np.dtype(np.float64)}  # datatype of a PointField
+DATATYPES = {
+    7: np.dtype(np.float32),
+    8: np.dtype(np.float64),
+}  # datatype of a PointField
 # suffix of a bag's files → command that writes its index again
 MENDS = {".bag": "rosbag reindex", ".mcap": "mcap recover", ".db3": "ros2 bag reindex"}
 PROFILE = re.compile(rb"\x89MCAP0\r\n\x01.{8}(.)\0{3}", re.DOTALL)
@@ -61,7 +64,9 @@ class Summary:
     topics: dict[str, tuple[str, int]]  # topic → type and number of messages
     # announced_messages in metadata.yaml, and found_messages in the files
     counts: dict[str, int] = field(default_factory=dict)
-    passed_over: dict[str, str] = field(default_factory=dict)  # topic that is not read → reason
+    passed_over: dict[str, str] = field(
+        default_factory=dict
+    )  # topic that is not read → reason
 
 
 def summary(file: Path) -> Summary:
@@ -90,7 +95,9 @@ def _summary(file: Path) -> Summary:
 
 def topics(file: Path) -> dict[str, str]:
     """Return topic → message type of a bag's topics with messages; errors as :func:`messages`."""
-    return {topic: kind for topic, (kind, number) in summary(file).topics.items() if number}
+    return {
+        topic: kind for topic, (kind, number) in summary(file).topics.items() if number
+    }
 
 
 def choose_topic(file: Path, kinds: tuple[str, ...], topic: str | None = None) -> str:
@@ -98,7 +105,11 @@ def choose_topic(file: Path, kinds: tuple[str, ...], topic: str | None = None) -
     ``sensor_msgs/msg/Image``; RecordingError with all topics where no topic fits, or several.
     """
     present = topics(file)
-    fitting = [name for name, kind in present.items() if kind in kinds and topic in (None, name)]
+    fitting = [
+        name
+        for name, kind in present.items()
+        if kind in kinds and topic in (None, name)
+    ]
     if len(fitting) == 1:
         return fitting[0]
     wanted = " or ".join(kind.rpartition("/")[2] for kind in kinds)
@@ -141,9 +152,13 @@ def _stream(file: Path, topic: str) -> Iterator[Any]:
     with _open_bag(file) as (reader, foreign):
         if topic in foreign:
             raise RecordingError(foreign[topic], file=file, topic=topic)
-        connections = [connection for connection in reader.connections if connection.topic == topic]
+        connections = [
+            connection for connection in reader.connections if connection.topic == topic
+        ]
         if not connections:
-            present = _topic_list({one.topic: one.msgtype for one in reader.connections})
+            present = _topic_list(
+                {one.topic: one.msgtype for one in reader.connections}
+            )
             raise RecordingError(f"no topic {topic!r}; there are {present}", file=file)
         announced, found = sum(connection.msgcount for connection in connections), 0
         yield announced
@@ -165,11 +180,15 @@ def seconds(message: object, **evidence: object) -> float:
 
 
 def _topic_list(types: dict[str, str]) -> str:
-    listed = [f"{topic} ({kind.rpartition('/')[2]})" for topic, kind in sorted(types.items())]
+    listed = [
+        f"{topic} ({kind.rpartition('/')[2]})" for topic, kind in sorted(types.items())
+    ]
     return ", ".join(listed) or "none"
 
 
-def image_pixels(message: object, *, shape: tuple[int, int], **evidence: object) -> np.ndarray:
+def image_pixels(
+    message: object, *, shape: tuple[int, int], **evidence: object
+) -> np.ndarray:
     """Return the pixels (H, W) of an Image of ``shape`` = (H, W): uint16 (16UC1) or float32
     (32FC1), either byte order, rows padded or not. RecordingError (with ``evidence``) for another
     encoding or size, and where the data do not have rows × step bytes.
@@ -182,7 +201,9 @@ def image_pixels(message: object, *, shape: tuple[int, int], **evidence: object)
     return _records(message, message.step, pixel, "pixels", evidence).astype(pixel)
 
 
-def _records(message: object, row: int, kind: np.dtype, items: str, evidence: dict) -> np.ndarray:
+def _records(
+    message: object, row: int, kind: np.dtype, items: str, evidence: dict
+) -> np.ndarray:
     """Return the items (height, width) of ``kind`` in a message whose rows have ``row`` bytes."""
     height, width, size = message.height, message.width, kind.itemsize
     data = np.asarray(message.data, np.uint8)
@@ -202,17 +223,27 @@ def cloud_points(message: object, **evidence: object) -> np.ndarray:
     fields, step = {field.name: field for field in message.fields}, message.point_step
     axes = [fields[name] for name in "xyz" if name in fields]
     formats = [DATATYPES.get(field.datatype) for field in axes if field.count == 1]
-    ends = [f.offset + kind.itemsize for f, kind in zip(axes, formats, strict=False) if kind]
+    ends = [
+        f.offset + kind.itemsize for f, kind in zip(axes, formats, strict=False) if kind
+    ]
     if len(ends) < 3 or max(ends) > step:
         need = f"x, y and z must be single float32 or float64 within the {step} bytes of a point; "
-        raise RecordingError(f"{need}there are {', '.join(fields) or 'none'}", **evidence)
-    layout = {"names": [*"xyz"], "formats": formats, "offsets": [field.offset for field in axes]}
+        raise RecordingError(
+            f"{need}there are {', '.join(fields) or 'none'}", **evidence
+        )
+    layout = {
+        "names": [*"xyz"],
+        "formats": formats,
+        "offsets": [field.offset for field in axes],
+    }
     kind = np.dtype(layout | {"itemsize": step})
     points = _records(message, message.row_step, kind, "points", evidence).ravel()
     return np.column_stack([points[name].astype(float) for name in "xyz"])
 
 
-def camera_info(message: object, *, width: int, height: int, **evidence: object) -> Intrinsics:
+def camera_info(
+    message: object, *, width: int, height: int, **evidence: object
+) -> Intrinsics:
     """Return the intrinsics from K and D of a CameraInfo of ``width`` × ``height`` pixels;
     RecordingError (with ``evidence``) for another size, a zero K and another distortion model.
     """
@@ -228,7 +259,9 @@ def camera_info(message: object, *, width: int, height: int, **evidence: object)
 def _mend(file: Path) -> str:
     """Return what to do with a damaged bag, by its kind."""
     suffixes = {place.suffix for place in (file, *file.glob("*"))}
-    command = next((known for end, known in MENDS.items() if end in suffixes), MENDS[".db3"])
+    command = next(
+        (known for end, known in MENDS.items() if end in suffixes), MENDS[".db3"]
+    )
     return f"copy it again, or run `{command}` on it"
 
 
@@ -255,7 +288,9 @@ def _open_bag(file: Path) -> Iterator[tuple[Any, dict[str, str]]]:
                 _require_sound(part)
         reader = (rosbag1.Reader if file.suffix == ".bag" else rosbag2.Reader)(folder)
         stack.enter_context(reader)
-        if not all(isinstance(connection.msgcount, int) for connection in reader.connections):
+        if not all(
+            isinstance(connection.msgcount, int) for connection in reader.connections
+        ):
             raise ValueError("the bag does not state its number of messages")
         yield reader, foreign
 
@@ -269,7 +304,9 @@ def _require_sound(file: Path) -> None:
             message = f"an MCAP of the profile {profile!r}, not ros2: record or convert it by ROS 2"
             raise RecordingError(message, file=file)
     size, pages = int.from_bytes(head[16:18]), int.from_bytes(head[28:32])
-    if file.suffix == ".db3" and file.stat().st_size < pages * (1 << 16 if size == 1 else size):
+    if file.suffix == ".db3" and file.stat().st_size < pages * (
+        1 << 16 if size == 1 else size
+    ):
         raise ValueError(f"{file.name} is cut short")
 
 
@@ -292,7 +329,9 @@ def _link_without_foreign(file: Path, folder: Path) -> dict[str, str]:
 
 
 @lru_cache(maxsize=64)
-def _types(kind: str, definition: MessageDefinition, digest: str, form: str) -> Typestore:
+def _types(
+    kind: str, definition: MessageDefinition, digest: str, form: str
+) -> Typestore:
     if form not in (ROS1, ROS2):
         raise RecordingError(FOREIGN.format(kind, form))
     if definition.format == MessageDefinitionFormat.NONE:
@@ -305,10 +344,16 @@ def _types(kind: str, definition: MessageDefinition, digest: str, form: str) -> 
         if definition.format != MessageDefinitionFormat.MSG:
             raise ValueError("it is in IDL")
         store.register(get_types_from_msg(definition.data, kind))
-        own = store.generate_msgdef(kind)[1] if form == ROS1 else store.hash_rihs01(kind)
-    except Exception as error:  # the parser's own, and those of a type that is not defined
+        own = (
+            store.generate_msgdef(kind)[1] if form == ROS1 else store.hash_rihs01(kind)
+        )
+    except (
+        Exception
+    ) as error:  # the parser's own, and those of a type that is not defined
         words = " ".join(str(error).split())[:80]
-        raise RecordingError(f"the definition of {kind} cannot be read ({words})") from None
+        raise RecordingError(
+            f"the definition of {kind} cannot be read ({words})"
+        ) from None
     if digest not in ("", own):
         raise RecordingError(f"the definition of {kind} has not the hash {digest}")
     return store

@@ -28,7 +28,9 @@ def read_trajectory(file: Path) -> pd.DataFrame:
     """
 
     def choose(labels: list[str]) -> list[str]:
-        joints = list(dict.fromkeys(label for label in labels if label.startswith("q:")))
+        joints = list(
+            dict.fromkeys(label for label in labels if label.startswith("q:"))
+        )
         plane = not joints or not {*COLUMNS[1:]}.isdisjoint(labels)
         return [*(COLUMNS if plane else ["t"]), *joints]
 
@@ -59,7 +61,9 @@ def _even_rows(
         message = f"the header must name {', '.join(missing)} once each, of {', '.join(wanted)}"
         message += otherwise
     elif sheet.counts["cut_rows"]:
-        message = "the last row is short or has no line end: it may be cut; export it again"
+        message = (
+            "the last row is short or has no line end: it may be cut; export it again"
+        )
         line = sheet.lines[-1] + 1
     elif len(sheet.rows) < 2:
         message, line = "a trajectory needs at least two rows", sheet.lines[-1]
@@ -79,13 +83,22 @@ def _even_rows(
 
 def write_trajectory(file: Path, trajectory: pd.DataFrame) -> None:
     """Write t and, if present, poses x, velocities v and joint angles q, without rounding."""
-    joints, plane = columns("q", members(trajectory, "q")), bool(members(trajectory, "x"))
-    chosen, header = ([*(names if plane else ["t"]), *joints] for names in (FAMILIES, COLUMNS))
+    joints, plane = (
+        columns("q", members(trajectory, "q")),
+        bool(members(trajectory, "x")),
+    )
+    chosen, header = (
+        [*(names if plane else ["t"]), *joints] for names in (FAMILIES, COLUMNS)
+    )
     trajectory[chosen].to_csv(file, index=False, header=header, lineterminator="\n")
 
 
 def _begins(head: Head) -> bool:
-    labels = {cell.strip().strip('"') for cell in head.lines[0].split(",")} if head.lines else set()
+    labels = (
+        {cell.strip().strip('"') for cell in head.lines[0].split(",")}
+        if head.lines
+        else set()
+    )
     joints = {label for label in labels if label.startswith("q:")}
     return set(COLUMNS) <= labels or (bool(joints) and labels == {"t"} | joints)
 

@@ -59,7 +59,9 @@ class JointPath:
 Commanded = TrajectoryOptions | JointPath
 
 
-def _require_followable(chain: Chain, q: np.ndarray, speed: np.ndarray, motion: str) -> None:
+def _require_followable(
+    chain: Chain, q: np.ndarray, speed: np.ndarray, motion: str
+) -> None:
     slow = np.all(np.abs(speed) <= (1 + ROUNDING) * chain.max_speed, axis=1)
     lower, upper, fastest = chain.lower, chain.upper, chain.max_speed
     for fits, fault in (
@@ -83,17 +85,26 @@ def desired_joints(t: np.ndarray, motion: Commanded) -> tuple[np.ndarray, np.nda
     back = np.minimum(s, moving - s)
     inside = np.minimum(back, ramp)
     speed = peak * (1 - np.cos(np.pi * inside / ramp)) / 2
-    way = peak * ((inside - ramp / np.pi * np.sin(np.pi * inside / ramp)) / 2 + back - inside)
-    progress, rate = np.where(s <= moving / 2, way, 1.0 - way), np.where(t <= half, speed, -speed)
+    way = peak * (
+        (inside - ramp / np.pi * np.sin(np.pi * inside / ramp)) / 2 + back - inside
+    )
+    progress, rate = (
+        np.where(s <= moving / 2, way, 1.0 - way),
+        np.where(t <= half, speed, -speed),
+    )
     folded, extended = np.asarray(motion.folded), np.asarray(motion.extended)
-    return folded + progress[..., None] * (extended - folded), rate[..., None] * (extended - folded)
+    return folded + progress[..., None] * (extended - folded), rate[..., None] * (
+        extended - folded
+    )
 
 
 def desired_path(chain: Chain, options: TrajectoryOptions) -> np.ndarray:
     """Return commanded angles (M+1, n) in rad; ConfigError for angles beyond the joints' limits."""
     key = "laboratory.trajectory"
     if len(options.folded) != len(chain.lower):
-        raise ConfigError(f"{key}: folded and extended must have {len(chain.lower)} angles each")
+        raise ConfigError(
+            f"{key}: folded and extended must have {len(chain.lower)} angles each"
+        )
     grid = np.arange(round(options.duration * options.rate) + 1) / options.rate
     q, speed = desired_joints(grid, options)
     _require_followable(chain, q, speed, f"{key}: the motion")
@@ -105,12 +116,16 @@ def desired_trajectory(chain: Chain, options: TrajectoryOptions) -> pd.DataFrame
     return trajectory_table(chain, desired_path(chain, options), options.rate)
 
 
-def lagged_noise(shape: tuple[int, ...], steps_per_lag: float, rng: Generator) -> np.ndarray:
+def lagged_noise(
+    shape: tuple[int, ...], steps_per_lag: float, rng: Generator
+) -> np.ndarray:
     """Draw stationary normal paths of variance 1 along the last axis: white noise behind LAGS."""
     from scipy.signal import lfilter
 
     denominator = np.poly(np.full(LAGS, np.exp(-1.0 / steps_per_lag)))
-    response = lfilter([1.0], denominator, np.eye(1, int(np.ceil(SETTLED * steps_per_lag)))[0])
+    response = lfilter(
+        [1.0], denominator, np.eye(1, int(np.ceil(SETTLED * steps_per_lag)))[0]
+    )
     noise = rng.standard_normal((*shape[:-1], len(response) + shape[-1]))
     passed_on = lfilter([1.0], denominator, noise, axis=-1)[..., len(response) :]
     return passed_on / np.linalg.norm(response)
@@ -118,7 +133,9 @@ def lagged_noise(shape: tuple[int, ...], steps_per_lag: float, rng: Generator) -
 
 def servo_times(motion: Commanded, options: DynamicsOptions) -> np.ndarray:
     """Return the servo's times (N,) in s, from 50 servo steps before to 50 after the motion."""
-    return np.arange(-50, round(motion.duration * options.rate) + 51) * (1.0 / options.rate)
+    return np.arange(-50, round(motion.duration * options.rate) + 51) * (
+        1.0 / options.rate
+    )
 
 
 def true_chain(nominal: Chain, options: DynamicsOptions, rng: Generator) -> Chain:
@@ -126,7 +143,9 @@ def true_chain(nominal: Chain, options: DynamicsOptions, rng: Generator) -> Chai
     rows, number = ", ".join(nominal.task), len(nominal.lower)
     if len(options.sway_std) != len(nominal.task) or options.play_joint > number:
         message = f"sway_std must have an entry for each of {rows}, got {options.sway_std}, and"
-        message += f" play_joint must lie between 1 and {number}, got {options.play_joint}"
+        message += (
+            f" play_joint must lie between 1 and {number}, got {options.play_joint}"
+        )
         raise ConfigError(message, key="laboratory.dynamics")
     planar = isinstance(nominal, PlanarChain)
     links = nominal.links if planar else nominal.placements[1:, 9:]
@@ -151,7 +170,9 @@ class Chance(NamedTuple):
     play: np.ndarray  # (..., N) path of the joint with play
 
 
-def draw(chain: Chain, motion: Commanded, options: DynamicsOptions, rng: Generator) -> Chance:
+def draw(
+    chain: Chain, motion: Commanded, options: DynamicsOptions, rng: Generator
+) -> Chance:
     """Draw the variates of one take, which depend on ``motion`` only by its duration."""
     n, steps, rate = len(chain.lower), len(servo_times(motion, options)), options.rate
     return Chance(
@@ -168,11 +189,17 @@ class Swing(NamedTuple):
 
     t: np.ndarray  # (N,) s on the motion clock
     q: np.ndarray  # (..., N, n) rad, true joint angles
-    servo: np.ndarray  # (..., N, n) rad, angles at the motors, before gears and encoder errors
+    servo: (
+        np.ndarray
+    )  # (..., N, n) rad, angles at the motors, before gears and encoder errors
 
 
 def swing(
-    chain: Chain, offset: np.ndarray, motion: Commanded, options: DynamicsOptions, chance: Chance
+    chain: Chain,
+    offset: np.ndarray,
+    motion: Commanded,
+    options: DynamicsOptions,
+    chance: Chance,
 ) -> Swing:
     """Return the takes of ``motion`` by the true ``chain`` with the variates ``chance``."""
     dt, t = 1.0 / options.rate, servo_times(motion, options)
@@ -198,10 +225,16 @@ def swing(
 
 
 def expose(
-    t: np.ndarray, q: np.ndarray, at: np.ndarray, options: DynamicsOptions, rng: Generator
+    t: np.ndarray,
+    q: np.ndarray,
+    at: np.ndarray,
+    options: DynamicsOptions,
+    rng: Generator,
 ) -> np.ndarray:
     """Return true joint angles (K, n) rad at the times ``at`` (K,) s plus random jitter."""
-    instants = np.clip(at + options.jitter_std * rng.standard_normal(at.shape), t[0], t[-1])
+    instants = np.clip(
+        at + options.jitter_std * rng.standard_normal(at.shape), t[0], t[-1]
+    )
     return joints_at(instants, t, q)
 
 
@@ -220,7 +253,9 @@ class Session(NamedTuple):
 def open_session(nominal: Chain, options: DynamicsOptions, rng: Generator) -> Session:
     """Draw the arm and the encoders' zeros; ConfigError for options of another arm."""
     built = true_chain(nominal, options, rng)
-    return Session(built, options.encoder_offset_std * rng.standard_normal(len(nominal.lower)))
+    return Session(
+        built, options.encoder_offset_std * rng.standard_normal(len(nominal.lower))
+    )
 
 
 class PerformedMotion(NamedTuple):
@@ -232,7 +267,10 @@ class PerformedMotion(NamedTuple):
 
 
 def perform(
-    session: Session, trajectory: TrajectoryOptions, options: DynamicsOptions, rng: Generator
+    session: Session,
+    trajectory: TrajectoryOptions,
+    options: DynamicsOptions,
+    rng: Generator,
 ) -> PerformedMotion:
     """Draw one take of the trajectory and the exposures of the motion capture."""
     chance = draw(session.chain, trajectory, options, rng)
@@ -251,10 +289,14 @@ class DepthFrames(NamedTuple):
     clock_offset: float  # s, camera's clock minus motion clock at the start
 
 
-def depth_frames(take: Swing, duration: float, clock: ClockOptions, rng: Generator) -> DepthFrames:
+def depth_frames(
+    take: Swing, duration: float, clock: ClockOptions, rng: Generator
+) -> DepthFrames:
     """Draw the frames of a take of ``duration`` s."""
     frames = np.arange(int(duration * clock.rate) + 1) / clock.rate
-    exposed = np.clip(frames + clock.jitter_std * rng.standard_normal(frames.shape), 0.0, duration)
+    exposed = np.clip(
+        frames + clock.jitter_std * rng.standard_normal(frames.shape), 0.0, duration
+    )
     offset = clock.offset + clock.offset_std * rng.standard_normal()
     times = exposed * (1 + clock.drift) + offset
     return DepthFrames(exposed, times, joints_at(exposed, take.t, take.q), offset)

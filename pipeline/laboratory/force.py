@@ -21,10 +21,14 @@ class RiggedForce(NamedTuple):
     force: np.ndarray  # (N, 3) N, with bias, drift and noise
     torque: np.ndarray  # (N, 3) N·m, with bias, drift and noise
     tension: np.ndarray  # (N, m) N, true; 0 in the tare interval
-    direction: np.ndarray  # (N, m, 3) true unit vectors from the platform along the cables
+    direction: (
+        np.ndarray
+    )  # (N, m, 3) true unit vectors from the platform along the cables
 
 
-def _autoregressive(innovation: np.ndarray, decay: float, start: np.ndarray) -> np.ndarray:
+def _autoregressive(
+    innovation: np.ndarray, decay: float, start: np.ndarray
+) -> np.ndarray:
     """Return x (N, m), x_k = decay·x_{k−1} + innovation_k, with x_{−1} = ``start`` (m,)."""
     from scipy.signal import lfilter
 
@@ -51,8 +55,12 @@ def slipping(
     nu, fade = robots.slip_rate * robots.slip_recovery, rate * robots.slip_recovery
     lost = np.zeros((samples, len(sd)))
     for robot in range(len(sd)):
-        step = np.repeat(np.arange(samples), rng.poisson(robots.slip_rate / rate, samples))
-        decayed = rng.exponential(size=len(step)) * np.exp(-rng.uniform(size=len(step)) / fade)
+        step = np.repeat(
+            np.arange(samples), rng.poisson(robots.slip_rate / rate, samples)
+        )
+        decayed = rng.exponential(size=len(step)) * np.exp(
+            -rng.uniform(size=len(step)) / fade
+        )
         lost[:, robot] = np.bincount(step, decayed, samples)
     paths = _autoregressive(lost, np.exp(-1 / fade), rng.gamma(nu, size=len(sd)))
     return sd / np.sqrt(nu) * (nu - paths)
@@ -75,14 +83,18 @@ def directions(
         angle = azimuth + wander(sd, wander_time, samples, rate, rng)
         return np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=-1)
     sd = np.array([_angle_in_space(kappa) for kappa in concentration])
-    up, aside = (wander(sd, wander_time, samples, rate, rng)[..., None] for _ in range(2))
+    up, aside = (
+        wander(sd, wander_time, samples, rate, rng)[..., None] for _ in range(2)
+    )
     ca, sa, elevation = np.cos(azimuth), np.sin(azimuth), np.asarray(cables.elevation)
     ce, se = np.cos(elevation), np.sin(elevation)
     mean = np.stack([ce * ca, ce * sa, se], axis=-1)
     upwards = np.stack([-se * ca, -se * sa, ce], axis=-1)
     sideways = np.stack([-sa, ca, np.zeros_like(sa)], axis=-1)
     size = np.hypot(up, aside)
-    return np.cos(size) * mean + np.sinc(size / np.pi) * (up * upwards + aside * sideways)
+    return np.cos(size) * mean + np.sinc(size / np.pi) * (
+        up * upwards + aside * sideways
+    )
 
 
 def _angle_in_space(kappa: float) -> float:
@@ -90,18 +102,27 @@ def _angle_in_space(kappa: float) -> float:
     from scipy.optimize import brentq
 
     length = 1 / np.tanh(kappa) - 1 / kappa
-    return brentq(lambda s: 1 - np.sqrt(2) * s * dawsn(s / np.sqrt(2)) - length, 1e-9, 1.5)
+    return brentq(
+        lambda s: 1 - np.sqrt(2) * s * dawsn(s / np.sqrt(2)) - length, 1e-9, 1.5
+    )
 
 
 def record_force(
-    cables: Arrangement, robots: Robots, transducer: Transducer, tare: float, duration: float, rng
+    cables: Arrangement,
+    robots: Robots,
+    transducer: Transducer,
+    tare: float,
+    duration: float,
+    rng,
 ) -> RiggedForce:
     """Draw a record of ``tare`` s without load and ``duration`` s with load; ConfigError for
     unequal numbers of robots and cables.
     """
     tension, sd = np.asarray(cables.tension, dtype=float), np.asarray(robots.tension_sd)
     if len(sd) != len(tension):
-        message = f"{len(sd)} robots and {len(tension)} cables: the numbers must be equal"
+        message = (
+            f"{len(sd)} robots and {len(tension)} cables: the numbers must be equal"
+        )
         raise ConfigError(message, key="laboratory.robots")
     rate = transducer.rate
     samples = round((tare + duration) * rate)

@@ -29,7 +29,9 @@ MILLIMETRES = np.float32(1000)  # in a metre
 Window = tuple[slice, slice]  # rows and columns of an image
 
 
-def place_solid(ends: np.ndarray, rotation: np.ndarray, translation: np.ndarray) -> np.ndarray:
+def place_solid(
+    ends: np.ndarray, rotation: np.ndarray, translation: np.ndarray
+) -> np.ndarray:
     """Return the prism with every point p moved to ``rotation @ p + translation``."""
     return (ends[..., None, :] * rotation).sum(axis=-1) + translation
 
@@ -53,7 +55,9 @@ def prism(outline: np.ndarray, low: float, high: float) -> np.ndarray:
     edge = np.roll(outline, -1, axis=0) - outline
     after = np.roll(edge, -1, axis=0)
     if not (np.all(edge[:, 0] * after[:, 1] > edge[:, 1] * after[:, 0]) and low < high):
-        message = "a solid is wider than long, or has no extent; make it longer or narrower"
+        message = (
+            "a solid is wider than long, or has no extent; make it longer or narrower"
+        )
         raise ConfigError(message, key="laboratory.kinect.scene")
     return np.stack([np.insert(outline, 1, y, axis=1) for y in (low, high)])
 
@@ -72,7 +76,11 @@ def _rounded_bar(bottom: float, top: float, width: float) -> np.ndarray:
 def _static_solids(chain: PlanarChain, options: SceneOptions) -> list[np.ndarray]:
     """Return turntable, neck, stand, floor and wall, in the plane's frame."""
     (x, z), far, wall = chain.origin, 20.0, options.wall_distance
-    half, stand, floor = options.base_width / 2, options.stand_width / 2, options.floor_height
+    half, stand, floor = (
+        options.base_width / 2,
+        options.stand_width / 2,
+        options.floor_height,
+    )
     gap = z - options.base_gap
     return [
         prism(_rectangle(x - half, x + half, 0.0, gap), -half, half),
@@ -84,7 +92,9 @@ def _static_solids(chain: PlanarChain, options: SceneOptions) -> list[np.ndarray
     ]
 
 
-def _arm_solids(chain: PlanarChain, options: SceneOptions) -> list[tuple[int, np.ndarray]]:
+def _arm_solids(
+    chain: PlanarChain, options: SceneOptions
+) -> list[tuple[int, np.ndarray]]:
     """Return (index of the link, solid in the link's segment frame) of all solids of the arm."""
     o, (first, second, third), finger = options, chain.lengths, options.finger_width / 2
     hand = o.hand_share * third - o.tool_width / 2
@@ -94,7 +104,9 @@ def _arm_solids(chain: PlanarChain, options: SceneOptions) -> list[tuple[int, np
         (2, _rounded_bar(0.0, hand, o.tool_width), o.link_depths[2]),
         (2, _rectangle(-finger, finger, 0.0, third), o.finger_depth),
     )
-    return [(link, prism(outline, -depth / 2, depth / 2)) for link, outline, depth in solids]
+    return [
+        (link, prism(outline, -depth / 2, depth / 2)) for link, outline, depth in solids
+    ]
 
 
 def _arccos(cosine: np.ndarray) -> np.ndarray:
@@ -103,17 +115,23 @@ def _arccos(cosine: np.ndarray) -> np.ndarray:
     for _ in range(3):  # of 1/4, 1/8 and 1/16 of the angle
         tangent = tangent / (1 + np.sqrt(1 + tangent * tangent))
     square, series = tangent * tangent, 0.0
-    for power in range(17, 0, -2):  # the next term of the arc tangent is at most 0.1¹⁹/19
+    for power in range(
+        17, 0, -2
+    ):  # the next term of the arc tangent is at most 0.1¹⁹/19
         series = 1 / power - square * series
     return 16 * tangent * series
 
 
-def cast(solid: np.ndarray, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def cast(
+    solid: np.ndarray, x: np.ndarray, y: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Return depth (h, w) in m along z (infinite if the ray misses the ``solid``) and grazing angle
     (h, w) in rad of the rays (x, y, 1), ``x`` (w,), ``y`` (h,), in the camera's frame. Raises
     ConfigError for a camera inside the solid.
     """
-    enter, leave, distance = (np.full((len(y), len(x)), value) for value in (np.inf, 0.0, 0.0))
+    enter, leave, distance = (
+        np.full((len(y), len(x)), value) for value in (np.inf, 0.0, 0.0)
+    )
     normals, distances = _faces(solid)
     distances[distances == 0] = THROUGH
     _pass(normals / distances[:, None], distances, x, y, enter, leave, distance)
@@ -148,7 +166,9 @@ def _pass(slope, distance, x, y, enter, leave, entered):
             else:
                 for column in range(x.size):
                     inverse = across * x[column] + down
-                    farthest[column] = inverse if inverse > farthest[column] else farthest[column]
+                    farthest[column] = (
+                        inverse if inverse > farthest[column] else farthest[column]
+                    )
 
 
 def _about(axis: int, angle: float) -> np.ndarray:
@@ -167,11 +187,16 @@ class DepthCamera:
         self.options, self._bias, self._chain = options, bias, arm.chain
         # columns are the camera's axes in the plane's frame
         facing = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
-        turn = _about(1, options.yaw) @ _about(0, options.pitch) @ _about(2, options.roll)
+        turn = (
+            _about(1, options.yaw) @ _about(0, options.pitch) @ _about(2, options.roll)
+        )
         self._rotation = facing @ turn
         aim = np.array([options.aim[0], 0.0, options.aim[1]])
         self._position = aim - options.distance * self._rotation[:, 2]
-        self.rotation, self.translation = arm.rotation @ self._rotation, arm.to_base(self._position)
+        self.rotation, self.translation = (
+            arm.rotation @ self._rotation,
+            arm.to_base(self._position),
+        )
         self._x = (np.arange(options.width) - options.cx) / options.fx
         self._y = (np.arange(options.height) - options.cy) / options.fy
         self._arm = _arm_solids(arm.chain, options.scene)
@@ -179,12 +204,16 @@ class DepthCamera:
         depth = np.full((options.height, options.width), np.inf, dtype=np.float32)
         self._background = depth, np.zeros_like(depth)
         for solid in _static_solids(arm.chain, options.scene):
-            self._draw(self._in_camera(solid), (slice(None), slice(None)), *self._background)
+            self._draw(
+                self._in_camera(solid), (slice(None), slice(None)), *self._background
+            )
 
     def _in_camera(self, solid: np.ndarray) -> np.ndarray:
         return place_solid(solid, self._rotation.T, -self._rotation.T @ self._position)
 
-    def _draw(self, solid, window: Window, depth: np.ndarray, grazing: np.ndarray) -> None:
+    def _draw(
+        self, solid, window: Window, depth: np.ndarray, grazing: np.ndarray
+    ) -> None:
         """Draw a solid, given in the camera's frame, into the ``window`` of the images."""
         images = cast(solid, self._x[window[1]], self._y[window[0]])
         nearer = images[0] < depth[window]
@@ -197,7 +226,10 @@ class DepthCamera:
         if np.all(z > 0):
             sides = (o.fy * y / z + o.cy, o.height), (o.fx * x / z + o.cx, o.width)
             if all(p.min() >= 0 and p.max() <= size - 1 for p, size in sides):
-                ends = ((int(np.floor(p.min())), int(np.ceil(p.max())) + 1) for p, _ in sides)
+                ends = (
+                    (int(np.floor(p.min())), int(np.ceil(p.max())) + 1)
+                    for p, _ in sides
+                )
                 return tuple(slice(*pair) for pair in ends)
         message = f"the arm is not wholly in the image at distance {o.distance} m and aim {o.aim}; "
         message += "move the camera away or change aim"
@@ -223,7 +255,9 @@ def draw_bias(options: KinectOptions, rng: Generator) -> np.ndarray:
     depth = np.arange(0.0, options.range[1] + BIAS_STEP, BIAS_STEP)
     phase = rng.uniform(0, 2 * np.pi)
     offset = options.bias_offset_std * rng.standard_normal()
-    bias = offset + options.bias_wiggle * np.sin(2 * np.pi * depth / options.bias_period + phase)
+    bias = offset + options.bias_wiggle * np.sin(
+        2 * np.pi * depth / options.bias_period + phase
+    )
     # round, since the last bit of the sine depends on the processor
     return np.round(bias, 7).astype(np.float32)
 
@@ -232,13 +266,28 @@ def lateral_deviation(grazing: np.ndarray, options: KinectOptions) -> np.ndarray
     """Return σ_L in px per axis (Nguyen et al. 2012) at the ``grazing`` angle in rad, which is
     clipped at the grazing limit.
     """
-    angle, (a, b) = np.minimum(grazing, np.float32(options.grazing_limit)), options.lateral
+    angle, (a, b) = (
+        np.minimum(grazing, np.float32(options.grazing_limit)),
+        options.lateral,
+    )
     return np.float32(a) + np.float32(b) * (angle / (QUARTER_TURN - angle))
 
 
 @compiled
 def _measure(
-    depth, grazing, source, noise, bias, axial, limit, ends, border, near, far, kept, fate
+    depth,
+    grazing,
+    source,
+    noise,
+    bias,
+    axial,
+    limit,
+    ends,
+    border,
+    near,
+    far,
+    kept,
+    fate,
 ):
     """Return the image (N,) in mm, uint16, from standard normal ``noise`` (N,), float32, which it
     overwrites. Pixel p shows pixel ``source[p]`` of exact ``depth`` (N,) in m and ``grazing`` angle
@@ -269,7 +318,11 @@ def _measure(
 
 
 def read_depth(
-    depth: np.ndarray, grazing: np.ndarray, bias: np.ndarray, options: KinectOptions, rng: Generator
+    depth: np.ndarray,
+    grazing: np.ndarray,
+    bias: np.ndarray,
+    options: KinectOptions,
+    rng: Generator,
 ) -> np.ndarray:
     """Draw the sensor's image (h, w) in mm, uint16 (0: no depth), from exact ``depth`` (h, w) in m
     (0: no surface), ``grazing`` angle (h, w) in rad, float32, and ``bias`` of :func:`draw_bias`.
@@ -290,7 +343,17 @@ def read_depth(
     noise = rng.standard_normal(depth.size, dtype=np.float32)
     border = np.flatnonzero(edge)
     kept = options.edge_lost, options.edge_lost + options.edge_mixed
-    factors, ends, kept = (np.array(x, np.float32) for x in (options.axial, options.range, kept))
+    factors, ends, kept = (
+        np.array(x, np.float32) for x in (options.axial, options.range, kept)
+    )
     sensor = source, noise, bias, factors, np.float32(options.grazing_limit), ends
-    mixed = border, near.ravel(), far.ravel(), kept, rng.random((2, border.size), dtype=np.float32)
-    return _measure(depth.ravel(), grazing.ravel(), *sensor, *mixed).reshape(depth.shape)
+    mixed = (
+        border,
+        near.ravel(),
+        far.ravel(),
+        kept,
+        rng.random((2, border.size), dtype=np.float32),
+    )
+    return _measure(depth.ravel(), grazing.ravel(), *sensor, *mixed).reshape(
+        depth.shape
+    )

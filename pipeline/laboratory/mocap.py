@@ -18,10 +18,14 @@ from pipeline.laboratory.options import MocapOptions
 LABELS = "abc"
 PAIRS = np.array([[0, 1], [0, 2], [1, 2]])
 FIRST_UNLABELED = 1000
-Base = tuple[np.ndarray, np.ndarray]  # rotation (3, 3) and place (3,) m of the arm in the world
+Base = tuple[
+    np.ndarray, np.ndarray
+]  # rotation (3, 3) and place (3,) m of the arm in the world
 
 
-def place_markers(template: np.ndarray, options: MocapOptions, rng: Generator) -> np.ndarray:
+def place_markers(
+    template: np.ndarray, options: MocapOptions, rng: Generator
+) -> np.ndarray:
     """Draw the true positions (..., 3) m of a session's markers, planned at ``template``."""
     return template + options.placement_std * rng.standard_normal(template.shape)
 
@@ -39,16 +43,22 @@ def bursts(
     return starts, np.cumsum(change[:-1], axis=0) > 0
 
 
-def _exchange_labels(observed: np.ndarray, options: MocapOptions, rng: Generator) -> np.ndarray:
+def _exchange_labels(
+    observed: np.ndarray, options: MocapOptions, rng: Generator
+) -> np.ndarray:
     """Return the positions (N, 3, 3, xyz) with two labels of a link exchanged during bursts."""
     frames = observed.shape[0]
     starts, swapped = bursts(frames, (3,), options.swap_rate, options.swap_frames, rng)
     drawn = rng.integers(len(PAIRS), size=(frames, 3))
     # the exchanged pair is constant during a burst
-    latest = np.maximum.accumulate(np.where(starts, np.arange(frames)[:, None], 0), axis=0)
+    latest = np.maximum.accumulate(
+        np.where(starts, np.arange(frames)[:, None], 0), axis=0
+    )
     pair = PAIRS[np.take_along_axis(drawn, latest, axis=0)]
     carrier = np.broadcast_to(np.arange(3), (frames, 3, 3)).copy()
-    np.put_along_axis(carrier, pair, np.where(swapped[..., None], pair[..., ::-1], pair), axis=-1)
+    np.put_along_axis(
+        carrier, pair, np.where(swapped[..., None], pair[..., ::-1], pair), axis=-1
+    )
     return np.take_along_axis(observed, carrier[..., None], axis=2)
 
 
@@ -73,7 +83,12 @@ def _lose_labels(
 
 
 def capture(
-    arm: Arm, q: np.ndarray, markers: np.ndarray, base: Base, options: MocapOptions, rng: Generator
+    arm: Arm,
+    q: np.ndarray,
+    markers: np.ndarray,
+    base: Base,
+    options: MocapOptions,
+    rng: Generator,
 ) -> dict[str, np.ndarray]:
     """Draw name → positions (N, 3) m in the world frame, NaN if missing, of the ``markers``
     (3, 3, 3) (link, marker, xyz of the segment frame, m) on an arm at true angles ``q`` (N, 3) rad.
@@ -102,9 +117,13 @@ class MarkerCluster(NamedTuple):
     visible markers; with fewer than three visible markers, the body is lost.
     """
 
-    chain: SerialChain  # true chain from the base to the link; its tip is the link's frame
+    chain: (
+        SerialChain  # true chain from the base to the link; its tip is the link's frame
+    )
     places: np.ndarray  # (K, 3) m, true positions of the markers in the link's frame
-    shape: np.ndarray  # (K, 3) m, positions in the body's frame that the tracker assumes
+    shape: (
+        np.ndarray
+    )  # (K, 3) m, positions in the body's frame that the tracker assumes
 
 
 def as_built(link: SerialChain, arm: SerialChain) -> SerialChain:

@@ -29,7 +29,9 @@ class TrajectoryOptions:
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         if len(self.folded) != len(self.extended):
-            raise Fault("extended", "folded and extended must have an angle for every joint")
+            raise Fault(
+                "extended", "folded and extended must have an angle for every joint"
+            )
         if 2 * self.ramp > self.duration / 2 - 2 * self.rest:
             message = f"twice rest and ramp must fit into half the duration of {self.duration} s"
             raise Fault("duration", message)
@@ -46,10 +48,18 @@ class DynamicsOptions:
     length_std: NotNegative = 3e-4
     # rad, error of each joint's zero, one draw per session; homing against a mechanical stop
     encoder_offset_std: NotNegative = 2e-3
-    encoder_ripple: NotNegative = 1e-3  # rad, once-per-turn eccentricity of encoder and gear
-    speed_error_std: NotNegative = 0.03  # 1, over the commanded speed; torque ripple of small gears
-    speed_error_time: Positive = 0.022  # s, time constant of each lag of the speed error
-    start_std: NotNegative = 4e-3  # rad, start pose of a take; repeatability of homing moves
+    encoder_ripple: NotNegative = (
+        1e-3  # rad, once-per-turn eccentricity of encoder and gear
+    )
+    speed_error_std: NotNegative = (
+        0.03  # 1, over the commanded speed; torque ripple of small gears
+    )
+    speed_error_time: Positive = (
+        0.022  # s, time constant of each lag of the speed error
+    )
+    start_std: NotNegative = (
+        4e-3  # rad, start pose of a take; repeatability of homing moves
+    )
     # m or rad, sway of the tool by task coordinate (default: the youBot's x, z and rotation about
     # the tip) at the joints' speed limits; sway and clearance give the published covariance of the
     # noise (README.md)
@@ -57,14 +67,24 @@ class DynamicsOptions:
     # s, time constant of each lag of the sway: the shortest that the motors can drive (README.md);
     # four lags of 22 ms have the bandwidth of the servo, 20 1/s
     sway_time: Positive = 0.0135
-    sway_rest: NotNegative = 0.02  # 1, share of the sway at rest, while the motors hold the arm
+    sway_rest: NotNegative = (
+        0.02  # 1, share of the sway at rest, while the motors hold the arm
+    )
     # rad, half the play of one joint; the paper reports unusual clearance in the youBot's joint 3
     clearance: NotNegative = 0.039
     play_joint: Annotated[int, Field(ge=1)] = 3  # number of the joint with play, from 1
-    clearance_time: Positive = 5e-3  # s, time constant of each lag; impacts of gear teeth
-    rattle_speed: Positive = 1.5  # rad/s, speed of the joint at which rattling fills the play
-    speed_exponent: NotNegative = 2.0  # 1, sway and rattling ∝ speed to this power; inertia
-    jitter_std: NotNegative = 5e-4  # s, jitter of the exposure times; trigger and USB latency
+    clearance_time: Positive = (
+        5e-3  # s, time constant of each lag; impacts of gear teeth
+    )
+    rattle_speed: Positive = (
+        1.5  # rad/s, speed of the joint at which rattling fills the play
+    )
+    speed_exponent: NotNegative = (
+        2.0  # 1, sway and rattling ∝ speed to this power; inertia
+    )
+    jitter_std: NotNegative = (
+        5e-4  # s, jitter of the exposure times; trigger and USB latency
+    )
 
 
 @options(frozen=True)
@@ -80,10 +100,14 @@ class ClockOptions:
     """Clock and frame rate of the depth camera."""
 
     rate: Positive = 30.0  # 1/s, frame rate of the Kinect v2
-    offset: float = 0.14  # s, camera clock minus motion clock; assumed: programs started by hand
+    offset: float = (
+        0.14  # s, camera clock minus motion clock; assumed: programs started by hand
+    )
     offset_std: NotNegative = 0.02  # s, std of the offset over takes
     drift: Annotated[float, Field(gt=-1)] = 3e-5  # 1, rate error of the quartz
-    jitter_std: NotNegative = 2e-3  # s, jitter of a frame's exposure; USB scheduling of a PC
+    jitter_std: NotNegative = (
+        2e-3  # s, jitter of a frame's exposure; USB scheduling of a PC
+    )
 
 
 @options(frozen=True)
@@ -92,10 +116,16 @@ class MocapOptions:
 
     # m, white, per axis; Aurand, Dufour, Marras, J. Biomech. 58 (2017): below 0.2 mm in 97 %
     noise_std: NotNegative = 1e-4
-    placement_std: NotNegative = 5e-4  # m, per axis, one draw per session; assumed: by a ruler
-    occlusion_rate: Probability = 1e-3  # 1/frame, per marker; assumed: cables before the cameras
+    placement_std: NotNegative = (
+        5e-4  # m, per axis, one draw per session; assumed: by a ruler
+    )
+    occlusion_rate: Probability = (
+        1e-3  # 1/frame, per marker; assumed: cables before the cameras
+    )
     occlusion_frames: BurstLength = 6.0
-    swap_rate: Probability = 1e-4  # 1/frame, per link; assumed: the link's markers look alike
+    swap_rate: Probability = (
+        1e-4  # 1/frame, per link; assumed: the link's markers look alike
+    )
     swap_frames: BurstLength = 3.0
     lost_label_rate: Probability = 3e-4  # 1/frame, per marker; assumed
     lost_label_frames: BurstLength = 4.0
@@ -108,7 +138,9 @@ class SceneOptions:
     link_width: float = 0.06  # across the segment in the plane, first two links
     link_depths: tuple[float, float, float] = (0.07, 0.06, 0.05)  # along the normal
     tool_width: float = 0.05  # wrist and hand
-    hand_share: float = 0.62  # 1, length of wrist and hand over the third segment's length
+    hand_share: float = (
+        0.62  # 1, length of wrist and hand over the third segment's length
+    )
     finger_width: float = 0.024
     finger_depth: float = 0.03
     base_width: float = 0.08  # turntable under O1
@@ -129,11 +161,17 @@ class KinectOptions:
     cx: float = 254.878  # px
     cy: float = 205.395  # px
     distance: float = 1.2  # m, from the camera to the aim point along the optical axis
-    aim: tuple[float, float] = (0.03, 0.17)  # m, x and z of the aim point in the arm's plane
+    aim: tuple[float, float] = (
+        0.03,
+        0.17,
+    )  # m, x and z of the aim point in the arm's plane
     yaw: float = 0.05  # rad, about the camera's y axis; a tripod put up by eye
     pitch: float = -0.04  # rad, about the camera's x axis
     roll: float = 0.01  # rad, about the optical axis
-    range: tuple[Positive, Positive] = (0.5, 4.5)  # m, valid depths; Microsoft's specification
+    range: tuple[Positive, Positive] = (
+        0.5,
+        4.5,
+    )  # m, valid depths; Microsoft's specification
     # m, 1, 1/m, and m^(-1/2): σ_z = a + b z + c z² + d z^(3/2) θ²/(π/2 − θ)²; Fankhauser et al.,
     # ICAR 2015, Kinect v2 indoors
     axial: tuple[float, float, float, float] = (1.5e-3, -0.5e-3, 0.3e-3, 0.1e-3)
@@ -141,13 +179,21 @@ class KinectOptions:
     lateral: tuple[float, float] = (0.8, 0.035)
     # rad (80°), greatest angle with depth, and of the data of Nguyen 2012 and Fankhauser 2015
     grazing_limit: Annotated[float, Field(gt=0, lt=pi / 2)] = 1.4
-    edge_ratio: float = 0.03  # 1, least relative depth difference of neighbours at an edge
+    edge_ratio: float = (
+        0.03  # 1, least relative depth difference of neighbours at an edge
+    )
     edge_lost: Probability = 0.3  # 1, probability of no depth at an edge; assumed
-    edge_mixed: Probability = 0.15  # 1, probability of a flying pixel at an edge; assumed
+    edge_mixed: Probability = (
+        0.15  # 1, probability of a flying pixel at an edge; assumed
+    )
     # m, one draw per session; 1.5 mm to centimetres: Corti et al., Rob. Auton. Syst. 75 (2016)
     bias_offset_std: float = 5e-3
-    bias_wiggle: float = 2e-3  # m, harmonic 'wiggling' error of Corti et al. (2016); size assumed
-    bias_period: float = 0.47  # m, a quarter of the 1.87 m over which the phase at 80 MHz repeats
+    bias_wiggle: float = (
+        2e-3  # m, harmonic 'wiggling' error of Corti et al. (2016); size assumed
+    )
+    bias_period: float = (
+        0.47  # m, a quarter of the 1.87 m over which the phase at 80 MHz repeats
+    )
     scene: SceneOptions = field(default_factory=SceneOptions)
 
 
@@ -157,19 +203,30 @@ class Robots:
 
     tension_sd: tuple[NotNegative, ...]  # N, σ_T of the tension's stationary law
     concentration: tuple[Positive, ...]  # 1, κ of the von Mises law of the direction
-    slip_rate: Positive = 20.0  # 1/s, slips per robot; assumed: some per turn of the wheels
-    slip_recovery: Positive = 0.25  # s, time constant of traction; assumed: wheel-speed loop
-    wander_time: Positive = 0.4  # s, time constant of the direction; assumed: sway of a cable
+    slip_rate: Positive = (
+        20.0  # 1/s, slips per robot; assumed: some per turn of the wheels
+    )
+    slip_recovery: Positive = (
+        0.25  # s, time constant of traction; assumed: wheel-speed loop
+    )
+    wander_time: Positive = (
+        0.4  # s, time constant of the direction; assumed: sway of a cable
+    )
 
     @model_validator(mode="after")
     def _one_value_each(self) -> Self:
         if len(self.tension_sd) != len(self.concentration):
-            raise Fault("concentration", "tension_sd and concentration need one value per robot")
+            raise Fault(
+                "concentration", "tension_sd and concentration need one value per robot"
+            )
         return self
 
     def first(self, count: int) -> "Robots":
         """Return the first ``count`` robots, or all if there are fewer."""
-        kept = {name: getattr(self, name)[:count] for name in ("tension_sd", "concentration")}
+        kept = {
+            name: getattr(self, name)[:count]
+            for name in ("tension_sd", "concentration")
+        }
         return replace(self, **kept)
 
 
@@ -180,8 +237,14 @@ class Transducer:
     rate: Positive = 62.5  # Hz: 1000 Hz at averaging level 16
     # std of a sample; an ATI Gamma SI-32-2.5 resolves 1/160 N and 1/2000 N·m
     noise: tuple[NotNegative, NotNegative] = (0.00625, 0.0005)
-    bias: tuple[NotNegative, NotNegative] = (0.5, 0.02)  # std of a record's offset; assumed
-    drift: tuple[NotNegative, NotNegative] = (2e-4, 1e-5)  # std of the thermal drift/s; assumed
+    bias: tuple[NotNegative, NotNegative] = (
+        0.5,
+        0.02,
+    )  # std of a record's offset; assumed
+    drift: tuple[NotNegative, NotNegative] = (
+        2e-4,
+        1e-5,
+    )  # std of the thermal drift/s; assumed
     # m, from the transducer's origin to the point where cables are tied (origin of attachments)
     lever: tuple[float, float, float] = (0.0, 0.0, 0.03)
 

@@ -9,5 +9,7 @@ def load(file: str | Path, period: float | None = None):
     NumPy alone. Raises ContractError if ``file`` is not one, ModelDomainError where the model is
     not of steps of ``period`` (s).
     """
-    exported = "pipeline.models.exported"  # imported by name: no dependency of the stages
+    exported = (
+        "pipeline.models.exported"  # imported by name: no dependency of the stages
+    )
     return import_module(exported).read_exported(Path(file), period)

@@ -16,7 +16,9 @@ from pipeline.models import kinds
 from pipeline.models.steps import Options, Recorded
 from pipeline.statistics.takes import TAILS
 
-LEAST_TAKES = 10  # minimum for a 95 % interval: fewer takes have too few distinct resamplings
+LEAST_TAKES = (
+    10  # minimum for a 95 % interval: fewer takes have too few distinct resamplings
+)
 
 Estimates = dict[str, float]
 FromTakes = Callable[[ndarray], Estimates]  # indices of takes → estimates by name
@@ -31,7 +33,10 @@ class Spread(NamedTuple):
 
 
 def replicate(
-    recorded: Recorded, options: Options, from_takes: FromTakes | None, rng: np.random.Generator
+    recorded: Recorded,
+    options: Options,
+    from_takes: FromTakes | None,
+    rng: np.random.Generator,
 ) -> Estimates | None:
     """Return the estimates of one resampling of the takes of ``recorded``, by ``from_takes`` of the
     fit to all takes or by another fit with ``options``; None if the estimator fails.
@@ -55,18 +60,26 @@ def spreads(
     quantile, values = float(stdtrit(takes - 1, TAILS[1])), {}
     for name, error in _common_estimates(replicates).std(ddof=1).items():
         half = quantile * float(error)
-        values[name] = Spread(float(error), estimates[name] - half, estimates[name] + half)
+        values[name] = Spread(
+            float(error), estimates[name] - half, estimates[name] + half
+        )
     return values
 
 
-def joint_covariance(replicates: list[Estimates | None]) -> tuple[list[str], list[list[float]]]:
+def joint_covariance(
+    replicates: list[Estimates | None],
+) -> tuple[list[str], list[list[float]]]:
     """Return the names (K,) and the covariance (K, K) of the estimates that all replicates have."""
     table = _common_estimates(replicates)
-    covariance = np.atleast_2d(np.cov(table.to_numpy().T)).tolist() if len(table) else []
+    covariance = (
+        np.atleast_2d(np.cov(table.to_numpy().T)).tolist() if len(table) else []
+    )
     return [*table], covariance
 
 
 def _common_estimates(replicates: list[Estimates | None]) -> pd.DataFrame:
     """Estimates that all replicates have, one replicate a row; empty for fewer than two."""
-    table = pd.DataFrame([each for each in replicates if each is not None]).dropna(axis="columns")
+    table = pd.DataFrame([each for each in replicates if each is not None]).dropna(
+        axis="columns"
+    )
     return table if len(table) > 1 else pd.DataFrame()

@@ -30,7 +30,12 @@ from numpy import ndarray
 from pipeline.arm.interface import Chain
 from pipeline.core.errors import ModelDomainError, SolverError
 from pipeline.models import kinds
-from pipeline.models.model import Commands, MotionModel, corrected_command, without_measurement
+from pipeline.models.model import (
+    Commands,
+    MotionModel,
+    corrected_command,
+    without_measurement,
+)
 from pipeline.models.steps import Estimate, Options, Recorded
 
 # subfolder with the closed loop's parameters, and the key of κ in its parameters.json
@@ -91,7 +96,9 @@ def closed_loop_steps(recorded: Recorded, path: MeanPath, share: float) -> Recor
     if len(chain.task) == n:
         measurement = (1 + (1 - share) ** 2) * pose
     else:
-        kept = np.eye(n) - share * (chain.inverse_jacobian(poses) @ chain.jacobian(poses))
+        kept = np.eye(n) - share * (
+            chain.inverse_jacobian(poses) @ chain.jacobian(poses)
+        )
         measurement = pose + (kept @ pose @ np.swapaxes(kept, -1, -2)).mean(axis=0)
     return replace(recorded, v=v, noise=noise, known_measurement=measurement)
 
@@ -101,7 +108,9 @@ def fitted_closed_loop(folder: Path) -> tuple[MotionModel, float] | None:
     closed = folder / FOLDER
     if not closed.is_dir():
         return None
-    return kinds.fitted_model(closed), json.loads((closed / "parameters.json").read_text())[SHARE]
+    return kinds.fitted_model(closed), json.loads(
+        (closed / "parameters.json").read_text()
+    )[SHARE]
 
 
 class ClosedLoopFit(NamedTuple):
@@ -134,14 +143,18 @@ def closed_loop_of(
         return None, str(error)
 
 
-def fit_closed_loop(recorded: Recorded, options: Options, open_estimate: Estimate) -> ClosedLoopFit:
+def fit_closed_loop(
+    recorded: Recorded, options: Options, open_estimate: Estimate
+) -> ClosedLoopFit:
     """Estimate κ and the model's parameters alternately, from ``open_estimate`` until κ converges.
     Raises ModelDomainError for a single take, unknown measurement noise or a model without a
     covariance, SolverError if κ does not converge, and the errors of the estimator.
     """
     poses, path = recorded.poses, mean_path(recorded)
     if len(poses) < 2:
-        raise ModelDomainError("the mean path of a closed loop needs two takes", takes=len(poses))
+        raise ModelDomainError(
+            "the mean path of a closed loop needs two takes", takes=len(poses)
+        )
     deviation, share, error, estimate = poses - path.poses, 0.5, inf, open_estimate
     for _ in range(ROUNDS):
         space = state_space(estimate.model, recorded, path, share)
@@ -154,7 +167,9 @@ def fit_closed_loop(recorded: Recorded, options: Options, open_estimate: Estimat
     raise SolverError(f"κ has not converged in {ROUNDS} rounds", **evidence)
 
 
-def state_space(model: MotionModel, recorded: Recorded, path: MeanPath, share: float) -> StateSpace:
+def state_space(
+    model: MotionModel, recorded: Recorded, path: MeanPath, share: float
+) -> StateSpace:
     """Return the law of deviations from ``path`` under ``model``; the noise covariance is taken at
     the commands of the loop with ``share`` κ. ModelDomainError without a mean or covariance.
     """
@@ -164,8 +179,13 @@ def state_space(model: MotionModel, recorded: Recorded, path: MeanPath, share: f
     for j, h in enumerate(PERTURBATION * np.eye(q.shape[-1])):
         drift[..., j] = model.mean(chain, q + h, v) - model.mean(chain, q - h, v)
         step[:, : len(chain.task)] = np.matvec(jacobian, h)
-        correction[..., j] = model.mean(chain, q, v + step) - model.mean(chain, q, v - step)
-    commands, moving = path.corrected_commands(recorded.q, share), np.any(recorded.v, axis=-1)
+        correction[..., j] = model.mean(chain, q, v + step) - model.mean(
+            chain, q, v - step
+        )
+    commands, moving = (
+        path.corrected_commands(recorded.q, share),
+        np.any(recorded.v, axis=-1),
+    )
     noise = model.covariance(chain, recorded.q, commands).mean(axis=0)
     slopes = (each / (2 * PERTURBATION) for each in (drift, correction))
     return StateSpace(*slopes, noise, recorded.measurement / 2, moving)
@@ -177,23 +197,34 @@ def most_likely_share(space: StateSpace, deviation: ndarray) -> tuple[float, flo
     takes. Raises SolverError if no maximum is found.
     """
     takes = len(deviation)
-    share = float(GRID[take_log_likelihoods(space, deviation, GRID).sum(axis=1).argmax()])
+    share = float(
+        GRID[take_log_likelihoods(space, deviation, GRID).sum(axis=1).argmax()]
+    )
     for _ in range(ROUNDS):
         around = share + DIFFERENCE * np.array([-1.0, 0.0, 1.0])
         low, middle, high = take_log_likelihoods(space, deviation, around)
         slopes = (high - low) / (2 * DIFFERENCE)
         information = float(np.sum(2 * middle - high - low)) / DIFFERENCE**2
         if not information > 0:
-            raise SolverError("the likelihood of the closed loop has no maximum", share=share)
+            raise SolverError(
+                "the likelihood of the closed loop has no maximum", share=share
+            )
         scatter = np.sum((slopes - slopes.mean()) ** 2) * takes / (takes - 1)
         error = float(np.sqrt(scatter)) / information
-        before, share = share, min(max(share + float(slopes.sum()) / information, 0.0), 1.0)
+        before, share = (
+            share,
+            min(max(share + float(slopes.sum()) / information, 0.0), 1.0),
+        )
         if abs(share - before) <= 0.1 * SETTLED * error:
             return share, error
-    raise SolverError("the likelihood of the closed loop was not maximised", share=share)
+    raise SolverError(
+        "the likelihood of the closed loop was not maximised", share=share
+    )
 
 
-def take_log_likelihoods(space: StateSpace, deviation: ndarray, shares: ndarray) -> ndarray:
+def take_log_likelihoods(
+    space: StateSpace, deviation: ndarray, shares: ndarray
+) -> ndarray:
     """Log-likelihoods (K, takes), up to a constant, of ``deviation`` (takes, M+1, n) in rad for
     each κ of ``shares`` (K,), given the first pose after each rest. −inf for a κ with an innovation
     covariance that is not positive definite.
@@ -204,7 +235,9 @@ def take_log_likelihoods(space: StateSpace, deviation: ndarray, shares: ndarray)
     """
     (takes, _, n), grid = deviation.shape, len(shares)
     transition = np.tile(np.eye(2 * n), (grid, len(space.noise), 1, 1))
-    transition[..., :n, :n] = space.drift - shares[:, None, None, None] * space.correction
+    transition[..., :n, :n] = (
+        space.drift - shares[:, None, None, None] * space.correction
+    )
     transition[..., n:, :n] = transition[..., :n, :n] - np.eye(n)
     added = np.tile(space.noise, (1, 2, 2))
     result, unsound = np.zeros((grid, takes)), np.zeros(grid, dtype=bool)
@@ -217,7 +250,10 @@ def take_log_likelihoods(space: StateSpace, deviation: ndarray, shares: ndarray)
             covariance[:, :n, :n], _ = without_measurement(spread, space.measurement)
             covariance[:, n:, n:] = space.measurement
         transposed = transition[:, k].swapaxes(-1, -2)
-        mean, covariance = mean @ transposed, transition[:, k] @ covariance @ transposed + added[k]
+        mean, covariance = (
+            mean @ transposed,
+            transition[:, k] @ covariance @ transposed + added[k],
+        )
         across = covariance[..., n:, :]
         total = across[..., n:] + space.measurement
         innovation = deviation[:, k + 1] - mean[..., n:]
@@ -225,7 +261,12 @@ def take_log_likelihoods(space: StateSpace, deviation: ndarray, shares: ndarray)
         white, sound = innovation @ precision, determinant > 0
         unsound |= ~sound
         result -= 0.5 * np.vecdot(white, innovation)
-        result -= 0.5 * (takes - 1) / takes * np.log(np.where(sound, determinant, 1.0))[:, None]
+        result -= (
+            0.5
+            * (takes - 1)
+            / takes
+            * np.log(np.where(sound, determinant, 1.0))[:, None]
+        )
         mean = mean + white @ across
         covariance = covariance - across.swapaxes(-1, -2) @ precision @ across
         covariance = 0.5 * (covariance + covariance.swapaxes(-1, -2))

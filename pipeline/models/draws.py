@@ -93,7 +93,12 @@ def mean_bias(model: MotionModel, chain: Chain, q: ndarray, v: ndarray) -> ndarr
 
 
 def realized_moments(
-    model: MotionModel, chain: Chain, q: ndarray, v: ndarray, mode: str, realized: ndarray
+    model: MotionModel,
+    chain: Chain,
+    q: ndarray,
+    v: ndarray,
+    mode: str,
+    realized: ndarray,
 ) -> tuple[ndarray, ndarray, str | None]:
     """Mean and standard deviation (M+1, n) in rad of the ``realized`` angles (N, M+1, n). Without a
     covariance the standard deviation is NaN and the third value is the reason, else None.
@@ -104,11 +109,15 @@ def realized_moments(
     surviving = np.isfinite(realized[..., 0]).sum(axis=0)
     if surviving.min() < 2:
         message = "fewer than two realisations avoid singular poses: no standard deviation exists"
-        raise ModelDomainError(message, step=int(np.argmax(surviving < 2)), key="simulation")
+        raise ModelDomainError(
+            message, step=int(np.argmax(surviving < 2)), key="simulation"
+        )
     noise = realized
     if mode == "one_step":
         nominal = q[:, :-1] + chain.nominal_step(q[:, :-1], v)
-        noise = np.concatenate([np.zeros_like(q[:, :1]), realized[:, 1:] - nominal], axis=1)
+        noise = np.concatenate(
+            [np.zeros_like(q[:, :1]), realized[:, 1:] - nominal], axis=1
+        )
     mean, deviation = np.nanmean(realized, axis=0), np.nanstd(noise, axis=0, ddof=1)
     try:
         model.covariance(chain, q[0, :-1], v)

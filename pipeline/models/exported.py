@@ -24,9 +24,19 @@ UNLIMITED = {"lower": -np.inf, "upper": np.inf, "max_speed": np.inf}  # null in 
 # a value beyond its range by more than MARGIN·width + SLACK (range's unit) causes a warning
 MARGIN, SLACK = 0.05, 1e-3
 SCORED = 0.5  # s, longest horizon at which a joint error law is fitted and scored
-MOST = 1e12  # greatest magnitude of a number in a file, far above any parameter of an arm
+MOST = (
+    1e12  # greatest magnitude of a number in a file, far above any parameter of an arm
+)
 # errors of a file that is not an exported model
-INVALID = OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError, ModelDomainError
+INVALID = (
+    OSError,
+    ValueError,
+    KeyError,
+    TypeError,
+    AttributeError,
+    RecursionError,
+    ModelDomainError,
+)
 SAME_PERIOD = 1e-6  # greatest relative difference of two periods
 
 
@@ -50,7 +60,10 @@ class Exported:
     _warned: set[str] = field(default_factory=set, compare=False)
 
     def __repr__(self) -> str:
-        joints, rate = ", ".join(self.record.get("joints", [])), self.record["rate_per_s"]
+        joints, rate = (
+            ", ".join(self.record.get("joints", [])),
+            self.record["rate_per_s"],
+        )
         return f"<motion model {self.record['model']}: {joints} at {rate:g}/s>"
 
     def require_period(self, period: float | None) -> None:
@@ -58,9 +71,13 @@ class Exported:
         own = 1 / self.record["rate_per_s"]
         if period is not None and not abs(period / own - 1) <= SAME_PERIOD:
             message = f"the model {self.record['model']} is of steps of {own:.9g} s, not {period:g}"
-            raise ModelDomainError(f"{message}: resample the commands, or fit a model at this rate")
+            raise ModelDomainError(
+                f"{message}: resample the commands, or fit a model at this rate"
+            )
 
-    def _array(self, name: str, values: Any, sizes: tuple[int, ...], unit: str) -> ndarray:
+    def _array(
+        self, name: str, values: Any, sizes: tuple[int, ...], unit: str
+    ) -> ndarray:
         """Return ``values`` as an array; ModelDomainError for another last axis than ``sizes``."""
         array = np.asarray(values, dtype=float)
         if array.ndim == 0 or array.shape[-1] not in sizes:
@@ -71,7 +88,9 @@ class Exported:
     def _warn(self, what: str, values: ndarray) -> None:
         """Warn once for each joint or row of ``values`` outside the fitted ranges of ``what``."""
         ranges = self.record["ranges"].get(what, {})
-        for (name, ends), each in zip(ranges.items(), np.moveaxis(values, -1, 0), strict=False):
+        for (name, ends), each in zip(
+            ranges.items(), np.moveaxis(values, -1, 0), strict=False
+        ):
             low, high = ends["least"], ends["greatest"]
             slack = SLACK + MARGIN * (high - low)
             beyond = each[(each < low - slack) | (each > high + slack)]
@@ -79,7 +98,9 @@ class Exported:
                 self._warned.add(f"{what} {name}")
                 found = f"{what} of {name}: {beyond.flat[0]:.4g} {ends['unit']}"
                 where = f"{low:.4g} to {high:.4g} of the fit of the model {self.record['model']}"
-                warnings.warn(f"{found} is outside the range {where}", OutsideRanges, stacklevel=4)
+                warnings.warn(
+                    f"{found} is outside the range {where}", OutsideRanges, stacklevel=4
+                )
 
 
 class ExportedModel(Exported):
@@ -104,7 +125,9 @@ class ExportedModel(Exported):
         """(..., n) one random next pose in rad for each of ``q``, as in a particle filter."""
         return self.law.sample(self.chain, *self._arrays(q, task_step), rng)
 
-    def sample(self, q: ndarray, *, task_step: ndarray, size: int, rng: Generator) -> ndarray:
+    def sample(
+        self, q: ndarray, *, task_step: ndarray, size: int, rng: Generator
+    ) -> ndarray:
         """(size, ..., n) independent next poses in rad from the same ``q``."""
         q, v = self._arrays(q, task_step)
         return self.law.sample(self.chain, np.broadcast_to(q, (size, *q.shape)), v, rng)
@@ -117,20 +140,26 @@ class ExportedModel(Exported):
         ModelDomainError for a step without a density, e.g. of a matrix model at rest.
         """
         q, v = self._arrays(q, task_step)
-        return self.law.log_density(self.chain, q, v, np.asarray(q_next, float), measurement)
+        return self.law.log_density(
+            self.chain, q, v, np.asarray(q_next, float), measurement
+        )
 
     def command(self, q: ndarray, target: ndarray, *, task_step: ndarray) -> ndarray:
         """Command (..., m) or (..., m + n): ``task_step`` plus κ times the displacement from the
         tip's pose at ``q`` to its ``target`` pose. κ = 0 for an open loop.
         """
         share = self.record["closed_loop_share"]
-        return corrected_command(self.chain, np.asarray(q, float), task_step, target, share)
+        return corrected_command(
+            self.chain, np.asarray(q, float), task_step, target, share
+        )
 
     def _arrays(self, q: ndarray, v: ndarray) -> tuple[ndarray, ndarray]:
         """Return ``q`` and ``v`` as arrays; warn of values outside the ranges of the fit."""
         n, m = len(self.chain.lower), len(self.chain.task)
         q = self._array("q", q, (n,), "rad")
-        v = self._array("v", v, (m, m + n) if n > m else (m,), f"steps of {self.chain.task}")
+        v = self._array(
+            "v", v, (m, m + n) if n > m else (m,), f"steps of {self.chain.task}"
+        )
         self._warn("pose", q)
         self._warn("speed", self.record["rate_per_s"] * v)
         return q, v
@@ -142,20 +171,26 @@ class ExportedErrors(Exported):
     arguments by name, in rad.
     """
 
-    def predict(self, errors: ndarray, commands: ndarray, steps: int) -> tuple[ndarray, ndarray]:
+    def predict(
+        self, errors: ndarray, commands: ndarray, steps: int
+    ) -> tuple[ndarray, ndarray]:
         """Return mean (n,) in rad and covariance (n, n) in rad² of the recorded error, its rounding
         included, ``steps`` samples after the last of the known ``errors`` (K, n); ``commands``
         (K + steps, n) are the commanded angles in rad at these samples and the next ones.
         """
         return self.law.predict(*self._histories(errors, commands), steps)
 
-    def log_density(self, errors: ndarray, commands: ndarray, next_error: ndarray) -> ndarray:
+    def log_density(
+        self, errors: ndarray, commands: ndarray, next_error: ndarray
+    ) -> ndarray:
         """(...,) ln p in rad⁻ⁿ of ``next_error`` (..., n), as many samples after the last of
         ``errors`` (K, n) as ``commands`` has more rows than ``errors``.
         """
         errors, commands = self._histories(errors, commands)
         next_error = self._array("next_error", next_error, (commands.shape[1],), "rad")
-        mean, covariance = self.law.predict(errors, commands, len(commands) - len(errors))
+        mean, covariance = self.law.predict(
+            errors, commands, len(commands) - len(errors)
+        )
         outlook = Outlook(mean, np.diag(covariance), self.law.degrees)
         return outlook.log_probability(next_error, np.zeros(len(mean))).sum(axis=-1)
 
@@ -172,12 +207,20 @@ class ExportedErrors(Exported):
         """Return one random next pose (P, n) in rad and its memory (P, s) for each of ``q``, after
         the commanded ``joint_step`` (n,) or (P, n) in rad.
         """
-        joint_step = self._array("joint_step", joint_step, (len(self.law.joints),), "rad a step")
+        joint_step = self._array(
+            "joint_step", joint_step, (len(self.law.joints),), "rad a step"
+        )
         self._warn("joint speed", self.record["rate_per_s"] * joint_step)
         return self.law.follow(q, joint_step, memory, rng)
 
     def sample(
-        self, q: ndarray, commanded: ndarray, *, joint_steps: ndarray, size: int, rng: Generator
+        self,
+        q: ndarray,
+        commanded: ndarray,
+        *,
+        joint_steps: ndarray,
+        size: int,
+        rng: Generator,
     ) -> ndarray:
         """(size, M + 1, n) poses in rad from ``q`` (n,) on, of arms that are commanded
         ``joint_steps`` (M, n) from the ``commanded`` angles (n,).
@@ -193,18 +236,29 @@ class ExportedErrors(Exported):
         """Warn of the standard deviations in ``not_known`` of the record."""
         for each in self.record["not_known"][:1]:
             first = "{parameter} is {found} (required: {required})".format(**each)
-            message = f"{first}; {len(self.record['not_known'])} such in record['not_known']"
-            warnings.warn(f"bands not confirmed: {message}", UnconfirmedBands, stacklevel=4)
+            message = (
+                f"{first}; {len(self.record['not_known'])} such in record['not_known']"
+            )
+            warnings.warn(
+                f"bands not confirmed: {message}", UnconfirmedBands, stacklevel=4
+            )
 
     def _histories(self, errors: ndarray, commands: ndarray) -> tuple[ndarray, ndarray]:
         n, known = len(self.law.joints), {"errors": errors, "commands": commands}
-        errors, commands = (self._array(k, each, (n,), "rad") for k, each in known.items())
+        errors, commands = (
+            self._array(k, each, (n,), "rad") for k, each in known.items()
+        )
         if errors.ndim != 2 or commands.ndim != 2 or len(commands) <= len(errors):
-            message = f"errors and commands must be (K, {n}) and (K + steps, {n}), got shapes"
+            message = (
+                f"errors and commands must be (K, {n}) and (K + steps, {n}), got shapes"
+            )
             raise ModelDomainError(f"{message} {errors.shape} and {commands.shape}")
         self._warn("joint speed", self.record["rate_per_s"] * np.diff(commands, axis=0))
         ahead = (len(commands) - len(errors)) / self.record["rate_per_s"]
-        if ahead > SCORED + 1 / self.record["rate_per_s"] and "ahead" not in self._warned:
+        if (
+            ahead > SCORED + 1 / self.record["rate_per_s"]
+            and "ahead" not in self._warned
+        ):
             self._warned.add("ahead")
             message = f"{ahead:.3g} s ahead is beyond {SCORED:g} s, the longest horizon of the fit"
             warnings.warn(message, OutsideRanges, stacklevel=3)
@@ -214,7 +268,10 @@ class ExportedErrors(Exported):
 def chain_record(chain: Chain) -> dict[str, Any]:
     """Parameters of ``chain`` as plain values, enough to rebuild it without a URDF file."""
     plain = {each.name: getattr(chain, each.name) for each in fields(chain)}
-    plain = {k: each.tolist() if isinstance(each, ndarray) else each for k, each in plain.items()}
+    plain = {
+        k: each.tolist() if isinstance(each, ndarray) else each
+        for k, each in plain.items()
+    }
     for name in UNLIMITED:
         plain[name] = [limit if np.isfinite(limit) else None for limit in plain[name]]
     return {"kind": "planar" if isinstance(chain, PlanarChain) else "serial"} | plain
@@ -222,7 +279,10 @@ def chain_record(chain: Chain) -> dict[str, Any]:
 
 def _chain(record: Mapping[str, Any]) -> Chain:
     """Return the arm of a file; ContractError for a value of another type or shape."""
-    kind, n = {"planar": PlanarChain, "serial": SerialChain}[record["kind"]], len(record["lower"])
+    kind, n = (
+        {"planar": PlanarChain, "serial": SerialChain}[record["kind"]],
+        len(record["lower"]),
+    )
     values = {name: each for name, each in record.items() if name != "kind"}
     sizes = {"origin": (2,), "links": (n, 2), "placements": (n + 1, 12)}
     for name in [each for each in values if each not in ("task", "length")]:
@@ -234,11 +294,26 @@ def _chain(record: Mapping[str, Any]) -> Chain:
     sound = bool(np.all(values["lower"] <= values["upper"]))
     _require(sound, "arm.lower", "≤ arm.upper", repr(record["lower"]))
     if kind is PlanarChain:
-        _require(set(values["signs"]) <= {-1, 1}, "arm.signs", "1 or -1", repr(record["signs"]))
+        _require(
+            set(values["signs"]) <= {-1, 1},
+            "arm.signs",
+            "1 or -1",
+            repr(record["signs"]),
+        )
     else:
         values["task"], length = tuple(values["task"]), values["length"]
-        _require({*values["task"]} <= {*ROWS}, "arm.task", f"of {', '.join(ROWS)}", record["task"])
-        _require(_is_number(length) and length > 0, "arm.length", "a number > 0", repr(length))
+        _require(
+            {*values["task"]} <= {*ROWS},
+            "arm.task",
+            f"of {', '.join(ROWS)}",
+            record["task"],
+        )
+        _require(
+            _is_number(length) and length > 0,
+            "arm.length",
+            "a number > 0",
+            repr(length),
+        )
     return kind(**values)
 
 
@@ -247,7 +322,11 @@ def read_exported(file: Path, period: float | None = None) -> Exported:
     with the key and value of what is not valid, and ModelDomainError for another ``period`` in s.
     """
     try:
-        hooks = {"parse_float": _number, "parse_constant": _number, "object_pairs_hook": _distinct}
+        hooks = {
+            "parse_float": _number,
+            "parse_constant": _number,
+            "object_pairs_hook": _distinct,
+        }
         record = _require_valid(json.loads(file.read_text("utf-8"), **hooks))
         law = build_model(record["parameters"])
         if law.traits.memory:
@@ -273,9 +352,17 @@ def _require_valid(record: Any) -> dict[str, Any]:
     _require(_is_number(rate) and rate > 0, "rate_per_s", "a number > 0", repr(rate))
     sound = _is_number(share) and 0 <= share <= 1
     _require(sound, "closed_loop_share", "a number from 0 to 1", repr(share))
-    for key, own in (("rate", "rate_per_s"), ("joints", "joints")):  # a law may state them too
+    for key, own in (
+        ("rate", "rate_per_s"),
+        ("joints", "joints"),
+    ):  # a law may state them too
         law = record["parameters"].get(key, record.get(own))
-        _require(law == record.get(own), own, f"{law!r} as parameters.{key}", repr(record.get(own)))
+        _require(
+            law == record.get(own),
+            own,
+            f"{law!r} as parameters.{key}",
+            repr(record.get(own)),
+        )
     for quantity, ranges in record["ranges"].items():
         for name, ends in ranges.items():
             key, rule = f"ranges.{quantity}.{name}", "least ≤ greatest"
@@ -292,7 +379,9 @@ def _number(text: str) -> float:
 def _distinct(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     names = [name for name, _ in pairs]
     for name in names:
-        _require(names.count(name) == 1, name, "stated once", f"{names.count(name)} values")
+        _require(
+            names.count(name) == 1, name, "stated once", f"{names.count(name)} values"
+        )
     return dict(pairs)
 
 
@@ -302,4 +391,6 @@ def _is_number(value: Any) -> bool:
 
 def _require(sound: bool, key: str, rule: str, found: str) -> None:
     if not sound:
-        raise ContractError(f"{key} must be {rule}, got {found}; export the model again")
+        raise ContractError(
+            f"{key} must be {rule}, got {found}; export the model again"
+        )

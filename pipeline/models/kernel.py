@@ -18,7 +18,15 @@ which saves the second χ² variate, half of the time of a planar step.
 import numpy as np
 
 from pipeline.arm import kinematics, planar
-from pipeline.arm.rows import add_combination, add_dot, add_product, copy, dot, fill, rows_of
+from pipeline.arm.rows import (
+    add_combination,
+    add_dot,
+    add_product,
+    copy,
+    dot,
+    fill,
+    rows_of,
+)
 from pipeline.core.compiled import compiled, inner
 from pipeline.core.elementary import expm1
 from pipeline.core.errors import ModelDomainError
@@ -43,7 +51,9 @@ def move(law, arm, space, block, command, target, share, q, moved, rng) -> int:
     if ``share`` κ is 0.
     """
     if law.kind not in LAWS:
-        raise ModelDomainError("the compiled step has no law of this kind; use one of model.py")
+        raise ModelDomainError(
+            "the compiled step has no law of this kind; use one of model.py"
+        )
     n, m, poses, size = len(arm.sliding), len(arm.rows), q.shape[1], block.shape[1]
     rows, clipped = rows_of(n, m), 0
     drawn = size if space is None else DRAWN
@@ -58,7 +68,9 @@ def move(law, arm, space, block, command, target, share, q, moved, rng) -> int:
         if space is None:
             planar.planar_jacobian(arm, q, start, count, block)
             if share > 0.0:
-                planar.add_planar_displacement(arm, target, q, start, count, share, block)
+                planar.add_planar_displacement(
+                    arm, target, q, start, count, share, block
+                )
             if law.kind == laws.QR_TRANSPOSED_LAW:
                 planar.planar_steps(arm, block, count)
                 for r in range(m):
@@ -68,12 +80,16 @@ def move(law, arm, space, block, command, target, share, q, moved, rng) -> int:
             if share > 0.0:
                 kinematics.add_displacement(arm, target, block, rows.task, share, count)
             kinematics.task_jacobian(arm, block, rows.jacobian, count)
-            kinematics.cholesky(block, rows.jacobian, rows.lower, rows.inverse, m, n, 0.0, count)
+            kinematics.cholesky(
+                block, rows.jacobian, rows.lower, rows.inverse, m, n, 0.0, count
+            )
             kinematics.mark_singular(
                 block, arm, rows.jacobian, rows.lower, rows.spare, rows.singular, count
             )
             if law.kind == laws.QR_TRANSPOSED_LAW:
-                kinematics.solve_lower(block, rows.lower, rows.inverse, m, rows.task, count)
+                kinematics.solve_lower(
+                    block, rows.lower, rows.inverse, m, rows.task, count
+                )
         if law.kind == laws.GAUSSIAN_LAW:
             dot(block, rows.speed, rows.task, rows.task, m, count)
         elif law.kind in INVERSE_LAWS:

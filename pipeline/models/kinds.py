@@ -29,12 +29,16 @@ NO_MODEL = "reason"  # key in place of parameters: reason for a failed fit
 def kinds() -> list[str]:
     """Names of all kinds."""
     places = (Path(place) for place in pipeline.models.__path__)
-    return sorted(file.parent.name for place in places for file in place.glob("*/law.py"))
+    return sorted(
+        file.parent.name for place in places for file in place.glob("*/law.py")
+    )
 
 
 def sources(kind: str) -> list[Path]:
     """Files by which a model of ``kind`` is built and fitted."""
-    return imported_sources([f"pipeline.models.{kind}.{name}" for name in ("law", "fit")], ANYWHERE)
+    return imported_sources(
+        [f"pipeline.models.{kind}.{name}" for name in ("law", "fit")], ANYWHERE
+    )
 
 
 def _fit(kind: str) -> Any:
@@ -44,7 +48,9 @@ def _fit(kind: str) -> Any:
 def options_type(kind: object) -> type:
     """Type of the options of a model of ``kind``; raises ConfigError for an unknown kind."""
     if kind not in kinds():
-        raise ConfigError(f"kind: no kind {kind!r}; there are {', '.join(kinds())}", key="kind")
+        raise ConfigError(
+            f"kind: no kind {kind!r}; there are {', '.join(kinds())}", key="kind"
+        )
     return _fit(kind).Options
 
 
@@ -101,7 +107,9 @@ def fitted_model(folder: Path) -> MotionModel:
         raise ContractError(message, file=file) from None
 
 
-def fitted_models(names: Iterable[str], folder: Path, stage: str) -> dict[str, MotionModel]:
+def fitted_models(
+    names: Iterable[str], folder: Path, stage: str
+) -> dict[str, MotionModel]:
     """Fitted models of ``names`` in ``folder``; prints ``stage`` and reason of a missing fit."""
     models = {}
     for name in names:

@@ -17,7 +17,9 @@ from pipeline.arm.interface import Mechanism
 from pipeline.core.errors import ModelDomainError
 
 # kinds of compiled laws (pipeline.models.kernel); the numbers have no order
-ADDITIVE_LAW, GAUSSIAN_LAW, QR_LAW, GIVEN_LAW, PIVOTED_LU_LAW, QR_TRANSPOSED_LAW = range(6)
+ADDITIVE_LAW, GAUSSIAN_LAW, QR_LAW, GIVEN_LAW, PIVOTED_LU_LAW, QR_TRANSPOSED_LAW = (
+    range(6)
+)
 WISHART_LAWS = {  # by the name of the decomposition; they apply B⁻¹ to a = J₁⁻¹v
     "pivoted_lu": PIVOTED_LU_LAW,
     "qr": QR_LAW,
@@ -41,8 +43,12 @@ class Traits(NamedTuple):
     """Properties of a law, for the filter, the export and the tests."""
 
     noisy_at_rest: bool  # the pose is random after a step without a command
-    needs_jacobian: bool  # the noise depends on J(q), not on the commanded joint step alone
-    compiled: bool = True  # its ``law(chain)`` returns a Law; otherwise the filter calls ``sample``
+    needs_jacobian: (
+        bool  # the noise depends on J(q), not on the commanded joint step alone
+    )
+    compiled: bool = (
+        True  # its ``law(chain)`` returns a Law; otherwise the filter calls ``sample``
+    )
     memory: bool = False  # it has the methods ``first_memory`` and ``advance``
 
 
@@ -89,10 +95,14 @@ def principal_axes(covariance: ndarray) -> tuple[ndarray, ndarray]:
     square = covariance.ndim == 2 and covariance.shape[0] == covariance.shape[1] > 0
     if square and np.all(np.isfinite(covariance)):
         variances, axes = np.linalg.eigh(covariance)
-        asymmetry = np.abs(covariance - covariance.T).max() / max(np.abs(covariance).max(), 1e-300)
+        asymmetry = np.abs(covariance - covariance.T).max() / max(
+            np.abs(covariance).max(), 1e-300
+        )
         if max(asymmetry, -variances[0] / max(abs(variances[-1]), 1e-300)) <= TOLERANCE:
             return np.maximum(variances, 0.0), axes
-    message = "a covariance must be a finite, symmetric and positive semidefinite matrix"
+    message = (
+        "a covariance must be a finite, symmetric and positive semidefinite matrix"
+    )
     raise ModelDomainError(message, covariance=covariance.tolist())
 
 
@@ -108,17 +118,23 @@ def trace_factor(covariances: ndarray, trace: float) -> float:
     """
     current = float(np.trace(covariances, axis1=-2, axis2=-1).mean())
     if not current > 0:
-        message = "the model has no noise at any step: no noise level gives the variance"
+        message = (
+            "the model has no noise at any step: no noise level gives the variance"
+        )
         raise ModelDomainError(message, trace_rad2=current)
     return trace / current
 
 
-def without_measurement(covariance: ndarray, measurement: ndarray) -> tuple[ndarray, int]:
+def without_measurement(
+    covariance: ndarray, measurement: ndarray
+) -> tuple[ndarray, int]:
     """Return ``covariance`` minus ``measurement`` (n, n) in rad² with negative variances set to
     zero, and the number of negative variances.
     """
     variances, axes = np.linalg.eigh(covariance - measurement)
-    return (axes * np.maximum(variances, 0.0)) @ axes.T, int(np.count_nonzero(variances < 0))
+    return (axes * np.maximum(variances, 0.0)) @ axes.T, int(
+        np.count_nonzero(variances < 0)
+    )
 
 
 def normal_log_density(deviation: ndarray, covariance: ndarray) -> ndarray:
@@ -159,7 +175,9 @@ class MotionModel(ABC):
         """(..., n, n) Cov(q_{k+1} | q_k = q) in rad²."""
 
     @abstractmethod
-    def with_trace(self, chain: Mechanism, q: ndarray, v: ndarray, trace: float) -> "MotionModel":
+    def with_trace(
+        self, chain: Mechanism, q: ndarray, v: ndarray, trace: float
+    ) -> "MotionModel":
         """Return the model with the noise level (σ_B, α or a factor on a covariance) at which the
         covariances of the steps have the mean ``trace`` > 0 in rad². ModelDomainError if none has.
         """
@@ -168,7 +186,9 @@ class MotionModel(ABC):
         """(..., n) E[q_{k+1} | q_k = q] in rad."""
         return q + chain.nominal_step(q, v)
 
-    def sample(self, chain: Mechanism, q: ndarray, v: ndarray, rng: Generator) -> ndarray:
+    def sample(
+        self, chain: Mechanism, q: ndarray, v: ndarray, rng: Generator
+    ) -> ndarray:
         """(..., n) one draw of q_{k+1} for each pose, with NumPy alone; the compiled
         :func:`pipeline.models.draws.draw_steps` is many times as fast.
         """
@@ -178,7 +198,12 @@ class MotionModel(ABC):
         return mean + np.matvec(axes, white)
 
     def log_density(
-        self, chain: Mechanism, q: ndarray, v: ndarray, q_next: ndarray, measurement=None
+        self,
+        chain: Mechanism,
+        q: ndarray,
+        v: ndarray,
+        q_next: ndarray,
+        measurement=None,
     ) -> ndarray:
         """(...,) ln p(q_{k+1} = q_next | q_k = q) in rad⁻ⁿ, of the step plus noise N(0,
         ``measurement``) (n, n) in rad² if given. Raises ModelDomainError for a singular covariance,

@@ -41,7 +41,9 @@ def recorded_motions(
     if not motions:
         raise ModelDomainError("a matrix model needs two takes of a motion")
     takes = min(len(motion.q) for motion in motions)
-    parts = zip(*([each[:takes] for each in motion[1:]] for motion in motions), strict=True)
+    parts = zip(
+        *([each[:takes] for each in motion[1:]] for motion in motions), strict=True
+    )
     q, dq, noise = (np.concatenate(each, axis=1) for each in parts)
     chain.require_regular(q, what="measured pose")
     command = dq.mean(axis=0)
@@ -64,14 +66,19 @@ def matrix_scores(
     motion, log score in nats a step, reason for a missing score; no row for a single motion.
     """
     rows = []
-    for (name, options), part in product(matrix.items(), motions if len(motions) > 1 else ()):
+    for (name, options), part in product(
+        matrix.items(), motions if len(motions) > 1 else ()
+    ):
         others = [other for other in motions if other is not part]
         try:
             fitted = recorded_motions(chain, others, joints, pose_noise)
             model = kinds.estimate(fitted, replace(options, closed_loop=False)).model
             scored = recorded_motions(chain, [part], joints, pose_noise, least=1)
             steps = chain, scored.q, scored.v, scored.q_next
-            score, reason = float(model.log_density(*steps, fitted.measurement).mean()), ""
+            score, reason = (
+                float(model.log_density(*steps, fitted.measurement).mean()),
+                "",
+            )
         except PipelineError as error:
             score, reason = np.nan, error.message
         rows.append((name, part.name, score, reason))

@@ -38,7 +38,9 @@ def score_take(
     try:
         return score_steps(model, recorded, poses)
     except SingularJacobianError as error:
-        raise SingularJacobianError(error.message, **error.evidence | {"take": take}) from None
+        raise SingularJacobianError(
+            error.message, **error.evidence | {"take": take}
+        ) from None
 
 
 def score_steps(
@@ -74,7 +76,9 @@ def normal_steps(error: ndarray, covariance: ndarray) -> tuple[Steps, dict[str, 
     ``covariance``) (M, n, n) in rad². All scores but ``z`` are NaN if a covariance is singular,
     e.g. a sample covariance of few takes.
     """
-    with np.errstate(divide="ignore", invalid="ignore"):  # all takes may be equal: zero variance
+    with np.errstate(
+        divide="ignore", invalid="ignore"
+    ):  # all takes may be equal: zero variance
         z = {"z": error / np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1))}
     try:
         log_density = normal_log_score(error, covariance)
@@ -95,7 +99,9 @@ def groups_by_speed(recorded: Recorded, rate: float) -> Mapping[str, ndarray]:
     if not np.all(moving):
         groups["at rest"] = ~moving
     ends = np.quantile(speeds[moving], [0, 1 / 3, 2 / 3, 1])
-    for name, low, high in zip(("slow", "middle", "fast"), ends, ends[1:], strict=False):
+    for name, low, high in zip(
+        ("slow", "middle", "fast"), ends, ends[1:], strict=False
+    ):
         third = moving & (low <= speeds) & ((speeds < high) | (high == ends[-1]))
         groups[f"{name}, {low:.3g} to {high:.3g} rad/s"] = third
     return groups
@@ -105,9 +111,16 @@ def modelled_noise(model: MotionModel, recorded: Recorded) -> ModelledNoise:
     """Process noise of ``model`` at the poses of ``recorded``, scaled to the recorded total
     variance; raises as :func:`pipeline.models.steps.at_recorded_level`.
     """
-    model, chain, q, v = at_recorded_level(model, recorded), recorded.chain, recorded.q, recorded.v
+    model, chain, q, v = (
+        at_recorded_level(model, recorded),
+        recorded.chain,
+        recorded.q,
+        recorded.v,
+    )
     return ModelledNoise(
-        motion=np.diagonal(model.covariance(chain, q, v), axis1=-2, axis2=-1).mean(axis=0),
+        motion=np.diagonal(model.covariance(chain, q, v), axis1=-2, axis2=-1).mean(
+            axis=0
+        ),
         measurement=np.diagonal(recorded.measurement),
         error=model.mean(chain, q, v) - recorded.q_next,
     )

@@ -71,10 +71,14 @@ class Recorded:
 class Estimate:
     """Result of an estimator."""
 
-    parameters: dict[str, Any]  # plain values for :func:`pipeline.models.kinds.build_model`
+    parameters: dict[
+        str, Any
+    ]  # plain values for :func:`pipeline.models.kinds.build_model`
     estimates: dict[str, float]  # parameters with a standard error, by name and unit
     diagnostics: dict[str, float]
-    details: Any = None  # the fit itself, for diagnostics that need more than its parameters
+    details: Any = (
+        None  # the fit itself, for diagnostics that need more than its parameters
+    )
     # take indices → estimates of these takes, if that is faster than another fit
     from_takes: Callable[[ndarray], dict[str, float]] | None = None
     undetermined: tuple[str, ...] = ()  # estimates at an end of the search
@@ -82,7 +86,11 @@ class Estimate:
     @property
     def determined(self) -> dict[str, float]:
         """Estimates without the undetermined ones, which have no number."""
-        return {n: value for n, value in self.estimates.items() if n not in self.undetermined}
+        return {
+            n: value
+            for n, value in self.estimates.items()
+            if n not in self.undetermined
+        }
 
     @property
     def model(self) -> MotionModel:
@@ -157,7 +165,9 @@ def take_variances(recorded: Recorded) -> Callable[[ndarray], tuple[ndarray, flo
     """
     known, _ = recorded.known_measurement, recorded.measurement  # raises
     still = ~np.any(recorded.v, axis=-1)
-    noise = (recorded.noise - recorded.noise.mean(axis=0)).reshape(len(recorded.noise), -1)
+    noise = (recorded.noise - recorded.noise.mean(axis=0)).reshape(
+        len(recorded.noise), -1
+    )
 
     def of_takes(takes: ndarray) -> tuple[ndarray, float]:
         counts = np.bincount(takes, minlength=len(noise)).astype(float)
@@ -166,7 +176,9 @@ def take_variances(recorded: Recorded) -> Callable[[ndarray], tuple[ndarray, flo
             message = "a sample covariance needs at least two takes"
             raise ModelDomainError(message, takes=different)
         sums = counts @ noise**2 - (counts @ noise) ** 2 / len(takes)
-        traces = (sums / (len(takes) - 1)).reshape(recorded.noise.shape[1], -1).sum(axis=-1)
+        traces = (
+            (sums / (len(takes) - 1)).reshape(recorded.noise.shape[1], -1).sum(axis=-1)
+        )
         measured = float(traces[still].mean() if known is None else np.trace(known))
         mean = float(traces.mean())
         if not mean > measured:

@@ -21,16 +21,22 @@ from pipeline.core.options.analysis import ArticulationSection
 
 INFEASIBLE = 1e3  # m; above the objective of every pose within the bounds
 STEP = 0.02  # m; first extent of the simplex: motion of a node between frames at 30 Hz
-STRETCH = np.pi / 2 / STEP  # 1/m; a change of λ by STEP moves a length from nominal to its bound
+STRETCH = (
+    np.pi / 2 / STEP
+)  # 1/m; a change of λ by STEP moves a length from nominal to its bound
 # first and last extent of the simplex in each run, m; a wide first simplex escapes local minima
 RUNS = {
     "commanded": ((STEP, 1e-3), (-STEP / 2, 1e-5)),
     "fitted": ((2 * STEP, 4e-3), (-2 * STEP, 4e-3), (STEP, 1e-4)),
 }
 MAX_STEPS = 2000  # of the simplex
-START_SPREAD = 0.15  # rad; offset of the first frame's start poses from the commanded pose
+START_SPREAD = (
+    0.15  # rad; offset of the first frame's start poses from the commanded pose
+)
 LOST = 2.0  # objective, in least objectives of the take, above which the arm counts as lost
-LOST_HEADINGS = 24  # headings of the first segment from which a search for a lost arm starts
+LOST_HEADINGS = (
+    24  # headings of the first segment from which a search for a lost arm starts
+)
 SIGN = np.int64(-(2**63))  # sign bit of a 64-bit float
 
 
@@ -42,15 +48,23 @@ class Frame(NamedTuple):
     bounds: np.ndarray  # (3, 2) of the segments' lengths, m
     gamma1: float  # weight of the mean distance
     gamma2: float  # weight of the asymmetry
-    buffer: np.ndarray  # (5, I) signed squared distances by segment, m²; last row: distances, m
+    buffer: (
+        np.ndarray
+    )  # (5, I) signed squared distances by segment, m²; last row: distances, m
     bits: np.ndarray  # (5, I) ``buffer`` viewed as integers
 
 
 def frame_of(
-    points: np.ndarray, o1: np.ndarray, ee: np.ndarray, bounds: np.ndarray, gammas: tuple
+    points: np.ndarray,
+    o1: np.ndarray,
+    ee: np.ndarray,
+    bounds: np.ndarray,
+    gammas: tuple,
 ) -> Frame:
     """Return the frame with new buffers; ``gammas`` are the weights γ1 and γ2."""
-    arrays = (np.array(array, order="C") for array in (points, [o1, o1, o1, ee], bounds))
+    arrays = (
+        np.array(array, order="C") for array in (points, [o1, o1, o1, ee], bounds)
+    )
     buffer = np.empty((5, points.shape[1]))
     return Frame(*arrays, *gammas, buffer, buffer.view(np.int64))
 
@@ -67,7 +81,10 @@ def rank(frame: Frame, v: np.ndarray) -> float:
     nodes, bounds, excess, pieces = frame.nodes, frame.bounds, 0.0, v.size - 1
     for j in range(3):
         if pieces == 4:
-            middle, half = 0.5 * (bounds[j, 0] + bounds[j, 1]), 0.5 * (bounds[j, 1] - bounds[j, 0])
+            middle, half = (
+                0.5 * (bounds[j, 0] + bounds[j, 1]),
+                0.5 * (bounds[j, 1] - bounds[j, 0]),
+            )
             stretched, _ = sine_cosine(STRETCH * v[j] if j < 2 else 0.0)
             sine, cosine = sine_cosine(v[j + 2] / middle)
             length = middle + half * stretched
@@ -86,7 +103,9 @@ def rank(frame: Frame, v: np.ndarray) -> float:
     if pieces == 4:  # points beyond the middle of the tool
         ax, az, bx, bz = nodes[2, 0], nodes[2, 1], nodes[3, 0], nodes[3, 1]
         for i in range(x.size):
-            aside = (x[i] - 0.5 * (ax + bx)) * (bx - ax) + (z[i] - 0.5 * (az + bz)) * (bz - az)
+            aside = (x[i] - 0.5 * (ax + bx)) * (bx - ax) + (z[i] - 0.5 * (az + bz)) * (
+                bz - az
+            )
             signed[3, i] = signed[2, i] if aside > 0.0 else 0.0
             signed[2, i] = 0.0 if aside > 0.0 else signed[2, i]
     asymmetry = 0.0
@@ -148,7 +167,12 @@ def _sum(values):
     a = b = c = d = 0.0
     whole = values.size - values.size % 4
     for i in range(0, whole, 4):
-        a, b, c, d = a + values[i], b + values[i + 1], c + values[i + 2], d + values[i + 3]
+        a, b, c, d = (
+            a + values[i],
+            b + values[i + 1],
+            c + values[i + 2],
+            d + values[i + 3],
+        )
     for i in range(whole, values.size):
         a += values[i]
     return (a + b) + (c + d)
@@ -169,7 +193,10 @@ def nodes_of(frame: Frame, v: np.ndarray) -> np.ndarray:
     if v.size == 4:
         return np.vstack([v.reshape(2, 2), frame.nodes[3]])
     middle, half = frame.bounds.mean(axis=1), np.diff(frame.bounds)[:, 0] / 2
-    psi, lengths = v[2:] / middle, middle + half * np.append(np.sin(STRETCH * v[:2]), 0.0)
+    psi, lengths = (
+        v[2:] / middle,
+        middle + half * np.append(np.sin(STRETCH * v[:2]), 0.0),
+    )
     steps = lengths[:, None] * np.stack([np.sin(psi), np.cos(psi)], axis=-1)
     return frame.nodes[0] + np.cumsum(steps, axis=0)
 
@@ -224,7 +251,9 @@ def _simplex(frame, step, extent, corners, values):
         else:
             for i in range(1, n + 1):
                 for j in range(n):
-                    corners[i, j] = corners[0, j] + 0.5 * (corners[i, j] - corners[0, j])
+                    corners[i, j] = corners[0, j] + 0.5 * (
+                        corners[i, j] - corners[0, j]
+                    )
             unknown = 1
     return False
 
@@ -283,30 +312,45 @@ def fit_sequence(
     SolverError for a search that does not converge.
     """
     end, gammas = options.end_point, (options.gamma1, options.gamma2)
-    bounds = chain.lengths[:, None] * np.array([1 - options.length_range, 1 + options.length_range])
+    bounds = chain.lengths[:, None] * np.array(
+        [1 - options.length_range, 1 + options.length_range]
+    )
     nodes, values = np.full((len(ee), 4, 2), np.nan), np.full(len(ee), np.nan)
-    turned = np.array([[0, 0, 0], [1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]]) * START_SPREAD
+    turned = (
+        np.array([[0, 0, 0], [1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]])
+        * START_SPREAD
+    )
     starts, last, gap, least = chain.points(q_start + turned)[:, 1:], 0, 0, np.inf
     for frame, (cloud, goal) in enumerate(zip(clouds, ee, strict=True)):
         where = {"take": take, "frame": frame}
         gap = gap + 1 if len(cloud) < options.minimum_points else 0
         if gap > options.max_gap:
-            message = f"more than {options.max_gap} depth frames in a row have fewer than"
-            raise RecordingError(f"{message} {options.minimum_points} points of the arm", **where)
+            message = (
+                f"more than {options.max_gap} depth frames in a row have fewer than"
+            )
+            raise RecordingError(
+                f"{message} {options.minimum_points} points of the arm", **where
+            )
         if gap:
             continue
         starts = starts + np.array([[0.0], [1.0], [1.0]]) * (goal - ee[last])
         problem = frame_of(cloud.T, o1, goal, bounds, gammas)
         fits = [_fit(problem, end, start) for start in starts]
         if min(fit[1] for fit in fits) > LOST * least:
-            fits += [_fit(problem, end, s) for s in _joining_poses(o1, goal, chain.lengths)]
+            fits += [
+                _fit(problem, end, s) for s in _joining_poses(o1, goal, chain.lengths)
+            ]
         best, value, ended = min(fits, key=lambda fit: fit[1])
         least = min(least, value)
         if value >= INFEASIBLE:
             message = "no arm in length_range joins O1 and EE; check trajectory and clock offset"
-            raise RecordingError(message, **where, distance=f"{np.hypot(*(goal - o1)):.4f} m")
+            raise RecordingError(
+                message, **where, distance=f"{np.hypot(*(goal - o1)):.4f} m"
+            )
         if not ended:
-            raise SolverError("the fit of the arm did not converge", **where, step=MAX_STEPS)
+            raise SolverError(
+                "the fit of the arm did not converge", **where, step=MAX_STEPS
+            )
         nodes[frame], values[frame] = np.vstack([o1, best]), value
         starts, last = best[None], frame
     x, z = np.moveaxis(np.diff(nodes, axis=1), -1, 0)
@@ -322,9 +366,13 @@ def _joining_poses(o1: np.ndarray, ee: np.ndarray, lengths: np.ndarray) -> np.nd
     joins = np.abs(along) <= lengths[1]
     o2, reach, along = o2[joins], reach[joins, None], along[joins, None]
     towards = (ee - o2) / reach
-    aside = np.sqrt(lengths[1] ** 2 - along**2) * np.stack([towards[:, 1], -towards[:, 0]], axis=-1)
+    aside = np.sqrt(lengths[1] ** 2 - along**2) * np.stack(
+        [towards[:, 1], -towards[:, 0]], axis=-1
+    )
     ends, middle = np.full_like(o2, ee), o2 + along * towards
-    return np.concatenate([np.stack([o2, middle + s, ends], axis=1) for s in (aside, -aside)])
+    return np.concatenate(
+        [np.stack([o2, middle + s, ends], axis=1) for s in (aside, -aside)]
+    )
 
 
 def articulate_rows(
@@ -339,11 +387,16 @@ def articulate_rows(
     """Return the rows of the table ``angles`` of one take by :func:`fit_sequence`, without gaps;
     ``rows`` are of the table ``frames``, ``start`` (3,) rad is the pose about the first frame.
     """
-    ee = [np.interp(rows["t"], trajectory["t"], trajectory[f"x:{row}"]) for row in ("x", "z")]
+    ee = [
+        np.interp(rows["t"], trajectory["t"], trajectory[f"x:{row}"])
+        for row in ("x", "z")
+    ]
     motion = arm.chain.origin, np.stack(ee, axis=-1), arm.chain, options, start
     fitted = fit_sequence(clouds, *motion, take=rows["take"].iloc[0])
     names = [f"{axis}{node}" for node in ("2", "3", "e") for axis in "xz"]
     fit = dict(zip(names, fitted.nodes[:, 1:].reshape(-1, 6).T, strict=True))
     fit |= {"points": [len(cloud) for cloud in clouds], "objective": fitted.objective}
-    table = rows[["take", "part", "frame", "t"]].assign(**spread("q", joints, fitted.q), **fit)
+    table = rows[["take", "part", "frame", "t"]].assign(
+        **spread("q", joints, fitted.q), **fit
+    )
     return table[np.isfinite(fitted.objective)]

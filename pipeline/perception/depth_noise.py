@@ -22,13 +22,19 @@ def errors_of(angles: pd.DataFrame, joints: pd.DataFrame) -> pd.DataFrame:
         truth = joints[joints["take"] == take]
         inside = rows[(rows["t"] >= 0) & (rows["t"] <= truth["t"].iloc[-1])]
         error = values(inside, "q") - _interpolate(inside["t"], truth, names)
-        errors.append(inside[["take", "frame", "t"]].assign(**spread("e", names, error)))
+        errors.append(
+            inside[["take", "frame", "t"]].assign(**spread("e", names, error))
+        )
     return pd.concat(errors, ignore_index=True)
 
 
-def _interpolate(times: pd.Series, joints: pd.DataFrame, names: tuple[str, ...]) -> np.ndarray:
+def _interpolate(
+    times: pd.Series, joints: pd.DataFrame, names: tuple[str, ...]
+) -> np.ndarray:
     """Return the joint angles (times, n) in rad at ``times`` in s by linear interpolation."""
-    angles = [np.interp(times, joints["t"], joints[name]) for name in columns("q", names)]
+    angles = [
+        np.interp(times, joints["t"], joints[name]) for name in columns("q", names)
+    ]
     return np.stack(angles, axis=-1)
 
 
@@ -42,14 +48,20 @@ def leave_one_out(errors: pd.DataFrame, *, window: int) -> pd.DataFrame:
     for left_out in [*errors["take"].unique(), "none"]:
         others = errors[errors["take"] != left_out]
         by_frame = others.groupby("frame")
-        mean, time, count = by_frame[components].mean(), by_frame["t"].mean(), by_frame.size()
+        mean, time, count = (
+            by_frame[components].mean(),
+            by_frame["t"].mean(),
+            by_frame.size(),
+        )
         centred = others[components].to_numpy() - mean.loc[others["frame"]].to_numpy()
         frames = mean.index.to_numpy()
         scatter = np.zeros((len(frames), n, n))
         place = np.searchsorted(frames, others["frame"])
         np.add.at(scatter, place, centred[:, :, None] * centred[:, None, :])
         near = np.abs(frames[:, None] - frames[None, :]) <= window
-        freedom = near @ (count.to_numpy() - 1)  # each frame's mean takes one degree of freedom
+        freedom = near @ (
+            count.to_numpy() - 1
+        )  # each frame's mean takes one degree of freedom
         samples = int(freedom.min()) if len(frames) else 0
         if samples < n + 1:  # fewer samples give a singular covariance
             message = "too few test takes to estimate the depth camera's noise from the others;"
@@ -67,11 +79,17 @@ def deviations(errors: pd.DataFrame, joints: pd.DataFrame) -> pd.DataFrame:
     error of :func:`errors_of` (family e) at each frame, minus their means over the takes.
     """
     names = members(errors, "e")
-    mean = joints[joints["part"] == "training"].groupby("k")[["t", *columns("q", names)]].mean()
+    mean = (
+        joints[joints["part"] == "training"]
+        .groupby("k")[["t", *columns("q", names)]]
+        .mean()
+    )
     parts = []
     for take, rows in errors.groupby("take", sort=False):
         measured = joints[joints["take"] == take]
-        d = _interpolate(rows["t"], measured, names) - _interpolate(rows["t"], mean, names)
+        d = _interpolate(rows["t"], measured, names) - _interpolate(
+            rows["t"], mean, names
+        )
         parts.append(rows.assign(**spread("d", names, d)))
     table = pd.concat(parts)
     families = columns("d", names) + columns("e", names)
@@ -86,7 +104,11 @@ def error_slopes(table: pd.DataFrame, step: float, pose: np.ndarray) -> pd.DataF
     ``step`` is the time between samples in s; the effect of the noise covariance ``pose`` (n, n) in
     rad² of a measured pose is removed. Standard errors are clustered by take (Liang, Zeger 1986).
     """
-    rows, names, share = [], members(table, "e"), np.mod(table["t"].to_numpy() / step, 1.0)
+    rows, names, share = (
+        [],
+        members(table, "e"),
+        np.mod(table["t"].to_numpy() / step, 1.0),
+    )
     near = np.minimum(share, 1 - share) <= NEAR
     for frames, inside in ((NEAR_A_SAMPLE, near), (ALL, np.ones_like(near))):
         part, after = table[inside], share[inside]
@@ -98,7 +120,9 @@ def error_slopes(table: pd.DataFrame, step: float, pose: np.ndarray) -> pd.DataF
     return pd.DataFrame(rows, columns=["frames", "joint", "slope", "standard_error"])
 
 
-def _slope(d: np.ndarray, e: np.ndarray, takes: pd.Series, noise: float) -> tuple[float, float]:
+def _slope(
+    d: np.ndarray, e: np.ndarray, takes: pd.Series, noise: float
+) -> tuple[float, float]:
     """Return the slope of ``e`` on ``d`` (rows,) and its standard error; Σd² has ``noise`` rad²."""
     number, power = takes.nunique(), np.sum(d**2)
     if number < 2 or not power > noise:

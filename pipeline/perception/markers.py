@@ -13,18 +13,27 @@ import pandas as pd
 from pipeline.arm.model import arm_of
 from pipeline.core.errors import RecordingError
 from pipeline.core.options.dataset import Mocap, Robot
-from pipeline.perception.posture import LEAST_LEVER, MarkedArm, points_in_plane, points_in_space
+from pipeline.perception.posture import (
+    LEAST_LEVER,
+    MarkedArm,
+    points_in_plane,
+    points_in_space,
+)
 
 NEIGHBOURS = 5  # solved frames in the linear prediction of a frame's joint angles
 BLOCK = 16  # frames of an arm in space that are solved at once, from the frame before the block
-UNDETERMINED = 0.1  # share of a joint in undetermined motions above which an error names the joint
+UNDETERMINED = (
+    0.1  # share of a joint in undetermined motions above which an error names the joint
+)
 
 
 class JointTrack(NamedTuple):
     """Joint angles of one take."""
 
     q: np.ndarray  # (N, n) rad, m of prismatic joints, continuous in time
-    residual: np.ndarray  # (N,) m, rms distance of the markers to the arm; NaN where filled in
+    residual: (
+        np.ndarray
+    )  # (N,) m, rms distance of the markers to the arm; NaN where filled in
     counts: dict[str, int]  # losses and repairs, named in :func:`track`
     samples: int  # number of the markers' samples, missing ones included
 
@@ -40,7 +49,9 @@ def follower(robot: Robot, mocap: Mocap) -> Callable[..., JointTrack]:
     def follow(rows: pd.DataFrame, *, take: str) -> JointTrack:
         rows = rows.sort_values(["link", "marker", "k"], kind="stable")
         frames = rows["k"].nunique()
-        positions = rows[["x", "y", "z"]].to_numpy().reshape(-1, frames, 3).transpose(1, 0, 2)
+        positions = (
+            rows[["x", "y", "z"]].to_numpy().reshape(-1, frames, 3).transpose(1, 0, 2)
+        )
         unlabelled = np.count_nonzero(rows["link"] == 0) // frames  # moved to the end
         positions = np.roll(positions, -unlabelled, axis=1)
         return track(positions, points, max_gap=mocap.max_gap, take=take)
@@ -48,7 +59,9 @@ def follower(robot: Robot, mocap: Mocap) -> Callable[..., JointTrack]:
     return follow
 
 
-def track(positions: np.ndarray, points: MarkedArm, *, max_gap: int, take: str = "") -> JointTrack:
+def track(
+    positions: np.ndarray, points: MarkedArm, *, max_gap: int, take: str = ""
+) -> JointTrack:
     """Return the joint angles of one ``take`` from the ``positions`` (N, P + U, 3) m of its P
     ``points`` and of U unlabelled markers in the base frame, NaN where missing.
 
@@ -68,9 +81,16 @@ def track(positions: np.ndarray, points: MarkedArm, *, max_gap: int, take: str =
     markers, moved = _correct_labels(positions, q, residual, points, take)
     solved = np.isfinite(residual)
     present = ~np.isnan(markers[solved][..., 0])
-    pairs = sum((present[:, mine].sum(axis=1) == 2).sum() for mine in points.link_masks())
+    pairs = sum(
+        (present[:, mine].sum(axis=1) == 2).sum() for mine in points.link_masks()
+    )
     q, filled = fill_gaps(q, solved, points.sliding, max_gap, take)
-    counts = {"missing": int(missing.sum())} | moved | {"two_marker_fits": int(pairs)} | filled
+    counts = (
+        {"missing": int(missing.sum())}
+        | moved
+        | {"two_marker_fits": int(pairs)}
+        | filled
+    )
     return JointTrack(q, residual, counts, missing.size)
 
 
@@ -82,17 +102,25 @@ def _heading_angles(positions: np.ndarray, points: MarkedArm) -> np.ndarray:
         present = np.isfinite(measured).all(axis=-1)
         weight = (present / np.maximum(present.sum(axis=-1), 1)[..., None])[..., None]
         measured = np.where(present[..., None], points.arm.to_plane(measured), 0.0)
-        measured = (measured - (weight * measured).sum(axis=-2, keepdims=True)) * present[..., None]
+        measured = (
+            measured - (weight * measured).sum(axis=-2, keepdims=True)
+        ) * present[..., None]
         turn = np.swapaxes(measured, -1, -2) @ template
-        heading = np.arctan2(turn[..., 0, 2] - turn[..., 2, 0], turn[..., 0, 0] + turn[..., 2, 2])
+        heading = np.arctan2(
+            turn[..., 0, 2] - turn[..., 2, 0], turn[..., 0, 0] + turn[..., 2, 2]
+        )
         known = present.sum(axis=-1) >= 2
         turned = np.unwrap(heading[known])
-        heading[~known] = np.interp(frames[~known], frames[known], turned) if known.any() else 0.0
+        heading[~known] = (
+            np.interp(frames[~known], frames[known], turned) if known.any() else 0.0
+        )
         psi.append(heading)
     return points.arm.chain.joints_from_segments(np.stack(psi, axis=-1))
 
 
-def _solve_blocks(positions: np.ndarray, points: MarkedArm, take: str) -> tuple[np.ndarray, ...]:
+def _solve_blocks(
+    positions: np.ndarray, points: MarkedArm, take: str
+) -> tuple[np.ndarray, ...]:
     """Return joint angles (N, n) and residuals (N,) m, solved both ways from the start frame."""
     frames = len(positions)
     first, start = _start_frame(positions, points, take)
@@ -107,10 +135,17 @@ def _solve_blocks(positions: np.ndarray, points: MarkedArm, take: str) -> tuple[
     return q, residual
 
 
-def _start_frame(positions: np.ndarray, points: MarkedArm, take: str) -> tuple[int, np.ndarray]:
+def _start_frame(
+    positions: np.ndarray, points: MarkedArm, take: str
+) -> tuple[int, np.ndarray]:
     """Return the first frame that exactly one posture fits, and the posture; or RecordingError."""
-    key, message = "markers", "no posture of the arm has all markers and bodies of a frame within"
-    message += f" {points.gate:g} m: check their places and mounts, the base, and the gate"
+    key, message = (
+        "markers",
+        "no posture of the arm has all markers and bodies of a frame within",
+    )
+    message += (
+        f" {points.gate:g} m: check their places and mounts, the base, and the gate"
+    )
     for k in np.flatnonzero(np.isfinite(positions[..., 0]).any(axis=1)):
         postures = points.postures(positions[k])
         if undecided := [one for one in postures if not one.decided]:
@@ -122,13 +157,20 @@ def _start_frame(positions: np.ndarray, points: MarkedArm, take: str) -> tuple[i
         elif len(postures) == 1:
             return k, postures[0].q
         elif postures:
-            key, message = "posture", f"{len(postures)} postures of the arm fit the markers and"
+            key, message = (
+                "posture",
+                f"{len(postures)} postures of the arm fit the markers and",
+            )
             message += " bodies: track another link, or state the posture at the start of a take"
     raise RecordingError(message, take=take, key=f"dataset.mocap.{key}")
 
 
 def _correct_labels(
-    positions: np.ndarray, q: np.ndarray, residual: np.ndarray, points: MarkedArm, take: str
+    positions: np.ndarray,
+    q: np.ndarray,
+    residual: np.ndarray,
+    points: MarkedArm,
+    take: str,
 ) -> tuple[np.ndarray, dict[str, int]]:
     """Return the correctly labelled markers (N, P, 3), and counts of the corrections.
 
@@ -149,7 +191,10 @@ def _correct_labels(
         raise RecordingError(f"{message} frame, the units and the gate", take=take)
     start, most = int(np.argmax(np.isfinite(residual))), points.gate**2
     # outwards from the first solved frame, so that each frame has a solved neighbour
-    for k in [*np.flatnonzero(doubtful[start:]) + start, *np.flatnonzero(doubtful[:start])[::-1]]:
+    for k in [
+        *np.flatnonzero(doubtful[start:]) + start,
+        *np.flatnonzero(doubtful[:start])[::-1],
+    ]:
         expected = _predict(q, np.flatnonzero(np.isfinite(residual)), k)[None]
         square = ((points.carry(expected)[0][:, None] - positions[k]) ** 2).sum(axis=-1)
         square[np.isnan(square)] = np.inf
@@ -186,10 +231,16 @@ def fill_gaps(
     edges = np.concatenate([[-1], frames, [len(q)]])
     longest = int(np.argmax(np.diff(edges)))
     if edges[longest + 1] - edges[longest] - 1 > max_gap or not len(frames):
-        message = f"markers give no joint angles for longer than {max_gap} frames: repair the"
+        message = (
+            f"markers give no joint angles for longer than {max_gap} frames: repair the"
+        )
         where = {"frames": f"{edges[longest] + 1} to {edges[longest + 1] - 1}"}
-        raise RecordingError(f"{message} labels, or leave the take out", take=take, **where)
+        raise RecordingError(
+            f"{message} labels, or leave the take out", take=take, **where
+        )
     known = np.where(sliding, q[frames], np.unwrap(q[frames], axis=0))
-    q = np.stack([np.interp(np.arange(len(q)), frames, joint) for joint in known.T], axis=1)
+    q = np.stack(
+        [np.interp(np.arange(len(q)), frames, joint) for joint in known.T], axis=1
+    )
     held = int(frames[0] + len(q) - 1 - frames[-1])
     return q, {"interpolated": len(q) - len(frames) - held, "held": held}

@@ -14,18 +14,26 @@ from pipeline.core.options.dataset import Mocap, Robot
 
 STEPS = 100  # greatest number; a far start needs about 20, the previous frame's posture 2 or 3
 LEAST_STEP = 1e-10  # rad, or m of a prismatic joint; a smaller step ends the search
-LEAST_LEVER = 0.01  # m/rad, or 1; a joint motion that moves the points by less is undetermined
+LEAST_LEVER = (
+    0.01  # m/rad, or 1; a joint motion that moves the points by less is undetermined
+)
 STARTS = 64  # start postures of a search over the joint ranges
 SAME_POSTURE = 0.05  # rad, or m; postures that differ by less count as one
-MIN_LEVER = 0.01  # m; least distance in the plane between two markers of a planar arm's link
+MIN_LEVER = (
+    0.01  # m; least distance in the plane between two markers of a planar arm's link
+)
 
 
 class Solution(NamedTuple):
     """Joint angles and their fit to the points; in a batch every array has one more first axis."""
 
     q: np.ndarray  # (n,) rad, or m
-    residual: np.ndarray  # m, rms distance; NaN if undetermined or a point is beyond the gate
-    distances: np.ndarray  # (P,) m, from measured to modelled points; 0 for missing points
+    residual: (
+        np.ndarray
+    )  # m, rms distance; NaN if undetermined or a point is beyond the gate
+    distances: (
+        np.ndarray
+    )  # (P,) m, from measured to modelled points; 0 for missing points
     normal: np.ndarray  # (n, n) JᵀJ of the points
     decided: np.ndarray  # True if the points determine every joint
 
@@ -34,7 +42,9 @@ class Solution(NamedTuple):
 class MarkedArm:
     """P points on L links of an arm of n joints."""
 
-    chains: list[SerialChain]  # (L,) from the base to each link; task: whole pose in m and rad
+    chains: list[
+        SerialChain
+    ]  # (L,) from the base to each link; task: whole pose in m and rad
     sliding: np.ndarray  # (n,) True for prismatic joints
     lower: np.ndarray  # (n,) joint limits, rad or m; infinite where a joint has none
     upper: np.ndarray  # (n,)
@@ -81,13 +91,17 @@ class MarkedArm:
             if not len(moving):
                 break
             equations = self._equations(q[moving] + step, measured[moving])
-            nearer = (equations[2] ** 2).sum(axis=1) <= (distances[moving] ** 2).sum(axis=1)
+            nearer = (equations[2] ** 2).sum(axis=1) <= (distances[moving] ** 2).sum(
+                axis=1
+            )
             taken, now = moving[nearer], damping[moving]
             q[taken] += step[nearer]
             for kept, new in zip((normal, gradient, distances), equations, strict=True):
                 kept[taken] = new[nearer]
             less = np.where(now > 1e-9 * greatest, 0.1 * now, 0.0)
-            damping[moving] = np.where(nearer, less, np.maximum(10.0 * now, 1e-3 * greatest))
+            damping[moving] = np.where(
+                nearer, less, np.maximum(10.0 * now, 1e-3 * greatest)
+            )
         decided = np.linalg.eigvalsh(normal)[:, 0] >= LEAST_LEVER**2
         number = np.maximum((~np.isnan(measured[..., 0])).sum(axis=-1), 1)
         fits = decided & (distances <= self.gate).all(axis=-1)
@@ -109,7 +123,9 @@ class MarkedArm:
             # (S, points, 3, m): v + ω × lever of each joint
             wx, wy, wz = jacobian[:, 3:, None].swapaxes(0, 1)
             x, y, z = lever.T[..., None].swapaxes(1, 2)
-            turning = np.stack([wy * z - wz * y, wz * x - wx * z, wx * y - wy * x], axis=2)
+            turning = np.stack(
+                [wy * z - wz * y, wz * x - wx * z, wx * y - wy * x], axis=2
+            )
             moved = (jacobian[:, None, :3] + turning) * seen[..., None]
             moved = moved.reshape(starts, -1, m)
             normal[:, :m, :m] += np.swapaxes(moved, -1, -2) @ moved
@@ -128,7 +144,9 @@ class MarkedArm:
         centre = np.where(finite, self.lower + self.upper, 0.0) / 2
         if self.posture is None:
             reach = np.minimum(np.where(finite, self.upper - centre, np.pi), np.pi)
-            shares = qmc.Sobol(len(centre), scramble=False).fast_forward(1).random(STARTS)
+            shares = (
+                qmc.Sobol(len(centre), scramble=False).fast_forward(1).random(STARTS)
+            )
             starts = centre + (2 * shares - 1) * reach
         else:
             centre, starts = self.posture, self.posture[None]
@@ -137,8 +155,12 @@ class MarkedArm:
             turns = np.round((one.q - centre) / (2 * np.pi))
             q = one.q - 2 * np.pi * np.where(self.sliding, 0.0, turns)
             fits = one.distances.max() <= self.gate
-            fits &= np.all((q >= self.lower - SAME_POSTURE) & (q <= self.upper + SAME_POSTURE))
-            if fits and all(np.abs(q - other.q).max() > SAME_POSTURE for other in result):
+            fits &= np.all(
+                (q >= self.lower - SAME_POSTURE) & (q <= self.upper + SAME_POSTURE)
+            )
+            if fits and all(
+                np.abs(q - other.q).max() > SAME_POSTURE for other in result
+            ):
                 result.append(one._replace(q=q))
         return result
 
@@ -150,16 +172,24 @@ def points_in_space(robot: Robot, mocap: Mocap) -> MarkedArm:
     key = "dataset.mocap.markers"
     chain, chains = chain_of(robot), link_chains(robot, mocap.markers, key)
     if empty := [link for link, points in mocap.markers.items() if not points]:
-        raise ConfigError(f"{empty[0]} needs markers with the position x, y, z", key=key)
+        raise ConfigError(
+            f"{empty[0]} needs markers with the position x, y, z", key=key
+        )
     posture = None if mocap.posture is None else np.array(mocap.posture)
     if posture is not None and len(posture) != len(chain.lower):
         message = f"{len(posture)} angles for an arm of {len(chain.lower)} joints"
         raise ConfigError(message, key="dataset.mocap.posture")
-    owner = np.repeat(np.arange(len(chains)), [len(points) for points in mocap.markers.values()])
-    places = np.array([place for points in mocap.markers.values() for place in points.values()])
+    owner = np.repeat(
+        np.arange(len(chains)), [len(points) for points in mocap.markers.values()]
+    )
+    places = np.array(
+        [place for points in mocap.markers.values() for place in points.values()]
+    )
     limits = np.asarray(chain.sliding, bool), chain.lower, chain.upper
     joints = tuple(robot.joints)
-    return MarkedArm([*chains.values()], *limits, owner, places, mocap.gate, posture, joints)
+    return MarkedArm(
+        [*chains.values()], *limits, owner, places, mocap.gate, posture, joints
+    )
 
 
 def points_in_plane(arm: Arm, template: np.ndarray, gate: float) -> MarkedArm:
@@ -172,17 +202,24 @@ def points_in_plane(arm: Arm, template: np.ndarray, gate: float) -> MarkedArm:
         raise ConfigError(message, key=key, shape=np.shape(template))
     for link, corners in enumerate(template, start=1):
         width = np.linalg.svd(corners - corners.mean(axis=0), compute_uv=False)[1]
-        sides = np.linalg.norm((corners - np.roll(corners, 1, axis=0))[:, [0, 2]], axis=1)
+        sides = np.linalg.norm(
+            (corners - np.roll(corners, 1, axis=0))[:, [0, 2]], axis=1
+        )
         if width < MIN_LEVER / 2 or sides.min() < MIN_LEVER:
             message = "the markers of a link are in line, or two of them are too close in the plane"
             raise ConfigError(f"{message} of the arm", key=key, link=link)
     chain, links = arm.chain, len(template)
     # joint frame: z along the axis, which is ± the plane's normal y; x as in the plane's frame
-    frames = np.array([[[1.0, 0, 0], [0, 0, sign], [0, -sign, 0]] for sign in chain.signs])
+    frames = np.array(
+        [[[1.0, 0, 0], [0, 0, sign], [0, -sign, 0]] for sign in chain.signs]
+    )
     ends = np.swapaxes(frames, -1, -2) @ segment_frames(chain, np.zeros(links))[0]
     origin = arm.to_base(np.array([chain.origin[0], 0.0, chain.origin[1]]))
     placements, chains = [np.append(arm.rotation @ frames[0], origin)], []
-    none, limits = np.zeros(links, dtype=bool), (chain.lower, chain.upper, chain.max_speed)
+    none, limits = (
+        np.zeros(links, dtype=bool),
+        (chain.lower, chain.upper, chain.max_speed),
+    )
     for j in range(links):
         to_link = np.array([*placements, np.append(ends[j], np.zeros(3))])
         parts = (each[: j + 1] for each in (none, *limits))
@@ -191,4 +228,6 @@ def points_in_plane(arm: Arm, template: np.ndarray, gate: float) -> MarkedArm:
             step = frames[j].T @ [chain.links[j, 0], 0.0, chain.links[j, 1]]
             placements.append(np.append(frames[j].T @ frames[j + 1], step))
     owner, places = np.repeat(np.arange(links), 3), template.reshape(-1, 3)
-    return MarkedArm(chains, none, chain.lower, chain.upper, owner, places, gate, arm=arm)
+    return MarkedArm(
+        chains, none, chain.lower, chain.upper, owner, places, gate, arm=arm
+    )

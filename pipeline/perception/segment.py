@@ -13,7 +13,9 @@ from pipeline.formats.depth.intrinsics import Intrinsics
 # exact to about 1e-9 of the focal length; OpenCV's default stops after five steps
 UNDISTORTION = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-10)
 LINK = 0.03  # m; greatest distance of neighbours in a cluster; above the spacing of thinned clouds
-NEIGHBOURS = 4  # least number of points within LINK of a surface point, which counts itself
+NEIGHBOURS = (
+    4  # least number of points within LINK of a surface point, which counts itself
+)
 
 
 class ArmSegmenter:
@@ -23,7 +25,12 @@ class ArmSegmenter:
     """
 
     def __init__(
-        self, arm: Arm, camera: Intrinsics, rotation: ndarray, translation: ndarray, crop: Workspace
+        self,
+        arm: Arm,
+        camera: Intrinsics,
+        rotation: ndarray,
+        translation: ndarray,
+        crop: Workspace,
     ) -> None:
         self.crop, self.arm, origin = crop, arm, arm.chain.origin
         reach = arm.chain.lengths.sum() + crop.girth
@@ -32,22 +39,37 @@ class ArmSegmenter:
         pixels = np.stack([axis.ravel() for axis in grid], axis=-1)[:, None]
         # without distortion, None saves OpenCV's iterations
         bend = np.array(camera.distortion) if np.any(camera.distortion) else None
-        lens = np.array([[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1.0]])
-        ideal = cv2.undistortPoints(pixels, lens, bend, None, None, None, UNDISTORTION)[:, 0]
-        rays = np.concatenate([ideal, np.ones((len(ideal), 1))], axis=1) @ rotation.T @ arm.rotation
+        lens = np.array(
+            [[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1.0]]
+        )
+        ideal = cv2.undistortPoints(pixels, lens, bend, None, None, None, UNDISTORTION)[
+            :, 0
+        ]
+        rays = (
+            np.concatenate([ideal, np.ones((len(ideal), 1))], axis=1)
+            @ rotation.T
+            @ arm.rotation
+        )
         rays = np.ascontiguousarray(rays.T).reshape(3, *shape)
         sees = np.zeros(shape, dtype=bool)
         # the slab is thin: a ray through the workspace is in reach at one face of the slab
         for face in (-crop.half_depth, crop.half_depth):
             with np.errstate(divide="ignore", invalid="ignore"):
                 depth = (face - self.camera[1]) / rays[1]
-                away = (self.camera[i] + depth * rays[i] - origin[i // 2] for i in (0, 2))
+                away = (
+                    self.camera[i] + depth * rays[i] - origin[i // 2] for i in (0, 2)
+                )
                 distance = np.hypot(*away)
             sees |= (depth > 0) & (distance <= reach)
         if not sees.any():
             message = "no pixel of the depth camera sees the arm: check the camera's pose, its"
-            raise ConfigError(f"{message} intrinsics and the crop", key="dataset.depth.camera")
-        across, down = np.flatnonzero(sees.any(axis=0)), np.flatnonzero(sees.any(axis=1))
+            raise ConfigError(
+                f"{message} intrinsics and the crop", key="dataset.depth.camera"
+            )
+        across, down = (
+            np.flatnonzero(sees.any(axis=0)),
+            np.flatnonzero(sees.any(axis=1)),
+        )
         self.window = (slice(down[0], down[-1] + 1), slice(across[0], across[-1] + 1))
         self.across_plane = rays[1][self.window].copy()
         self.in_plane = [rays[i][self.window].ravel() for i in (0, 2)]
@@ -61,7 +83,9 @@ class ArmSegmenter:
         with np.errstate(invalid="ignore"):
             across = depth * self.across_plane
             across += self.camera[1]
-            on_plane = (np.abs(across, out=across) <= self.crop.half_depth) & (depth > 0)
+            on_plane = (np.abs(across, out=across) <= self.crop.half_depth) & (
+                depth > 0
+            )
         pixels, depths = np.flatnonzero(on_plane), depth[on_plane]
         x, z = (self.camera[2 * i] + depths * self.in_plane[i][pixels] for i in (0, 1))
         near = _near_arm(x, z, self.arm, self.crop)
@@ -75,7 +99,9 @@ class ArmSegmenter:
         inside = pixels - first * width
         mask.ravel()[inside] = 1
         patch = cv2.connectedComponents(mask, connectivity=8)[1].ravel()[inside]
-        kept = _thin(np.flatnonzero(np.bincount(patch)[patch] >= self.crop.min_pixels), self.crop)
+        kept = _thin(
+            np.flatnonzero(np.bincount(patch)[patch] >= self.crop.min_pixels), self.crop
+        )
         return np.stack([x[kept], z[kept]], axis=-1)
 
 
@@ -103,7 +129,9 @@ def cut_cloud(
 def _near_arm(x: ndarray, z: ndarray, arm: Arm, crop: Workspace) -> ndarray:
     """Return True for points in reach that are neither on the turntable nor on the floor."""
     x0, z0 = arm.chain.origin
-    in_reach = (x - x0) ** 2 + (z - z0) ** 2 <= (arm.chain.lengths.sum() + crop.girth) ** 2
+    in_reach = (x - x0) ** 2 + (z - z0) ** 2 <= (
+        arm.chain.lengths.sum() + crop.girth
+    ) ** 2
     beside = np.abs(x - x0) > crop.column_half_width
     return in_reach & (beside | (z - z0 > crop.column_top)) & (z > crop.floor)
 

@@ -10,7 +10,13 @@ from numpy import ndarray
 from pipeline.core.compiled import compiled
 from pipeline.core.errors import ConfigError
 from pipeline.planning.problem import TURN, Cost, InfeasibleError, Problem, settle
-from pipeline.planning.self_motion import CURVE_STEPS, NEWTON_STEPS, grid, spacing_of, stages
+from pipeline.planning.self_motion import (
+    CURVE_STEPS,
+    NEWTON_STEPS,
+    grid,
+    spacing_of,
+    stages,
+)
 
 POINTS = 200  # grid points per step
 REFINED_PATHS = 3  # greatest number of paths through the grid that are refined
@@ -41,7 +47,9 @@ def least_uncertain(problem: Problem, cost: Cost, points: int = POINTS) -> Plann
     margin, ConfigError for n > m + 1, and the errors of the ``cost``.
     """
     if points < 1:
-        raise ConfigError(f"the number of grid points must be > 0, got {points}", key="points")
+        raise ConfigError(
+            f"the number of grid points must be > 0, got {points}", key="points"
+        )
     if problem.spare > 1:
         message = f"the arm has {problem.spare} joints more than the task has rows, at most one is "
         message += "allowed; name more rows in dataset.robot.task"
@@ -81,7 +89,9 @@ def minimum_norm(problem: Problem, start: ndarray) -> Planned:
     for k, target in enumerate(problem.path):
         q, reached = settle(chain, guess, target[None], NEWTON_STEPS)
         if not reached[0] or chain.singular(q)[0]:
-            raise InfeasibleError("the least-norm motion does not reach the path", step=k)
+            raise InfeasibleError(
+                "the least-norm motion does not reach the path", step=k
+            )
         joints[k] = q[0]
         if k < len(problem.steps):
             guess = q + np.matvec(chain.inverse_jacobian(q), problem.steps[k])
@@ -99,21 +109,34 @@ def cheapest_paths(
     other paths with distinct ends. The cost of a step is evaluated at the pose of the nearest
     stage. Raises InfeasibleError with the first step without a path, and the errors of ``cost``.
     """
-    chain, counts, wide = problem.chain, np.array([len(q) for q in grid]), np.diff(steps)
-    stage = np.searchsorted((steps[1:] + steps[:-1]) / 2, np.arange(len(problem.steps)), "right")
+    chain, counts, wide = (
+        problem.chain,
+        np.array([len(q) for q in grid]),
+        np.diff(steps),
+    )
+    stage = np.searchsorted(
+        (steps[1:] + steps[:-1]) / 2, np.arange(len(problem.steps)), "right"
+    )
     q = np.concatenate([grid[s] for s in stage])
     costs = cost(q, np.repeat(problem.steps, counts[stage], axis=0))
     at_pose = np.where(np.arange(counts.max()) < counts[:, None], 0.0, np.inf)
-    for s, part in zip(stage, np.split(costs, np.cumsum(counts[stage])[:-1]), strict=True):
+    for s, part in zip(
+        stage, np.split(costs, np.cumsum(counts[stage])[:-1]), strict=True
+    ):
         at_pose[s, : len(part)] += part
     poses = np.zeros((*at_pose.shape, len(chain.lower)))
-    nominal, v = np.zeros_like(poses), chain.displacement(*problem.path[[steps[:-1], steps[1:]]])
+    nominal, v = (
+        np.zeros_like(poses),
+        chain.displacement(*problem.path[[steps[:-1], steps[1:]]]),
+    )
     for s, q in enumerate(grid):
         poses[s, : len(q)] = q
         if s < len(v):
             nominal[s, : len(q)] = np.matvec(chain.inverse_jacobian(q), v[s])
     reach, weight = wide[:, None] * problem.reach, problem.smoothness / wide
-    before, total = search_stages(poses, counts, at_pose, nominal, reach, weight, problem.turning)
+    before, total = search_stages(
+        poses, counts, at_pose, nominal, reach, weight, problem.turning
+    )
     if (lost := ~np.isfinite(total).any(axis=1)).any():
         first = int(lost.argmax())
         why = "at every pose of the path the model has no covariance or a singular one"
@@ -130,11 +153,15 @@ def cheapest_paths(
             places = [last]
             for row in before[:0:-1]:
                 places.append(row[places[-1]])
-            ways.append((poses[np.arange(len(steps)), places[::-1]], float(total[-1, last])))
+            ways.append(
+                (poses[np.arange(len(steps)), places[::-1]], float(total[-1, last]))
+            )
     return ways
 
 
-def _refined_motion(problem: Problem, cost: Cost, way: ndarray, steps: ndarray) -> Planned:
+def _refined_motion(
+    problem: Problem, cost: Cost, way: ndarray, steps: ndarray
+) -> Planned:
     """Refine the motion through ``way`` (S, n) in rad at the ``steps`` (S,), after shifts by whole
     turns that remove jumps and, if possible, keep the limits.
     """
@@ -154,7 +181,10 @@ def _refined_motion(problem: Problem, cost: Cost, way: ndarray, steps: ndarray) 
         joints = refine(problem, cost, joints)
     if failure := problem.failure(joints):
         raise failure
-    costs, clearance = cost(joints[:-1], problem.steps), chain.least_singular_value(joints)
+    costs, clearance = (
+        cost(joints[:-1], problem.steps),
+        chain.least_singular_value(joints),
+    )
     return Planned(joints, costs, problem.objective(costs, joints), clearance)
 
 
@@ -171,11 +201,16 @@ def refine(problem: Problem, cost: Cost, joints: ndarray) -> ndarray:
     for _ in range(MOST_ROUNDS):
         if width <= NARROWEST:
             break
-        normal, offsets = np.linalg.svd(chain.jacobian(joints))[2][:, -1:], np.linspace(-1, 1, TUBE)
+        normal, offsets = (
+            np.linalg.svd(chain.jacobian(joints))[2][:, -1:],
+            np.linspace(-1, 1, TUBE),
+        )
         near = joints[:, None] + width * offsets[:, None] * normal
         q, kept = settle(chain, near.reshape(len(targets), -1), targets, CURVE_STEPS)
         kept &= chain.within_limits(q) & problem.clear(q)
-        tube = [q[places][kept[places]] for places in np.arange(len(q)).reshape(-1, TUBE)]
+        tube = [
+            q[places][kept[places]] for places in np.arange(len(q)).reshape(-1, TUBE)
+        ]
         width, earlier = width / 2, least
         try:
             (way, value), *_ = cheapest_paths(problem, cost, every, tube)

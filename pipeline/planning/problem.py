@@ -15,10 +15,14 @@ from pipeline.models.model import MotionModel
 
 PATH_TOLERANCE = 1e-9  # m, greatest displacement from the path of a pose on it
 TOLERANCE = PATH_TOLERANCE / 100  # m, displacement at which Newton's method ends
-TURN_TOLERANCE = 1e-9  # m and rad, greatest change of the tip by a whole turn of a joint
+TURN_TOLERANCE = (
+    1e-9  # m and rad, greatest change of the tip by a whole turn of a joint
+)
 LONGEST_STEP = 0.5  # rad, longest step of Newton's method
 BATCH_POSES = 1024  # poses whose matrices fit the processor's cache
-ZERO_VARIANCE = 1e-12  # variance/greatest variance below which a variance counts as zero
+ZERO_VARIANCE = (
+    1e-12  # variance/greatest variance below which a variance counts as zero
+)
 TURN = 2 * np.pi
 
 # cost (N,) of task steps ``v`` (N, m) at poses ``q`` (N, n) in rad, infinite at a forbidden pose
@@ -39,15 +43,23 @@ class Problem:
     path: ndarray  # (M+1, p) poses x_k, as returned by ``chain.pose``
     rate: float  # steps per second
     margin: float  # least value in m of ``chain.least_singular_value``
-    smoothness: float  # weight of a squared null-space step, in units of the cost per rad²
+    smoothness: (
+        float  # weight of a squared null-space step, in units of the cost per rad²
+    )
 
     def __post_init__(self) -> None:
-        if np.ndim(self.path) != 2 or len(self.path) < 2 or not np.isfinite(self.path).all():
+        if (
+            np.ndim(self.path) != 2
+            or len(self.path) < 2
+            or not np.isfinite(self.path).all()
+        ):
             raise ConfigError("a path needs at least two finite poses", key="path")
         for key, least in (("rate", 0.0), ("margin", 0.0), ("smoothness", -1e-300)):
             if not least < (value := getattr(self, key)) < np.inf:
                 sign = "positive" if least == 0 else "not negative"
-                raise ConfigError(f"{key} must be finite and {sign}, not {value}", key=key)
+                raise ConfigError(
+                    f"{key} must be finite and {sign}, not {value}", key=key
+                )
 
     @cached_property
     def steps(self) -> ndarray:
@@ -93,24 +105,32 @@ class Problem:
 
     def clear(self, q: ndarray) -> ndarray:
         """(P,) True for poses ``q`` (P, n) with a least singular value above the margin."""
-        return ~self.chain.singular(q) & (self.chain.least_singular_value(q) >= self.margin)
+        return ~self.chain.singular(q) & (
+            self.chain.least_singular_value(q) >= self.margin
+        )
 
     def failure(self, joints: ndarray) -> InfeasibleError | None:
         """First fault of the motion ``joints`` (M+1, n) in rad, with its step; else None."""
         chain = self.chain
         off = chain.displacement(chain.pose(joints), self.path)
-        speeding = np.any(np.abs(np.diff(joints, axis=0)) > self.reach * (1 + 1e-9), axis=-1)
+        speeding = np.any(
+            np.abs(np.diff(joints, axis=0)) > self.reach * (1 + 1e-9), axis=-1
+        )
         faults = {
             "the motion leaves the path": length_of(off) > PATH_TOLERANCE,
             "the motion leaves the joint limits": ~chain.within_limits(joints),
-            "the least singular value of the motion is below the margin": ~self.clear(joints),
+            "the least singular value of the motion is below the margin": ~self.clear(
+                joints
+            ),
             "the motion exceeds the joints' speed limits": np.r_[speeding, False],
         }
         first = [(int(bad.argmax()), why) for why, bad in faults.items() if bad.any()]
         return InfeasibleError(min(first)[1], step=min(first)[0]) if first else None
 
 
-def settle(chain: Chain, q: ndarray, target: ndarray, rounds: int) -> tuple[ndarray, ndarray]:
+def settle(
+    chain: Chain, q: ndarray, target: ndarray, rounds: int
+) -> tuple[ndarray, ndarray]:
     """Return the poses (P, n) in rad after at most ``rounds`` Newton steps J⁺(target − x) from
     ``q``, and (P,) True where they reach ``target`` (P, p). A singular pose is not moved.
     """
@@ -130,7 +150,9 @@ def settle(chain: Chain, q: ndarray, target: ndarray, rounds: int) -> tuple[ndar
             lanes, off = lanes[regular], off[regular]
             inverse = chain.inverse_jacobian(q[lanes])
         step = np.matvec(inverse, off)
-        q[lanes] += step * (LONGEST_STEP / np.maximum(length_of(step), LONGEST_STEP))[:, None]
+        q[lanes] += (
+            step * (LONGEST_STEP / np.maximum(length_of(step), LONGEST_STEP))[:, None]
+        )
     return q, reached
 
 
@@ -159,7 +181,9 @@ def uncertainty(model: MotionModel, chain: Chain, objective: str) -> Cost:
         still = ~np.any(v, axis=-1) & ~present[:, -1]
         lost = np.any(counted & ~present, axis=-1) & ~still
         counted &= present & ~still[:, None]
-        logs = np.log(variances, out=np.zeros_like(variances), where=counted).sum(axis=-1)
+        logs = np.log(variances, out=np.zeros_like(variances), where=counted).sum(
+            axis=-1
+        )
         return np.where(lost, np.inf, logs)
 
     def cost(q: ndarray, v: ndarray) -> ndarray:

@@ -11,12 +11,20 @@ from numpy import ndarray
 
 from pipeline.planning.problem import InfeasibleError, Problem, length_of, settle
 
-STARTS, MORE_STARTS = 32, 256  # Newton starts of a step; starts if no solution was found
+STARTS, MORE_STARTS = (
+    32,
+    256,
+)  # Newton starts of a step; starts if no solution was found
 NEWTON_STEPS, CURVE_STEPS = 40, 6  # Newton steps from a start, and along a curve
-STAGE_SPACINGS = 1.5  # spacings that the slowest joint can move between two stages of the search
+STAGE_SPACINGS = (
+    1.5  # spacings that the slowest joint can move between two stages of the search
+)
 COARSE_SPACING = 0.25  # rad, spacing at which the length of the curves is measured
 SAME_POSE = 1e-4  # rad, greatest distance of equal solutions
-LONGEST_CURVE, PILOT_STEPS = 4000, 5  # points of a curve; steps at which the length is measured
+LONGEST_CURVE, PILOT_STEPS = (
+    4000,
+    5,
+)  # points of a curve; steps at which the length is measured
 
 
 def stages(problem: Problem, spacing: float) -> ndarray:
@@ -33,7 +41,9 @@ def spacing_of(problem: Problem, points: int) -> float:
     """Spacing in rad at which the longest curves of a few steps have ``points`` points."""
     if problem.spare == 0:
         return 0.0
-    pilots = np.unique(np.linspace(0, len(problem.steps), PILOT_STEPS).round().astype(int))
+    pilots = np.unique(
+        np.linspace(0, len(problem.steps), PILOT_STEPS).round().astype(int)
+    )
     most = max(map(len, curves(problem, pilots, COARSE_SPACING)))
     return COARSE_SPACING * max(most, 1) / points
 
@@ -53,7 +63,9 @@ def grid(problem: Problem, steps: ndarray, spacing: float) -> list[ndarray]:
     return poses
 
 
-def curves(problem: Problem, steps: ndarray, spacing: float, count: int = STARTS) -> list[ndarray]:
+def curves(
+    problem: Problem, steps: ndarray, spacing: float, count: int = STARTS
+) -> list[ndarray]:
     """Points (G, n) in rad, ``spacing`` apart, of the curves at each of ``steps`` (S,), within
     limits and margin and without whole turns. Newton's method starts at ``count`` poses within the
     limits (±π without limits).
@@ -65,8 +77,12 @@ def curves(problem: Problem, steps: ndarray, spacing: float, count: int = STARTS
     low, high = np.where(bounded, [chain.lower, chain.upper], [[-np.pi], [np.pi]])
     shares = Halton(len(low), scramble=False).fast_forward(1).random(count)
     begin = np.tile(low + (high - low) * shares, (len(steps), 1))
-    found, reached = settle(chain, begin, np.repeat(targets, count, axis=0), NEWTON_STEPS)
-    solutions, waiting = (part.reshape(len(steps), count, -1) for part in (found, reached))
+    found, reached = settle(
+        chain, begin, np.repeat(targets, count, axis=0), NEWTON_STEPS
+    )
+    solutions, waiting = (
+        part.reshape(len(steps), count, -1) for part in (found, reached)
+    )
     waiting, curve_points = waiting[..., 0], [each[:0] for each in solutions]
     while waiting.any():
         lanes = np.flatnonzero(waiting.any(axis=1))
@@ -76,17 +92,24 @@ def curves(problem: Problem, steps: ndarray, spacing: float, count: int = STARTS
             curve_points[lane] = np.concatenate([curve_points[lane], points])
             left = np.flatnonzero(waiting[lane])
             apart = problem.less_turns(solutions[lane, left, None] - points)
-            waiting[lane, left] = length_of(apart).min(axis=1) > max(1.5 * spacing, SAME_POSE)
+            waiting[lane, left] = length_of(apart).min(axis=1) > max(
+                1.5 * spacing, SAME_POSE
+            )
     poses = map(problem.nearest_turns, curve_points)
     return [q[chain.within_limits(q) & problem.clear(q)] for q in poses]
 
 
-def _follow(problem: Problem, starts: ndarray, targets: ndarray, spacing: float) -> list[ndarray]:
+def _follow(
+    problem: Problem, starts: ndarray, targets: ndarray, spacing: float
+) -> list[ndarray]:
     """Points (·, n) of the curves through the poses ``starts`` (L, n), the tip at ``targets``."""
     points, chain = [[q] for q in starts], problem.chain
     closed = np.zeros(len(starts), dtype=bool)
     for way in (1.0, -1.0) if problem.spare > 0 else ():
-        q, tangent = starts.copy(), way * np.linalg.svd(chain.jacobian(starts))[2][:, -1]
+        q, tangent = (
+            starts.copy(),
+            way * np.linalg.svd(chain.jacobian(starts))[2][:, -1],
+        )
         lanes = np.flatnonzero(~closed)
         for count in range(LONGEST_CURVE):
             if len(lanes) == 0:

@@ -19,21 +19,30 @@ from pipeline.recordings.lags import REACH, lag
 OPTION = "dataset.joint_log"
 STEADY = 0.9  # least speed over the 0.9 quantile, low enough that noise leaves no gap
 UNFILLED = "???"  # placeholder for a file name
-LATEST = 0.05  # s, greatest lag of a controller; a longer lag is an offset of two clocks
+LATEST = (
+    0.05  # s, greatest lag of a controller; a longer lag is an offset of two clocks
+)
 FASTER = 1.05  # greatest speed of a step over the joint's velocity limit
 FAST = 0.9  # least share of a joint's greatest commanded speed of a fast step
 STEP_NOISE = 1e-3  # rad, greatest contribution of noise and rounding to a step
 SEARCH = 10.0  # s, greatest offset of two clocks that is searched
 QUANTILE = 0.9  # quantile of the error over rows: insensitive to a disturbed repetition
-LEAST_MOTION = 0.1  # least scale of a joint's error, over the motion of the farthest joint
+LEAST_MOTION = (
+    0.1  # least scale of a joint's error, over the motion of the farthest joint
+)
 STANDING = 1e-3  # rad, greatest motion of a standing joint
 STILL = 0.1  # rad, least scale of an error, above the noise of encoders at rest
 SMOOTHING = 0.02  # s, over which the speed of the arm is averaged
-PEAKS, NEAR = 8, 0.8  # number of delays tried, and their least correlation over the highest
+PEAKS, NEAR = (
+    8,
+    0.8,
+)  # number of delays tried, and their least correlation over the highest
 SAME = 0.02  # greatest relative difference of a factor from a unit conversion
 ORDER_GAIN = 0.5  # another order or sign must reduce the error below this share
 MOST = 0.25  # greatest difference of two records over the motion, far above any uncertainty
-VELOCITY = 0.05  # greatest difference of integrated velocities and positions, over the motion
+VELOCITY = (
+    0.05  # greatest difference of integrated velocities and positions, over the motion
+)
 LEAST_TIMES = 3  # least number of readings within the take
 DEGREES = 180 / np.pi
 FACTORS = {"1": 1.0, "180/π": DEGREES, "π/180": 1 / DEGREES, "(180/π)²": DEGREES**2}
@@ -58,7 +67,9 @@ class Pairing(NamedTuple):
     order: np.ndarray  # (n,) int
     delay: int  # rows by which the command is early
 
-    def apply(self, actual: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def apply(
+        self, actual: np.ndarray, target: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Return the paired rows of ``actual`` and ``target``, (N − |delay|, n) in rad."""
         actual, target = shift_rows(actual, target, self.delay)
         return actual, target[:, self.order] * self.factor
@@ -72,7 +83,9 @@ def _plain(n: int, factor: float = 1.0, delay: int = 0) -> Pairing:
     return Pairing(np.full(n, factor), np.arange(n), delay)
 
 
-def shift_rows(actual: np.ndarray, target: np.ndarray, rows: int) -> tuple[np.ndarray, np.ndarray]:
+def shift_rows(
+    actual: np.ndarray, target: np.ndarray, rows: int
+) -> tuple[np.ndarray, np.ndarray]:
     """Return the pairs of a measured row and the commanded row ``rows`` rows earlier."""
     length = len(actual) - abs(rows)
     return actual[max(rows, 0) :][:length], target[max(-rows, 0) :][:length]
@@ -88,7 +101,9 @@ def tracking_errors(actual: np.ndarray, target: np.ndarray) -> np.ndarray:
     steps = np.abs(np.diff(target, axis=0, prepend=target[:1])).max(axis=1)
     moving = steps > LEAST_MOTION * np.quantile(steps, 0.99)
     parts = [residual[rows] for rows in (moving, ~moving) if rows.any()]
-    return np.max([np.quantile(part, QUANTILE, axis=0) for part in parts], axis=0) / scale
+    return (
+        np.max([np.quantile(part, QUANTILE, axis=0) for part in parts], axis=0) / scale
+    )
 
 
 def standing_joints(actual: np.ndarray, target: np.ndarray) -> np.ndarray:
@@ -102,7 +117,9 @@ def find_pairing(actual: np.ndarray, target: np.ndarray, rate: float) -> Pairing
     best, standing = _plain(actual.shape[1]), standing_joints(actual, target)
     if standing.any() and not standing.all():
         follows = np.flatnonzero(~standing)
-        factor, order, delay = find_pairing(actual[:, follows], target[:, follows], rate)
+        factor, order, delay = find_pairing(
+            actual[:, follows], target[:, follows], rate
+        )
         best.factor[:], best.order[follows] = np.median(factor), follows[order]
         best.factor[follows] = factor
         return best._replace(delay=delay)
@@ -136,10 +153,15 @@ def require_pair(
     """
     if (standing := standing_joints(actual, target)).any():
         named = ", ".join(np.array(joints)[standing])
-        message = f"{named} stands still while its command moves; leave it out of the joints"
+        message = (
+            f"{named} stands still while its command moves; leave it out of the joints"
+        )
         raise RecordingError(message, **where, key=OPTION)
     errors = tracking_errors(actual, target)
-    worst, late = int(errors.argmax()), lag(target, actual, rate)  # lag NaN: command at rest
+    worst, late = (
+        int(errors.argmax()),
+        lag(target, actual, rate),
+    )  # lag NaN: command at rest
     if errors[worst] > limit:
         fault = f"{joints[worst]} misses its command by {errors[worst]:.2g} of its motion (0.9"
         fault += f" quantile over the rows), more than {limit:g} (mismatch)"
@@ -165,7 +187,9 @@ def suspects(
 ) -> Iterator[tuple[str, str, str, float]]:
     """Yield name, option and value of each change of a ``pairing``, and the error without it."""
     plain, (factor, order, delay) = _plain(len(pairing.order)), pairing
-    unit = next((f", {name}" for name, known in FACTORS.items() if known == abs(factor[0])), "")
+    unit = next(
+        (f", {name}" for name, known in FACTORS.items() if known == abs(factor[0])), ""
+    )
     scale = "sign" if (np.abs(factor) == 1).all() else f"unit{unit}"
     listed = [repr(float(each)).removesuffix(".0") for each in factor]
     value = listed[0] if len({*listed}) == 1 else f"[{', '.join(listed)}]"
@@ -190,7 +214,9 @@ def _delays(actual: np.ndarray, target: np.ndarray, rate: float) -> list[int]:
     rows = correlation_lags(len(measured), len(commanded))
     near = np.abs(rows) <= min(SEARCH * rate, len(measured) // 2)
     correlation, rows = correlate(measured, commanded)[near], rows[near]
-    correlation = correlation / (len(measured) - np.abs(rows))  # number of overlapping rows
+    correlation = correlation / (
+        len(measured) - np.abs(rows)
+    )  # number of overlapping rows
     peak = find_peaks(correlation, height=NEAR * correlation.max())[0]
     highest = peak[np.argsort(-correlation[peak])[:PEAKS]]
     return sorted({0, *rows[highest].tolist()}, key=abs)
@@ -204,7 +230,9 @@ def _unit_and_order(actual: np.ndarray, target: np.ndarray, delay: int) -> Pairi
     if not motion:
         return _plain(n, delay=delay)
     size = np.ptp(actual, axis=0).sum() / motion
-    size = next((known for known in FACTORS.values() if abs(size / known - 1) < SAME), size)
+    size = next(
+        (known for known in FACTORS.values() if abs(size / known - 1) < SAME), size
+    )
     # (2, n, n) root mean square difference of joint i from column j, and from minus column j
     pairs = ((actual.T[:, None] - sign * (size * target).T) for sign in (1, -1))
     costs = np.array([np.sqrt(np.mean(pair**2, axis=-1)) for pair in pairs])
@@ -212,7 +240,9 @@ def _unit_and_order(actual: np.ndarray, target: np.ndarray, delay: int) -> Pairi
     order = linear_sum_assignment(cost)[1]
     if cost[same, order].sum() > ORDER_GAIN * own.sum():
         return _plain(n, size, delay)
-    sign = np.where(costs[1, same, order] < ORDER_GAIN * costs[0, same, order], -1.0, 1.0)
+    sign = np.where(
+        costs[1, same, order] < ORDER_GAIN * costs[0, same, order], -1.0, 1.0
+    )
     # keep the place of columns whose exchange hardly reduces the cost
     stay = own <= cost[same, order] / ORDER_GAIN
     kept = np.where(stay, same, order)
@@ -229,7 +259,9 @@ def named_joints(urdf: str, names: Sequence[str]) -> list[Joint | None]:
 
 def circular_joints(urdf: str, names: Sequence[str]) -> np.ndarray:
     """Return the mask (joints,) of the joints ``names`` that are not prismatic in ``urdf``."""
-    return np.array([(joint and joint.kind) != "prismatic" for joint in named_joints(urdf, names)])
+    return np.array(
+        [(joint and joint.kind) != "prismatic" for joint in named_joints(urdf, names)]
+    )
 
 
 def require_velocities(trajectory: pd.DataFrame, rate: float, file: Path) -> None:
@@ -239,15 +271,23 @@ def require_velocities(trajectory: pd.DataFrame, rate: float, file: Path) -> Non
     integral = np.cumsum((v[:-1] + v[1:]) / 2, axis=0) / rate
     fault = "the commanded velocities do not lead along the commanded positions; suspected are"
     fault += " the velocities' unit, the order of their columns, and t"
-    _require_near(x[1:] - x[0], integral, members(trajectory, "x"), VELOCITY, fault, file=file)
+    _require_near(
+        x[1:] - x[0], integral, members(trajectory, "x"), VELOCITY, fault, file=file
+    )
 
 
-def require_commanded(q: np.ndarray, trajectory: pd.DataFrame, chain: Chain, take: str) -> None:
+def require_commanded(
+    q: np.ndarray, trajectory: pd.DataFrame, chain: Chain, take: str
+) -> None:
     """Raise RecordingError where the tip at ``q`` (M+1, n) rad is far from the commanded path."""
     tip, path = chain.coordinates(chain.pose(q)), values(trajectory, "x")
     fault = "the tip that the motion capture tracked is not on the commanded path; suspected are"
-    fault += " the path's unit, columns and start, and the arm's base (dataset.mocap.base)"
-    _require_near(tip, path, chain.task, MOST, fault, take=take, key="dataset.trajectory")
+    fault += (
+        " the path's unit, columns and start, and the arm's base (dataset.mocap.base)"
+    )
+    _require_near(
+        tip, path, chain.task, MOST, fault, take=take, key="dataset.trajectory"
+    )
 
 
 def require_encoders(
@@ -260,8 +300,12 @@ def require_encoders(
     where, names = {"take": take, "key": "dataset.encoders"}, columns("q", joints)
     if len(during) < LEAST_TIMES:
         message = f"{len(during)} of {len(readings)} readings of the encoders are within the take:"
-        raise RecordingError(f"{message} correct start, the start of their log", **where)
-    tracked = np.stack([np.interp(during["t"], q["t"], q[name]) for name in names], axis=1)
+        raise RecordingError(
+            f"{message} correct start, the start of their log", **where
+        )
+    tracked = np.stack(
+        [np.interp(during["t"], q["t"], q[name]) for name in names], axis=1
+    )
     fault = "the encoders differ from the angles that the motion capture tracked; suspected are"
     fault += " angle_unit, the order of the columns (actual), the start of the log (start), and"
     fault += " whole turns (6.283 rad: log the angle of the URDF)"
@@ -269,7 +313,12 @@ def require_encoders(
 
 
 def _require_near(
-    a: np.ndarray, b: np.ndarray, names: Sequence[str], most: float, fault: str, **where: object
+    a: np.ndarray,
+    b: np.ndarray,
+    names: Sequence[str],
+    most: float,
+    fault: str,
+    **where: object,
 ) -> None:
     errors = tracking_errors(a, b)
     worst = int(errors.argmax())
@@ -279,13 +328,19 @@ def _require_near(
         raise RecordingError(f"{off} (median difference {middle}): {fault}", **where)
 
 
-def beyond_speed(steps: np.ndarray, limits: np.ndarray, seconds: np.ndarray | float) -> np.ndarray:
+def beyond_speed(
+    steps: np.ndarray, limits: np.ndarray, seconds: np.ndarray | float
+) -> np.ndarray:
     """Return the mask of ``steps`` (..., n) in ``seconds`` s that exceed the ``limits`` (n,)."""
     return np.abs(steps) > FASTER * limits * seconds + STEP_NOISE
 
 
 def speed_scores(
-    steps: np.ndarray, nominal: np.ndarray, limits: np.ndarray, rate: float, joints: Sequence[str]
+    steps: np.ndarray,
+    nominal: np.ndarray,
+    limits: np.ndarray,
+    rate: float,
+    joints: Sequence[str],
 ) -> dict[str, float]:
     """Return the speeds of true ``steps`` (takes, M, n) in rad beside the commanded ``nominal``
     steps: share of the moving steps beyond a speed limit, and by joint the greatest speed and the
@@ -293,7 +348,9 @@ def speed_scores(
     """
     moving = np.any(nominal, axis=-1)
     beyond = beyond_speed(steps, limits, 1 / rate).any(axis=-1)
-    scores = {"true_moving_steps_beyond_a_speed_limit_share": float(beyond[moving].mean())}
+    scores = {
+        "true_moving_steps_beyond_a_speed_limit_share": float(beyond[moving].mean())
+    }
     for j, joint in enumerate(joints):
         step, own, command = np.abs(steps[..., j]), steps[..., j], nominal[..., j]
         fast = np.abs(command) >= FAST * np.abs(command).max()

@@ -32,7 +32,9 @@ DepthTake = tuple[np.ndarray, Sequence[str], Intrinsics | None, Frames, Counter[
 def take_paths(raw: Path, depth: Depth) -> dict[str, Path]:
     """Return take → folder or bag; RecordingError where none matches or two share a name."""
     wanted = {"what": "folder of depth frames and no bag", "key": f"{KEY}.takes"}
-    return named_takes(raw, depth.takes, wanted=lambda p: p.is_dir() or is_bag(p), **wanted)
+    return named_takes(
+        raw, depth.takes, wanted=lambda p: p.is_dir() or is_bag(p), **wanted
+    )
 
 
 def frame_rows(
@@ -50,27 +52,42 @@ def frame_rows(
     time, references, camera, frames, lost = source(path, depth, raw)
     time = time - (time[0] if depth.start is None else depth.start)
     clouds, valid = zip(*_points(frames, camera, depth, arm), strict=True)
-    same = (len(after) > 0 and np.array_equal(before, after) for before, after in pairwise(clouds))
+    same = (
+        len(after) > 0 and np.array_equal(before, after)
+        for before, after in pairwise(clouds)
+    )
     frozen, empty = np.array([False, *same]), np.full(2, np.nan)
     kept = [points for points, still in zip(clouds, frozen, strict=True) if not still]
-    centroid = np.array([points.mean(axis=0) if len(points) else empty for points in kept])
+    centroid = np.array(
+        [points.mean(axis=0) if len(points) else empty for points in kept]
+    )
     rows = {"take": name, "part": "test", "frame": np.arange(len(clouds)), "t": time}
     rows = pd.DataFrame(rows | {"file": references, "valid": valid})[~frozen]
-    rows = rows.assign(points=[len(points) for points in kept], x=centroid[:, 0], z=centroid[:, 1])
+    rows = rows.assign(
+        points=[len(points) for points in kept], x=centroid[:, 0], z=centroid[:, 1]
+    )
     np.save(folder / f"{name}.npy", np.concatenate(kept))
     dropped = image.dropped_frames(time)
     counts = {"dropped_frames": dropped, "frozen_frames": frozen.sum()} | lost
     share = ("dropped_share", dropped / (dropped + len(clouds)), "share")
-    return rows, [quality_row(name, "test", DEPTH_CAMERA, *row) for row in (*counts.items(), share)]
+    return rows, [
+        quality_row(name, "test", DEPTH_CAMERA, *row)
+        for row in (*counts.items(), share)
+    ]
 
 
 def _points(
     frames: Frames, camera: Intrinsics | None, depth: Depth, arm: Arm
 ) -> Iterator[tuple[np.ndarray, float]]:
     """Yield the arm's points (I, 2), m in the arm's plane, and the measured share per frame."""
-    pose = Rotation.from_euler("xyz", depth.camera.rpy).as_matrix(), np.array(depth.camera.position)
+    pose = (
+        Rotation.from_euler("xyz", depth.camera.rpy).as_matrix(),
+        np.array(depth.camera.position),
+    )
     scale = depth.units_per_metre, depth.saturation, depth.scale_key
-    encoding = image.Encoding(depth.encoding, *scale, depth.disparity and tuple(depth.disparity))
+    encoding = image.Encoding(
+        depth.encoding, *scale, depth.disparity and tuple(depth.disparity)
+    )
     segment = partial(cut_cloud, arm, *pose, depth.workspace)
     if camera is not None:
         segment = ArmSegmenter(arm, camera, *pose, depth.workspace)
@@ -101,10 +118,17 @@ def _of_folder(path: Path, depth: Depth, raw: Path) -> DepthTake:
     def frames() -> Frames:
         for file in files:
             if camera is not None:
-                yield image.read_depth(file, shape=(camera.height, camera.width)), {"file": file}
+                yield (
+                    image.read_depth(file, shape=(camera.height, camera.width)),
+                    {"file": file},
+                )
                 continue
             points = cloud.read_cloud(file)
-            turned = {} if points.viewpoint == cloud.UNTURNED else {"unapplied_viewpoints": 1}
+            turned = (
+                {}
+                if points.viewpoint == cloud.UNTURNED
+                else {"unapplied_viewpoints": 1}
+            )
             counts.update(points.counts | turned)
             yield points, {}
 
@@ -118,7 +142,9 @@ def _of_bag(path: Path, depth: Depth, raw: Path) -> DepthTake:
     time = np.array([*rosbag.messages(path, topic, rosbag.seconds)])
     where = {"file": path, "topic": topic}
     if (late := np.flatnonzero(np.diff(time) <= 0)).size:
-        raise RecordingError("the time does not increase", **where, number=int(late[0]) + 1)
+        raise RecordingError(
+            "the time does not increase", **where, number=int(late[0]) + 1
+        )
     pick, camera = rosbag.cloud_points, None
     if rosbag.topics(path)[topic] == rosbag.IMAGE:
         camera = _intrinsics(path, depth, raw, topic)
@@ -126,10 +152,18 @@ def _of_bag(path: Path, depth: Depth, raw: Path) -> DepthTake:
 
     def frames() -> Frames:
         for number, each in enumerate(rosbag.messages(path, topic, pick)):
-            if depth.units_per_metre != 1 and (camera is None or each.dtype == np.float32):
+            if depth.units_per_metre != 1 and (
+                camera is None or each.dtype == np.float32
+            ):
                 message = "ROS defines float images and clouds in metres: units_per_metre must"
-                raise ConfigError(f"{message} be 1", key=f"{KEY}.units_per_metre", file=path)
-            frame = cloud.PointCloud.measured(each) if camera is None else image.RawDepth(each)
+                raise ConfigError(
+                    f"{message} be 1", key=f"{KEY}.units_per_metre", file=path
+                )
+            frame = (
+                cloud.PointCloud.measured(each)
+                if camera is None
+                else image.RawDepth(each)
+            )
             yield frame, where | {"number": number}
 
     references = [f"{path.relative_to(raw)}#{number}" for number in range(len(time))]
@@ -139,7 +173,9 @@ def _of_bag(path: Path, depth: Depth, raw: Path) -> DepthTake:
 def _intrinsics(path: Path, depth: Depth, raw: Path, topic: str = "") -> Intrinsics:
     """Return the intrinsics of a file, else of the bag's camera of the images in ``topic``."""
     if depth.width is None or depth.height is None:
-        raise ConfigError("depth images need the options width and height", key=f"{KEY}.width")
+        raise ConfigError(
+            "depth images need the options width and height", key=f"{KEY}.width"
+        )
     size = {"width": depth.width, "height": depth.height}
     if depth.intrinsics is not None:
         keys = {"matrix": depth.camera_matrix, "distortion": depth.distortion}

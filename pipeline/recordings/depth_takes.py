@@ -20,13 +20,21 @@ from pipeline.perception.articulation import articulate_rows
 from pipeline.recordings.identity import FEWEST_FRAMES, OTHERS, residual_share
 from pipeline.recordings.quality import DEPTH_CAMERA, quality_row
 
-MOTION, DEPTH, TRACK = Path("data/ingest/motion"), Path("data/ingest/depth"), Path("data/track")
+MOTION, DEPTH, TRACK = (
+    Path("data/ingest/motion"),
+    Path("data/ingest/depth"),
+    Path("data/track"),
+)
 GRID = 0.005  # s, step of the coarse search, short relative to any motion of an arm
 MIN_OVERLAP = 0.5  # least share of the first signal that is within the second
 MIN_SAMPLES = 10  # least number of samples of a signal
 MIN_CORRELATION = 0.9
-MOST_BIAS = 0.02  # rad: ≤ 0.006 in the laboratory; 0.025 for 2 % of fx, 0.042 or more for 5 %
-REFUSED_BIAS = 0.2  # rad: that of another arm or camera; mirrored images make 0.7 or more
+MOST_BIAS = (
+    0.02  # rad: ≤ 0.006 in the laboratory; 0.025 for 2 % of fx, 0.042 or more for 5 %
+)
+REFUSED_BIAS = (
+    0.2  # rad: that of another arm or camera; mirrored images make 0.7 or more
+)
 WITHOUT_GAPS = 0.8  # quantile of the residual
 
 
@@ -38,11 +46,18 @@ class Offset(NamedTuple):
     correlation: float
     drift: float  # s/s
     drift_standard_error: float  # s/s
-    residual: float  # of ``a`` from the affine map of ``b``, 0.8 quantile, in the unit of a
+    residual: (
+        float  # of ``a`` from the affine map of ``b``, 0.8 quantile, in the unit of a
+    )
 
 
 def find_offset(
-    t_a: np.ndarray, a: np.ndarray, t_b: np.ndarray, b: np.ndarray, search=(-0.5, 0.5), take=""
+    t_a: np.ndarray,
+    a: np.ndarray,
+    t_b: np.ndarray,
+    b: np.ndarray,
+    search=(-0.5, 0.5),
+    take="",
 ) -> Offset:
     """Return the offset τ that minimises ‖a(t) − B·b(t + τ) − c‖² over τ, matrix B and vector c. B
     and c allow for different measured points of the moving body and are eliminated for every τ
@@ -61,7 +76,9 @@ def find_offset(
             message = f"no clock offset: a signal has fewer than {MIN_SAMPLES} samples, or times"
             raise refusal(f"{message} that do not increase")
         if not np.ptp(signal, axis=0).any():
-            raise refusal("no motion to compare the clocks by: one of the signals is constant")
+            raise refusal(
+                "no motion to compare the clocks by: one of the signals is constant"
+            )
     spline, centre = CubicSpline(t_b, b), b.mean(axis=0)
 
     def inside(tau: float) -> np.ndarray:
@@ -88,13 +105,19 @@ def find_offset(
     best = int(np.argmin([unexplained(tau) for tau in grid])) if len(grid) else 0
     if best in (0, len(grid) - 1):
         message = "the clock offset lies at the edge of the search range or of the signals' overlap"
-        raise refusal(message, search=search, offset=grid[best : best + 1].round(4).tolist())
+        raise refusal(
+            message, search=search, offset=grid[best : best + 1].round(4).tolist()
+        )
     bounds, options = (grid[best - 1], grid[best + 1]), {"xatol": 1e-7}
-    tau = float(minimize_scalar(unexplained, bounds=bounds, method="bounded", options=options).x)
+    tau = float(
+        minimize_scalar(unexplained, bounds=bounds, method="bounded", options=options).x
+    )
     correlation = float(np.sqrt(max(0.0, 1.0 - unexplained(tau))))
     if correlation < MIN_CORRELATION:
         message = "the signals of the two instruments are not alike at any clock offset: no motion"
-        raise refusal(f"{message}, or not the same take", correlation=round(correlation, 3))
+        raise refusal(
+            f"{message}, or not the same take", correlation=round(correlation, 3)
+        )
     _, regressors, affine, residual = fit(tau)
     time, square = t_a[inside(tau)], (residual**2).sum()
     slope = spline.derivative()(time + tau) @ affine[:-1]
@@ -111,7 +134,9 @@ def find_offset(
     variance = (residual**2).sum(axis=0) / freedom
     information = [(each**2).sum(axis=0) for each in (late, drifting)]
     more = (1 + lag) / (1 - lag)
-    errors = [float(np.sqrt(more * (variance * i).sum()) / i.sum()) for i in information]
+    errors = [
+        float(np.sqrt(more * (variance * i).sum()) / i.sum()) for i in information
+    ]
     # without the frames in a gap of b, which the spline bridges
     size = float(np.quantile(np.linalg.norm(residual, axis=1), WITHOUT_GAPS))
     return Offset(tau, errors[0], correlation, drift, errors[1], size)
@@ -129,19 +154,26 @@ def with_markers(
     frames: pd.DataFrame, markers: pd.DataFrame, joints: pd.DataFrame
 ) -> list[CameraTake]:
     """Return the depth takes with markers and joint angles; RecordingError without markers."""
-    by_take, tracked = (dict(list(table.groupby("take"))) for table in (markers, joints))
+    by_take, tracked = (
+        dict(list(table.groupby("take"))) for table in (markers, joints)
+    )
     names, takes = [*tracked], []
     for take, rows in frames.groupby("take", sort=False):
         if take not in by_take:
             message = "no motion-capture take has this name, so that the clock offset is unknown"
             raise RecordingError(message, file=rows["file"].iloc[0], take=take)
         following = [*names[names.index(take) :], *names][: OTHERS + 1]
-        takes.append(CameraTake(rows, by_take[take], [tracked[name] for name in following]))
+        takes.append(
+            CameraTake(rows, by_take[take], [tracked[name] for name in following])
+        )
     return takes
 
 
 def camera_residuals(
-    seen: tuple[np.ndarray, np.ndarray], joints: list[pd.DataFrame], arm: Arm, search: tuple
+    seen: tuple[np.ndarray, np.ndarray],
+    joints: list[pd.DataFrame],
+    arm: Arm,
+    search: tuple,
 ) -> list[float]:
     """Return the residuals in m of the centroids ``seen`` (times (F,) s, (F, 2) m) from the affine
     maps of the arm's joints and tip in each of the takes ``joints``; infinite for a take that does
@@ -159,7 +191,9 @@ def camera_residuals(
     return residuals
 
 
-def on_motion_clock(take: CameraTake, depth: Depth, arm: Arm) -> tuple[pd.DataFrame, list[dict]]:
+def on_motion_clock(
+    take: CameraTake, depth: Depth, arm: Arm
+) -> tuple[pd.DataFrame, list[dict]]:
     """Return the rows of the table ``frames`` of a ``take`` on the motion capture's clock, and the
     quality of the offset. Unless stated, :func:`find_offset` compares the centroids of the arm's
     points and of the labelled markers in the arm's plane, and :func:`residual_share` compares the
@@ -171,11 +205,18 @@ def on_motion_clock(take: CameraTake, depth: Depth, arm: Arm) -> tuple[pd.DataFr
         observed, search = rows[rows["points"] > 0], (-depth.search, depth.search)
         if observed.empty:
             message = "no frame shows the arm: check the unit of depth, the camera's pose and the"
-            raise RecordingError(f"{message} workspace", file=rows["file"].iloc[0], take=name)
-        signals = observed["t"].to_numpy(), np.ascontiguousarray(observed[["x", "z"]].to_numpy())
+            raise RecordingError(
+                f"{message} workspace", file=rows["file"].iloc[0], take=name
+            )
+        signals = (
+            observed["t"].to_numpy(),
+            np.ascontiguousarray(observed[["x", "z"]].to_numpy()),
+        )
         labelled = take.markers[take.markers.link > 0]
         plane = arm.to_plane(labelled[["x", "y", "z"]].to_numpy())
-        seen = pd.DataFrame({"t": labelled["t"].to_numpy(), "x": plane[:, 0], "z": plane[:, 2]})
+        seen = pd.DataFrame(
+            {"t": labelled["t"].to_numpy(), "x": plane[:, 0], "z": plane[:, 2]}
+        )
         seen = seen.groupby("t").mean(skipna=False).dropna()
         path = seen.index.to_numpy(), np.ascontiguousarray(seen.to_numpy())
         found = find_offset(*signals, *path, search=search, take=name)
@@ -189,10 +230,15 @@ def on_motion_clock(take: CameraTake, depth: Depth, arm: Arm) -> tuple[pd.DataFr
         if len(take.joints) > 1 and len(observed) >= FEWEST_FRAMES:
             own, *others = camera_residuals(signals, take.joints, arm, search)
             share = residual_share(signals[1], own, others)
-            errors |= {"camera_residual": (own, "m"), "camera_residual_share": (share, "share")}
+            errors |= {
+                "camera_residual": (own, "m"),
+                "camera_residual_share": (share, "share"),
+            }
     quality = {"clock_offset": (offset, "s")} | errors
     rows = rows.assign(t=rows["t"] + offset)
-    return rows, [quality_row(name, "test", DEPTH_CAMERA, k, *row) for k, row in quality.items()]
+    return rows, [
+        quality_row(name, "test", DEPTH_CAMERA, k, *row) for k, row in quality.items()
+    ]
 
 
 def arm_points(rows: pd.DataFrame, folder: Path) -> list[np.ndarray]:
@@ -204,19 +250,32 @@ def arm_points(rows: pd.DataFrame, folder: Path) -> list[np.ndarray]:
 def kept_takes() -> list[pd.DataFrame]:
     """Return the rows of the table ``frames`` of every take that the stage ``track`` kept."""
     frames, joints = contracts.read("frames", TRACK), contracts.read("joints", TRACK)
-    return [rows for _, rows in frames[frames["take"].isin(joints["take"])].groupby("take")]
+    return [
+        rows for _, rows in frames[frames["take"].isin(joints["take"])].groupby("take")
+    ]
 
 
 def articulate_takes(
-    takes: list[pd.DataFrame], robot: Robot, options: ArticulationSection, compute: Compute
+    takes: list[pd.DataFrame],
+    robot: Robot,
+    options: ArticulationSection,
+    compute: Compute,
 ) -> pd.DataFrame:
     """Return the table ``angles`` of ``takes`` (from :func:`kept_takes`)."""
     joints = contracts.read("joints", TRACK)
     first = joints[(joints.part == "training") & (joints.k == 0)]
     start = first[columns("q", robot.joints)].mean().to_numpy()
-    known = arm_of(robot), robot.joints, contracts.read("trajectory", MOTION), options, start
+    known = (
+        arm_of(robot),
+        robot.joints,
+        contracts.read("trajectory", MOTION),
+        options,
+        start,
+    )
     fit, label = partial(_articulate, known=known), "articulate: takes"
-    return pd.concat(run_trials(fit, takes, compute=compute, label=label), ignore_index=True)
+    return pd.concat(
+        run_trials(fit, takes, compute=compute, label=label), ignore_index=True
+    )
 
 
 def bias_warning(errors: pd.DataFrame) -> str:
@@ -231,7 +290,9 @@ def bias_warning(errors: pd.DataFrame) -> str:
     message += f" average, more than {MOST_BIAS:g}: check the camera's intrinsics (fx, fy, cx, cy;"
     message += " 5 % of fx make about 0.05 rad) and dataset.depth.camera"
     if abs(mean[worst]) > REFUSED_BIAS:
-        raise RecordingError(f"{message}; mirrored images are not this camera's: turn them back")
+        raise RecordingError(
+            f"{message}; mirrored images are not this camera's: turn them back"
+        )
     return message
 
 

@@ -14,7 +14,15 @@ from pipeline.formats.format import Kind, formats_in
 from pipeline.recordings.quality import quality_row
 
 WRENCH = ("fx", "fy", "fz", "mx", "my", "mz")  # N, N·m
-SHARED = ("columns", "separator", "decimal", "force_unit", "torque_unit", "time_unit", "rate")
+SHARED = (
+    "columns",
+    "separator",
+    "decimal",
+    "force_unit",
+    "torque_unit",
+    "time_unit",
+    "rate",
+)
 MIN_SAMPLES = 10  # least number of tare samples: the bias error is a third of the noise
 CLOCK_ROUNDING = 1e-6  # s, margin that keeps loaded samples out of the tare interval
 
@@ -27,27 +35,39 @@ def force_rows(raw: Path, name: str, force: Force) -> tuple[pd.DataFrame, list[d
     the whole load. Raises ConfigError for an unknown format, RecordingError as :func:`remove_bias`.
     """
     log, file = force.log, raw / force.configurations[name].file
-    calibration = read_calibration(raw / log.calibration) if log.calibration is not None else None
+    calibration = (
+        read_calibration(raw / log.calibration) if log.calibration is not None else None
+    )
     stated = {key: getattr(log, key) for key in (*SHARED, "counts", "topic")}
     formats = {one.option: one for one in formats_in(force_formats, Kind.FORCE)}
     if log.format not in formats:
-        message = f"unknown format {log.format!r}; set one of {', '.join(sorted(formats))}"
+        message = (
+            f"unknown format {log.format!r}; set one of {', '.join(sorted(formats))}"
+        )
         raise ConfigError(message, key="dataset.force.log.format")
-    record = formats[log.format].read(file, ForceLogOptions(**stated, calibration=calibration))
+    record = formats[log.format].read(
+        file, ForceLogOptions(**stated, calibration=calibration)
+    )
     ratings = calibration and calibration.full_scale
     ratings = ratings if log.full_scale is None else np.array(log.full_scale)
-    sound, faults = sound_samples(record, ratings, log.frozen_after, log.max_faulty, file=file)
+    sound, faults = sound_samples(
+        record, ratings, log.frozen_after, log.max_faulty, file=file
+    )
     wrench = record.force
     if np.isfinite(record.torque).any():
         moment = record.torque - np.cross(force.point, record.force)
         wrench = np.hstack([record.force, moment])
-    time, wrench, biases = remove_bias(record.time[sound], wrench[sound], force.tare, file=file)
+    time, wrench, biases = remove_bias(
+        record.time[sound], wrench[sound], force.tare, file=file
+    )
     axes = dict(zip(WRENCH, wrench.T, strict=False))
     quality = [*(record.counts | faults).items()]
     for axis, bias in zip(axes, biases, strict=True):
         quality.append((f"bias_{axis}", bias, "N" if axis[0] == "f" else "N·m"))
     rows = pd.DataFrame({"configuration": name, "t": time} | axes)
-    return rows, [quality_row(name, "test", "force transducer", *row) for row in quality]
+    return rows, [
+        quality_row(name, "test", "force transducer", *row) for row in quality
+    ]
 
 
 def remove_bias(

@@ -14,23 +14,39 @@ from pipeline.core.errors import RecordingError
 from pipeline.recordings.lags import lag
 
 SAME = 2e-6  # m, rad or N: rounding to six decimals; two recordings differ by far more, by noise
-BLOCK, LEAST_BLOCKS = 10, 20  # rows, over which noise and jitter average out; blocks of a take
+BLOCK, LEAST_BLOCKS = (
+    10,
+    20,
+)  # rows, over which noise and jitter average out; blocks of a take
 NOISY = 0.3  # least share of rows with motion and unequal takes of a joint that is compared alone
 OTHERS = 5  # number of takes that a take's images are compared with
 FEWEST_FRAMES = 40  # for a share that separates own images from those of other takes
-DIFFERENCES, NOISE_GAIN = 6, 924  # order of differences of white noise, and their variance over it
-NOISE_MARGIN = 2.5  # 0.8 quantile of a residual over its noise, below which takes are alike
+DIFFERENCES, NOISE_GAIN = (
+    6,
+    924,
+)  # order of differences of white noise, and their variance over it
+NOISE_MARGIN = (
+    2.5  # 0.8 quantile of a residual over its noise, below which takes are alike
+)
 
 
-def require_distinct(what: str, samples: Mapping[str, np.ndarray], parts: Mapping = {}) -> None:
+def require_distinct(
+    what: str, samples: Mapping[str, np.ndarray], parts: Mapping = {}
+) -> None:
     """Raise RecordingError where two ``samples`` are equal to within rounding."""
-    order = sorted(samples, key=lambda name: (samples[name].shape, np.nansum(samples[name])))
+    order = sorted(
+        samples, key=lambda name: (samples[name].shape, np.nansum(samples[name]))
+    )
     for first, second in pairwise(order):
         a, b = samples[first], samples[second]
         if a.shape == b.shape and np.allclose(a, b, rtol=0, atol=SAME, equal_nan=True):
-            one, other = (f"{parts.get(n, '')} {n}".strip() for n in sorted((first, second)))
+            one, other = (
+                f"{parts.get(n, '')} {n}".strip() for n in sorted((first, second))
+            )
             message = f"the {what} {one} and {other} have equal samples: one is a copy of the other"
-            raise RecordingError(f"{message}; take it out, or record it again", take=second)
+            raise RecordingError(
+                f"{message}; take it out, or record it again", take=second
+            )
 
 
 def likeness(q: np.ndarray) -> np.ndarray:
@@ -41,12 +57,21 @@ def likeness(q: np.ndarray) -> np.ndarray:
     Distances are of means over up to BLOCK rows, without offset, drift, scale, speed and
     acceleration of the median take. Rounded joints at rest or without noise are not compared alone.
     """
-    usual, block = np.nanmedian(q, axis=0), max(min(BLOCK, q.shape[1] // LEAST_BLOCKS), 1)
+    usual, block = (
+        np.nanmedian(q, axis=0),
+        max(min(BLOCK, q.shape[1] // LEAST_BLOCKS), 1),
+    )
     speed, time = np.gradient(usual, axis=0), np.indices(usual.shape)[0]
     fitted = [np.ones_like(usual), time, usual, speed, np.gradient(speed, axis=0)]
-    every = np.nan_to_num(np.concatenate([fitted, q - usual]))[:, : q.shape[1] // block * block]
-    means = np.moveaxis(every.reshape(len(every), -1, block, q.shape[2]).mean(axis=2), 2, 0)
-    bases = np.linalg.qr(np.swapaxes(means[:, : len(fitted)], 1, 2))[0]  # (n, blocks, 5)
+    every = np.nan_to_num(np.concatenate([fitted, q - usual]))[
+        :, : q.shape[1] // block * block
+    ]
+    means = np.moveaxis(
+        every.reshape(len(every), -1, block, q.shape[2]).mean(axis=2), 2, 0
+    )
+    bases = np.linalg.qr(np.swapaxes(means[:, : len(fitted)], 1, 2))[
+        0
+    ]  # (n, blocks, 5)
     parts = means[:, len(fitted) :]
     parts = parts - parts @ bases @ np.swapaxes(bases, 1, 2)
 
@@ -69,10 +94,16 @@ def own_name(stated: str, file: Path) -> bool:
 
     if f"{plain(file.stem)}_".startswith(f"{plain(stated)}_"):
         return True
-    if plain(stated) in {plain(other.stem) for other in file.parent.glob(f"*{file.suffix}")}:
+    if plain(stated) in {
+        plain(other.stem) for other in file.parent.glob(f"*{file.suffix}")
+    }:
         message = f"the take is {stated!r} by its header, and another file has this name: restore "
-        raise RecordingError(f"{message}the files' names, or export both again", file=file)
-    print(f"ingest: {file.name}: the take is {stated!r} by its header; the file's name is used")
+        raise RecordingError(
+            f"{message}the files' names, or export both again", file=file
+        )
+    print(
+        f"ingest: {file.name}: the take is {stated!r} by its header; the file's name is used"
+    )
     return False
 
 
@@ -81,8 +112,12 @@ def lags_beside_others(q: np.ndarray, rate: float) -> np.ndarray:
     if len(q) < 3:
         return np.zeros(len(q))
     median = np.nanmedian(q, axis=0)
-    known = [np.isfinite(each).all(axis=1) & np.isfinite(median).all(axis=1) for each in q]
-    return np.array([lag(median[k], each[k], rate) for k, each in zip(known, q, strict=True)])
+    known = [
+        np.isfinite(each).all(axis=1) & np.isfinite(median).all(axis=1) for each in q
+    ]
+    return np.array(
+        [lag(median[k], each[k], rate) for k, each in zip(known, q, strict=True)]
+    )
 
 
 def residual_share(seen: np.ndarray, own: float, others: list[float]) -> float:
@@ -90,6 +125,8 @@ def residual_share(seen: np.ndarray, own: float, others: list[float]) -> float:
     over the median of the residuals beside ``others``: 1 for the images of another take. Takes that
     differ by less than the noise of ``seen`` cannot be told apart; their share is below 1.
     """
-    jumps = np.abs(np.diff(seen, DIFFERENCES, axis=0))  # mostly at rest: the motion adds to a few
+    jumps = np.abs(
+        np.diff(seen, DIFFERENCES, axis=0)
+    )  # mostly at rest: the motion adds to a few
     noise = 1.4826 * np.median(jumps) / np.sqrt(NOISE_GAIN)
     return float(own / max(float(np.median(others)), NOISE_MARGIN * noise))

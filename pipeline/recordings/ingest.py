@@ -26,7 +26,11 @@ def read_part(
 
     Append all errors to ``errors``; without ``errors``, raise the first error.
     """
-    read = {"motion": _motion, "depth": partial(_depth, compute=compute), "force": _force}[part]
+    read = {
+        "motion": _motion,
+        "depth": partial(_depth, compute=compute),
+        "force": _force,
+    }[part]
     refused: list[PipelineError] = []
     raw = raw_folder(dataset.recordings)
     quality = within(dataset.reading, read, dataset, raw, folder, refused)
@@ -37,7 +41,9 @@ def read_part(
         raise refused[0]
     for row in quality:
         if row["quantity"] == REPETITIONS or row["unit"] == "row":
-            print(f"ingest: {row['take']}: {row['quantity'].replace('_', ' ')} {row['value']:.0f}")
+            print(
+                f"ingest: {row['take']}: {row['quantity'].replace('_', ' ')} {row['value']:.0f}"
+            )
     return quality
 
 
@@ -62,11 +68,20 @@ def _write(takes: list[Any], name: str, folder: Path, errors: list) -> list[dict
     """Write the table ``name`` and return the quality rows; append an error for equal takes."""
     if takes:
         tables = {rows.iloc[0, 0]: rows.drop(columns="t") for rows, _ in takes}
-        parts = {take: rows["part"].iloc[0] for take, rows in tables.items() if "part" in rows}
-        samples = {take: rows.select_dtypes("float").to_numpy() for take, rows in tables.items()}
+        parts = {
+            take: rows["part"].iloc[0]
+            for take, rows in tables.items()
+            if "part" in rows
+        }
+        samples = {
+            take: rows.select_dtypes("float").to_numpy()
+            for take, rows in tables.items()
+        }
         with collecting(errors):
             require_distinct(name, samples, parts)
-        contracts.write(pd.concat([rows for rows, _ in takes], ignore_index=True), name, folder)
+        contracts.write(
+            pd.concat([rows for rows, _ in takes], ignore_index=True), name, folder
+        )
     return [row for _, rows in takes for row in rows]
 
 
@@ -77,10 +92,14 @@ def _motion(dataset: Dataset, raw: Path, folder: Path, errors: list) -> list[dic
     if dataset.joint_log is not None:
         with collecting(errors):
             movements = joint_logs.read_movements(dataset, partial(collecting, errors))
-            require_distinct("movements", {name: one.actual for name, one in movements.items()})
+            require_distinct(
+                "movements", {name: one.actual for name, one in movements.items()}
+            )
         if not errors:
             with collecting(errors):
-                trajectory, joints, counts = joint_logs.joint_log_rows(movements, dataset)
+                trajectory, joints, counts = joint_logs.joint_log_rows(
+                    movements, dataset
+                )
                 contracts.write(trajectory, "trajectory", folder)
                 contracts.write(joints, "joint_log", folder)
                 quality += counts
@@ -100,7 +119,9 @@ def _motion(dataset: Dataset, raw: Path, folder: Path, errors: list) -> list[dic
     return quality + _write(encoders, "encoders", folder, errors)
 
 
-def _depth(dataset: Dataset, raw: Path, folder: Path, errors: list, compute: Any) -> list[dict]:
+def _depth(
+    dataset: Dataset, raw: Path, folder: Path, errors: list, compute: Any
+) -> list[dict]:
     """Write the time of every depth frame on the camera's clock, and the arm's points."""
     if dataset.depth is None:
         return []
@@ -112,9 +133,14 @@ def _depth(dataset: Dataset, raw: Path, folder: Path, errors: list, compute: Any
     from pipeline.recordings.depth import frame_rows, take_paths
 
     arm, results = arm_of(dataset.robot), []
-    read = partial(frame_rows, depth=dataset.depth, arm=arm, raw=raw, folder=folder.resolve())
+    read = partial(
+        frame_rows, depth=dataset.depth, arm=arm, raw=raw, folder=folder.resolve()
+    )
     # set the bounds in each worker, since workers do not inherit them
-    bounded, label = partial(attempt, within, dataset.reading, read), "ingest: depth takes"
+    bounded, label = (
+        partial(attempt, within, dataset.reading, read),
+        "ingest: depth takes",
+    )
     with collecting(errors):
         takes = list(take_paths(raw, dataset.depth).items())
         results = list(run_trials(bounded, takes, compute=compute, label=label))

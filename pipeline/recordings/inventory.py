@@ -11,7 +11,9 @@ from pipeline.core.errors import RecordingError
 from pipeline.core.options.dataset import Dataset
 from pipeline.formats.format import is_literal, matching, paths_below
 
-PULLED = Path("data/recordings")  # a DVC project of its own: public recordings, pinned by hash
+PULLED = Path(
+    "data/recordings"
+)  # a DVC project of its own: public recordings, pinned by hash
 # part → keys of the dataset with the part's files
 KEYS = {
     "motion": "trajectory mocap.training mocap.test joint_log.movements encoders.training "
@@ -46,7 +48,9 @@ def take_name(path: Path, raw: Path, pattern: str) -> str:
     if not path.is_dir():
         parts[-1] = path.stem
     is_open = [not is_literal(part) for part in Path(pattern).parts]
-    first, behind = (way.index(True) if any(way) else -1 for way in (is_open, is_open[::-1]))
+    first, behind = (
+        way.index(True) if any(way) else -1 for way in (is_open, is_open[::-1])
+    )
     return "_".join(parts[first : len(parts) - max(behind, 0)])
 
 
@@ -72,7 +76,9 @@ def named_takes(
         if name in named:
             other = named[name].relative_to(raw).as_posix()
             message = f"two recordings are named {name!r}, the other is {other}: rename one of them"
-            raise RecordingError(f"{message}, or narrow the pattern", file=path, key=key)
+            raise RecordingError(
+                f"{message}, or narrow the pattern", file=path, key=key
+            )
         named[name] = path
     if not named:
         raise RecordingError(f"no {what} matches {pattern!r}", file=raw, key=key)
@@ -102,7 +108,9 @@ def by_place(files: pd.DataFrame) -> pd.DataFrame:
     files, rows = files.drop_duplicates("file").sort_values("file"), []
     for place, of in files.groupby(files["file"].str.partition("/")[0]):
         lines = "\n".join(of["sha256"] + " " + of["file"]).encode()
-        rows.append((place, len(of), of["bytes"].sum(), hashlib.sha256(lines).hexdigest()))
+        rows.append(
+            (place, len(of), of["bytes"].sum(), hashlib.sha256(lines).hexdigest())
+        )
     return pd.DataFrame(rows, columns=["place", "files", "bytes", "sha256"])
 
 
@@ -116,7 +124,9 @@ def other_files(evidence: pd.DataFrame | None, inventory: Path) -> str:
         return "does not name its raw files; run the dataset again"
     present = by_place(pd.read_csv(inventory)).set_index("place")["sha256"]
     before = evidence.set_index("place")["sha256"]
-    changed = ", ".join(sorted({place for place, _ in {*before.items()} ^ {*present.items()}}))
+    changed = ", ".join(
+        sorted({place for place, _ in {*before.items()} ^ {*present.items()}})
+    )
     return changed and f"was written with other files than {inventory} lists: {changed}"
 
 
@@ -127,7 +137,9 @@ def by_part(files: pd.DataFrame, dataset: Dataset) -> dict[str, pd.DataFrame]:
     for part, keys in KEYS.items():
         places = set()
         for key in keys.split():
-            value = reduce(lambda at, name: getattr(at, name, None), key.split("."), dataset)
+            value = reduce(
+                lambda at, name: getattr(at, name, None), key.split("."), dataset
+            )
             if isinstance(value, dict):  # of arrangements
                 value = [one.file for one in value.values()]
             for pattern in [value] if isinstance(value, str) else value or ():

@@ -47,7 +47,9 @@ def read_movements(
     """
     pattern, movements = dataset.joint_log.movements, {}
     wanted = {"what": "folder or file of a movement", "key": f"{OPTION}.movements"}
-    for name, place in named_takes(raw_folder(dataset.recordings), pattern, **wanted).items():
+    for name, place in named_takes(
+        raw_folder(dataset.recordings), pattern, **wanted
+    ).items():
         with guard():
             movements[name] = read_dataset_movement(name, place, dataset)
     return movements
@@ -65,7 +67,11 @@ def joint_log_rows(
     commands differ.
     """
     options, rate, joints = dataset.joint_log, dataset.motion.rate, dataset.robot.joints
-    rest, length, raw = options.rest, dataset.motion.steps + 1, raw_folder(dataset.recordings)
+    rest, length, raw = (
+        options.rest,
+        dataset.motion.steps + 1,
+        raw_folder(dataset.recordings),
+    )
     steps = dataset.motion.steps - 2 * rest
     takes, observed, notes = find_takes(movements, dataset)
     rows, residuals, reference = {}, {}, None
@@ -82,15 +88,27 @@ def joint_log_rows(
         notes += [(name, "resampled_rows", length)] if start != round(start) else []
     if rows:
         beyond = np.stack([*residuals.values()])
-        scores, beside = repetitions.disturbances(beyond, rate), repetitions.beside_others(beyond)
+        scores, beside = (
+            repetitions.disturbances(beyond, rate),
+            repetitions.beside_others(beyond),
+        )
         greatest = np.abs(beyond).max(axis=(1, 2))
-        for name, score, *distances in zip(takes, scores, beside, greatest, strict=True):
+        for name, score, *distances in zip(
+            takes, scores, beside, greatest, strict=True
+        ):
             notes.append((name, "residual_beside_others", distances[0], "rad"))
             notes.append((name, "disturbance", score, "robust standard deviations"))
             notes.append((name, "greatest_residual", distances[1], "rad"))
             if score > options.disturbed_beyond:
                 del rows[name]
-                notes.append((takes[name].movement, "disturbed_from_row", takes[name].first, "row"))
+                notes.append(
+                    (
+                        takes[name].movement,
+                        "disturbed_from_row",
+                        takes[name].first,
+                        "row",
+                    )
+                )
     for name, pair in rows.items():
         require_pair(*pair, rate, options.mismatch, joints, file=raw, take=name)
     if len(rows) < 2:
@@ -108,14 +126,27 @@ def joint_log_rows(
         raise RecordingError(message, file=raw, take=take, key=f"{OPTION}.tolerance")
     for take, q, deviation in zip(rows, measured, deviations, strict=True):
         notes.append((take, "command_deviation", deviation, "rad"))
-        notes.append((take, "lag_behind_command", lag(command[moving], q[moving], rate), "s"))
-    quality = [quality_row(take, "training", "joint log", *note) for take, *note in notes]
+        notes.append(
+            (take, "lag_behind_command", lag(command[moving], q[moving], rate), "s")
+        )
+    quality = [
+        quality_row(take, "training", "joint log", *note) for take, *note in notes
+    ]
     # the commanded angle changes one sample before the commanded speed is first logged
     desired = command[np.clip(np.arange(length), max(rest - 1, 0), rest + steps)]
     k = np.tile(np.arange(length), len(rows))
-    identity = {"take": np.repeat([*rows], length), "part": "training", "k": k, "t": k / rate}
+    identity = {
+        "take": np.repeat([*rows], length),
+        "part": "training",
+        "k": k,
+        "t": k / rate,
+    }
     table = pd.DataFrame(identity | spread("q", joints, measured))
-    return trajectory_table(chain_of(dataset.robot), desired, rate, joints), table, quality
+    return (
+        trajectory_table(chain_of(dataset.robot), desired, rate, joints),
+        table,
+        quality,
+    )
 
 
 def find_takes(
@@ -133,7 +164,10 @@ def find_takes(
         log = own.target, read.motions, ends, steps, rest, own.circular
         runs, left_out = repetitions.find_repetitions(*log)
         for number, run in enumerate(runs, 1):
-            take, rows = f"{name}_{number}", slice(max(run.first - rest, 0), run.last + rest + 1)
+            take, rows = (
+                f"{name}_{number}",
+                slice(max(run.first - rest, 0), run.last + rest + 1),
+            )
             _require_locked(read, rows, dataset, take)
             takes[take] = LoggedTake(name, run.first, own.actual, own.target)
         for run in read.motions:
@@ -142,15 +176,22 @@ def find_takes(
                 words = f"{start} to {end} in {run.steps} steps"
             observed.append(words)
         counts = dict(read.counts) | {REPETITIONS: len(runs)}
-        counts |= {f"{LEFT_OUT}{reason}": len(rows) for reason, rows in left_out.items()}
-        notes += [(name, key, n, movement.UNITS.get(key, "count")) for key, n in counts.items()]
+        counts |= {
+            f"{LEFT_OUT}{reason}": len(rows) for reason, rows in left_out.items()
+        }
+        notes += [
+            (name, key, n, movement.UNITS.get(key, "count"))
+            for key, n in counts.items()
+        ]
         # the first row identifies a motion that is left out
         for reason, rows in left_out.items():
             notes += [(name, f"{reason}_from_row", row, "row") for row in rows]
     return takes, observed, notes
 
 
-def _require_locked(read: LoggedMovement, rows: slice, dataset: Dataset, take: str) -> None:
+def _require_locked(
+    read: LoggedMovement, rows: slice, dataset: Dataset, take: str
+) -> None:
     """Raise RecordingError where a joint is more than REACH off its locked angle in ``rows``."""
     for joint, angle in sorted(dataset.robot.locked.items()):
         if joint not in read.joints:
@@ -167,9 +208,18 @@ def _require_locked(read: LoggedMovement, rows: slice, dataset: Dataset, take: s
 
 def encoder_rows(raw: Path, dataset: Dataset) -> list[tuple[pd.DataFrame, list[dict]]]:
     """Return the rows of the table ``encoders`` and the quality rows per log, training first."""
-    options, joints, urdf, result = dataset.encoders, dataset.robot.joints, dataset.robot.urdf, []
+    options, joints, urdf, result = (
+        dataset.encoders,
+        dataset.robot.joints,
+        dataset.robot.urdf,
+        [],
+    )
     stated = {key: getattr(options, key) for key in ("time", "angle_unit", "time_unit")}
-    stated |= {"names": joints, "joints": len(joints), "signals": {"actual": options.actual}}
+    stated |= {
+        "names": joints,
+        "joints": len(joints),
+        "signals": {"actual": options.actual},
+    }
     read = LogOptions(**stated, circular=circular_joints(urdf, joints))
     for part in ("training", "test"):
         pattern, key = getattr(options, part), f"dataset.encoders.{part}"
@@ -179,6 +229,8 @@ def encoder_rows(raw: Path, dataset: Dataset) -> list[tuple[pd.DataFrame, list[d
             identity = {"take": name, "part": part, "t": log.time - options.start}
             rows = pd.DataFrame(identity | spread("q", joints, log.signals["actual"]))
             counts = {"rows": len(rows)} | log.counts
-            quality = [quality_row(name, part, "encoders", *row) for row in counts.items()]
+            quality = [
+                quality_row(name, part, "encoders", *row) for row in counts.items()
+            ]
             result.append((rows, quality))
     return result

@@ -3,14 +3,22 @@
 import numpy as np
 
 REACH = 0.01  # rad, least travel of a motion, and greatest distance of equal ends
-SLOW, FAR = 0.1, 5.0  # least share of the speed, greatest error over the median, for a lag
+SLOW, FAR = (
+    0.1,
+    5.0,
+)  # least share of the speed, greatest error over the median, for a lag
 OWN_LAG = 0.9  # a joint has its own lag if that reduces its rms error below this share
-ROUNDS = 6  # rounds of least squares, each with the command at the lag of the round before
+ROUNDS = (
+    6  # rounds of least squares, each with the command at the lag of the round before
+)
 FURTHEST = 0.1  # s, greatest lag of a joint in a run
 
 
 def lag(
-    command: np.ndarray, measured: np.ndarray, rate: float, furthest: float | None = None
+    command: np.ndarray,
+    measured: np.ndarray,
+    rate: float,
+    furthest: float | None = None,
 ) -> float:
     """Return the lag in s of ``measured`` behind ``command`` (N, n) in rad, by least squares over
     rows in motion; NaN without a motion. It is at most ``furthest`` (default a quarter of the log).
@@ -35,7 +43,9 @@ def joint_lags(command: np.ndarray, measured: np.ndarray, rate: float) -> np.nda
     for j in np.flatnonzero(np.ptp(command, axis=0) > REACH):
         pair = command[:, [j]], measured[:, [j]]
         tried = lag(*pair, rate, FURTHEST), lags[j]
-        own, common = (np.std(_errors_in_motion(*pair, late * rate)[0]) for late in tried)
+        own, common = (
+            np.std(_errors_in_motion(*pair, late * rate)[0]) for late in tried
+        )
         if own < OWN_LAG * common:
             lags[j] = tried[0]
     return lags
@@ -66,7 +76,9 @@ def delayed(command: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, slice]:
     if not rows.any():
         return command, cut
     each = zip(command.T, rows, strict=True)
-    return np.stack([CubicSpline(at, c)(at[cut] - late) for c, late in each], axis=1), cut
+    return np.stack(
+        [CubicSpline(at, c)(at[cut] - late) for c, late in each], axis=1
+    ), cut
 
 
 def stretch(angles: np.ndarray, place: float, length: int) -> np.ndarray:
@@ -79,11 +91,17 @@ def stretch(angles: np.ndarray, place: float, length: int) -> np.ndarray:
 
 
 def in_phase(
-    angles: np.ndarray, first: int, reference: np.ndarray, most: int, whole: bool = False
+    angles: np.ndarray,
+    first: int,
+    reference: np.ndarray,
+    most: int,
+    whole: bool = False,
 ) -> float:
     """Return the row, within ``most`` of ``first``, from which ``angles`` follow ``reference`` by
     least squares: a ``whole`` row, or a place between rows.
     """
     late = lag(reference, angles[first : first + len(reference)], 1.0, most)
     place = first + (0.0 if np.isnan(late) else late)
-    return float(np.clip(round(place) if whole else place, 0, len(angles) - len(reference)))
+    return float(
+        np.clip(round(place) if whole else place, 0, len(angles) - len(reference))
+    )

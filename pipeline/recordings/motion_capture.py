@@ -31,21 +31,35 @@ def trajectory_rows(file: Path, dataset: Dataset) -> pd.DataFrame:
     """
     motion, table, joints = dataset.motion, read_trajectory(file), dataset.robot.joints
     step = table.t.iloc[1] - table.t.iloc[0] if len(table) > 1 else np.nan
-    if len(table) != motion.steps + 1 or not np.isclose(step, 1 / motion.rate, rtol=1e-6):
+    if len(table) != motion.steps + 1 or not np.isclose(
+        step, 1 / motion.rate, rtol=1e-6
+    ):
         message = f"the trajectory has {len(table)} rows; dataset.motion requires"
-        raise RecordingError(f"{message} {motion.steps + 1} at {motion.rate} per second", file=file)
-    chain, names, task = chain_of(dataset.robot), members(table, "q"), members(table, "x")
+        raise RecordingError(
+            f"{message} {motion.steps + 1} at {motion.rate} per second", file=file
+        )
+    chain, names, task = (
+        chain_of(dataset.robot),
+        members(table, "q"),
+        members(table, "x"),
+    )
     if chain.task == task:
         table.insert(0, "k", np.arange(len(table)))
         require_velocities(table, motion.rate, file)
         return table.drop(columns=columns("q", names))
     if sorted(names) != sorted(joints):
-        message = f"the trajectory has the joints {', '.join(names) or 'none'} and the task"
+        message = (
+            f"the trajectory has the joints {', '.join(names) or 'none'} and the task"
+        )
         message += f" {', '.join(task) or 'none'}; the arm has the joints {', '.join(joints)} and"
-        message += f" the task {', '.join(chain.task)}: export t and one q:JOINT per joint"
+        message += (
+            f" the task {', '.join(chain.task)}: export t and one q:JOINT per joint"
+        )
         raise RecordingError(message, file=file, key="dataset.robot.joints")
     q = table[columns("q", joints)].to_numpy()
-    require_speeds(table["t"].to_numpy(), {"target": q}, joints, dataset.robot.urdf, file=file)
+    require_speeds(
+        table["t"].to_numpy(), {"target": q}, joints, dataset.robot.urdf, file=file
+    )
     return trajectory_table(chain, q, motion.rate, joints)
 
 
@@ -54,7 +68,9 @@ def find_takes(raw: Path, mocap: Mocap) -> list[tuple[str, Path, str]]:
     takes: dict[str, tuple[Path, str]] = {}
     for part in ("training", "test"):
         key, pattern = f"dataset.mocap.{part}", getattr(mocap, part)
-        files = named_takes(raw, pattern, key=key, what=f"{part} take") if pattern else {}
+        files = (
+            named_takes(raw, pattern, key=key, what=f"{part} take") if pattern else {}
+        )
         for name in files.keys() & takes.keys():
             message = f"the training take {takes[name][0]} has the same name {name!r}; rename one"
             raise RecordingError(message, file=files[name], key=key)
@@ -86,7 +102,9 @@ def marker_rows(
     take = read_take(file, mocap.unit)
     frames = take.frame - take.frame[0]
     if not np.isclose(take.rate, motion.rate) or frames[-1] != motion.steps:
-        message = f"the take spans {frames[-1] + 1} frames at {take.rate} Hz; the motion has"
+        message = (
+            f"the take spans {frames[-1] + 1} frames at {take.rate} Hz; the motion has"
+        )
         message += f" {motion.steps + 1} at {motion.rate} Hz (dataset.motion): export all frames"
         raise RecordingError(message, file=file)
     tracks, stray = _tracks(take, mocap, file)
@@ -102,15 +120,22 @@ def marker_rows(
     identities = [*tracks, *((0, i) for i in range(1, len(stray) + 1))]
     for (link, marker), track in zip(identities, positions.swapaxes(0, 1), strict=True):
         xyz = np.full((len(k), 3), np.nan)
-        xyz[frames] = (np.ascontiguousarray(track) - np.array(mocap.base.position)) @ rotation
+        xyz[frames] = (
+            np.ascontiguousarray(track) - np.array(mocap.base.position)
+        ) @ rotation
         missing += int(np.isnan(xyz[:, 0]).sum()) if link else 0
         row = {"take": name, "part": part, "k": k, "t": k / motion.rate}
         row |= {"link": link, "marker": marker}
         rows.append(pd.DataFrame(row | dict(zip("xyz", xyz.T, strict=True))))
-    counts = take.counts | {"missing_samples": missing, "unlabelled_markers": len(stray)}
+    counts = take.counts | {
+        "missing_samples": missing,
+        "unlabelled_markers": len(stray),
+    }
     counts |= {"frozen_frames": int(frozen.sum())}
     counts |= {} if own_name(take.name, file) else {"named_otherwise": 1}
-    quality = [quality_row(name, part, "motion capture", *count) for count in counts.items()]
+    quality = [
+        quality_row(name, part, "motion capture", *count) for count in counts.items()
+    ]
     return pd.concat(rows, ignore_index=True), quality
 
 
@@ -122,10 +147,18 @@ def _tracks(
         message = f"no link {', '.join(unknown)}; there are {', '.join(mocap.markers)}"
         raise ConfigError(message, key="dataset.mocap.bodies")
 
-    def find(kind: str, names: Iterable[str], recorded: Iterable[str], key: str) -> dict[str, str]:
-        fits = {n: [r for r in recorded if n in (r, r.rpartition(":")[2])] for n in names}
+    def find(
+        kind: str, names: Iterable[str], recorded: Iterable[str], key: str
+    ) -> dict[str, str]:
+        fits = {
+            n: [r for r in recorded if n in (r, r.rpartition(":")[2])] for n in names
+        }
         fits = {n: [n] if n in own else own for n, own in fits.items()}
-        several = (f"{n!r} may be {' or '.join(own)}" for n, own in fits.items() if len(own) > 1)
+        several = (
+            f"{n!r} may be {' or '.join(own)}"
+            for n, own in fits.items()
+            if len(own) > 1
+        )
         fault = "; ".join(f"{words}: write the full name" for words in several)
         if missing := [name for name, own in fits.items() if not own]:
             there = ", ".join(sorted(recorded)) or "none"
@@ -135,8 +168,12 @@ def _tracks(
         return {name: own for name, (own,) in fits.items()}
 
     free = [at for link, at in mocap.markers.items() if link not in mocap.bodies]
-    marker = find("marker", [name for at in free for name in at], take.markers, "markers")
-    named = find("rigid body", [b.name for b in mocap.bodies.values()], take.bodies, "bodies")
+    marker = find(
+        "marker", [name for at in free for name in at], take.markers, "markers"
+    )
+    named = find(
+        "rigid body", [b.name for b in mocap.bodies.values()], take.bodies, "bodies"
+    )
     tracks = {}
     for number, (link, places) in enumerate(mocap.markers.items(), 1):
         if body := mocap.bodies.get(link):
@@ -150,7 +187,9 @@ def _tracks(
     return tracks, [take.markers[name] for name in others]
 
 
-def _require_size(tracks: Mapping[tuple, np.ndarray], mocap: Mocap, unit: str, file: Path) -> None:
+def _require_size(
+    tracks: Mapping[tuple, np.ndarray], mocap: Mocap, unit: str, file: Path
+) -> None:
     """Raise RecordingError where the root mean square distance of a link's markers from their
     centre is ANOTHER_UNIT times the template's or more, or as small, in the median over the rows;
     ``tracks`` (N, 3) in m. Labels that are exchanged leave it as it is.
@@ -164,17 +203,25 @@ def _require_size(tracks: Mapping[tuple, np.ndarray], mocap: Mocap, unit: str, f
         size = middle / np.linalg.norm(np.std([*places.values()], axis=0))
         if size >= ANOTHER_UNIT or size <= 1 / ANOTHER_UNIT:
             message = f"the markers of {link} are {size:.3g} times as far apart as in the template:"
-            message += f" are lengths in {unit}, the template's in m? Export in the right unit"
-            raise RecordingError(message, file=file, key=f"dataset.mocap.markers.{link}")
+            message += (
+                f" are lengths in {unit}, the template's in m? Export in the right unit"
+            )
+            raise RecordingError(
+                message, file=file, key=f"dataset.mocap.markers.{link}"
+            )
 
 
 def _carry(pose: RigidBody, mounted: Pose, places: np.ndarray) -> np.ndarray:
     """Return the positions (P, N, 3) m of ``places`` (P, 3) m on a link by a body's ``pose``."""
-    tracked = np.isfinite(pose.position).all(axis=-1) & np.isfinite(pose.quaternion).all(axis=-1)
+    tracked = np.isfinite(pose.position).all(axis=-1) & np.isfinite(
+        pose.quaternion
+    ).all(axis=-1)
     mount = Rotation.from_euler("xyz", mounted.rpy).as_matrix()
     local = (places - np.array(mounted.position)) @ mount
     carried = np.full((len(places), len(tracked), 3), np.nan)
     if tracked.any():
         turn = Rotation.from_quat(pose.quaternion[tracked]).as_matrix()
-        carried[:, tracked] = pose.position[tracked] + np.einsum("nab,mb->mna", turn, local)
+        carried[:, tracked] = pose.position[tracked] + np.einsum(
+            "nab,mb->mna", turn, local
+        )
     return carried

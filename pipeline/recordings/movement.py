@@ -21,14 +21,21 @@ from pipeline.recordings import commands
 from pipeline.recordings.lags import REACH
 from pipeline.recordings.repetitions import Excursion, excursions
 
-UNITS = {"clock_jitter": "s", "command_delay": "s"}  # units of quality rows that are no counts
+UNITS = {
+    "clock_jitter": "s",
+    "command_delay": "s",
+}  # units of quality rows that are no counts
 CLOCK_TOLERANCE = 0.1  # greatest deviation of an even row, in steps
 JITTER = 0.5  # greatest deviation of a step; beyond, and if it lasts, rows are missing or too close
 LASTING = 41  # rows of the medians before and after a deviation that lasts
 RATE_TOLERANCE = 0.01  # greatest relative error of the mean rate of the rows
 UNWRAPPED = "unwrapped_jumps"  # count of removed jumps of whole turns
 DAMAGED = 5  # rows of the median that omits damaged cells
-PACE, MOVING, HELD = 0.1, 0.1, 0.3  # s; share of the greatest pace; greatest share of held rows
+PACE, MOVING, HELD = (
+    0.1,
+    0.1,
+    0.3,
+)  # s; share of the greatest pace; greatest share of held rows
 
 
 def read_movement(
@@ -59,13 +66,20 @@ def read_movement(
     if clock is None:
         smoother = smoothness_by_rows(time, np.hstack([*signals.values()]), rate)
         message = f"the times of {uneven} rows are uneven; the jitter is {1e3 * jitter:.3g} ms. Set"
-        message += " clock to rows if rows were measured at the rate, or to times. With rows"
+        message += (
+            " clock to rows if rows were measured at the rate, or to times. With rows"
+        )
         message += f" the angles are {smoother:.3g} times as smooth"
         raise RecordingError(message, file=first, key=f"{OPTION}.clock")
     counts.update({"uneven_rows": uneven, "clock_jitter": jitter})
     if clock == "times":
-        grid = time[0] + np.arange(int((time[-1] - time[0]) * rate + CLOCK_TOLERANCE) + 1) / rate
-        signals = {name: CubicSpline(time, rows)(grid) for name, rows in signals.items()}
+        grid = (
+            time[0]
+            + np.arange(int((time[-1] - time[0]) * rate + CLOCK_TOLERANCE) + 1) / rate
+        )
+        signals = {
+            name: CubicSpline(time, rows)(grid) for name, rows in signals.items()
+        }
         counts["resampled_rows"] = len(grid)
     return signals, dict(counts)
 
@@ -117,7 +131,9 @@ def read_log(file: Path, options: LogOptions) -> JointLog:
     if {*stated} == {*options.names} and stated != [*options.names]:
         message = f"the joints of the log are {', '.join(log.joints)}"
         raise RecordingError(message, file=file, key=f"{OPTION}.joints")
-    for name in (name for name in log.signals if name in (options.signals or log.signals)):
+    for name in (
+        name for name in log.signals if name in (options.signals or log.signals)
+    ):
         rows = log.signals[name] * np.asarray(options.factors.get(name, 1.0))
         if rows.shape[1] != options.joints:
             message = f"the log holds {rows.shape[1]} joints, not {options.joints}"
@@ -126,12 +142,18 @@ def read_log(file: Path, options: LogOptions) -> JointLog:
             if options.angle_unit == "deg":
                 rows = np.where(options.circular, rows, np.degrees(rows))
             where = {"signal": name, "lines": log.lines, "file": file}
-            require_plausible(rows, log.time, names, options.circular, options.angle_unit, **where)
+            require_plausible(
+                rows, log.time, names, options.circular, options.angle_unit, **where
+            )
         if name in SIGNALS[:2]:
-            rows, removed = unwrap(rows, log.time, names, circular=options.circular, **where)
+            rows, removed = unwrap(
+                rows, log.time, names, circular=options.circular, **where
+            )
             jumps += removed
         signals[name] = rows
-    return replace(log, signals=signals, counts=log.counts | ({UNWRAPPED: jumps} if jumps else {}))
+    return replace(
+        log, signals=signals, counts=log.counts | ({UNWRAPPED: jumps} if jumps else {})
+    )
 
 
 def without_damage(angles: np.ndarray) -> np.ndarray:
@@ -162,7 +184,9 @@ def require_plausible(
     row, joint = np.argwhere(beyond)[0].tolist()
     name = names[joint] if len(names) == angles.shape[1] else f"joint {joint + 1}"
     message = f"{name} ({signal}) is {angles[row, joint]:.6g} rad, or rad/s, at "
-    message += f"{time[row] - time[0]:.6g} s from the start: beyond four turns, which is not "
+    message += (
+        f"{time[row] - time[0]:.6g} s from the start: beyond four turns, which is not "
+    )
     if (without_damage(sizes) > limit).any():
         message += f"plausible: check that the angle_unit is {unit}"
         raise RecordingError(message, **where, key=f"{OPTION}.angle_unit")
@@ -171,12 +195,16 @@ def require_plausible(
     raise RecordingError(message, **where)
 
 
-def require_fresh(actual: np.ndarray, target: np.ndarray, rate: float, **where: object) -> None:
+def require_fresh(
+    actual: np.ndarray, target: np.ndarray, rate: float, **where: object
+) -> None:
     """Raise RecordingError where more than HELD of the rows in motion of ``actual`` and ``target``
     (N, joints) rad equal the row before: a logger that is faster than the controller. Rows of a
     motion by less than the resolution of the angles are also equal, and no fault.
     """
-    steps = np.abs(np.diff(np.hstack([actual, target]), axis=0)).max(axis=1, initial=0.0)
+    steps = np.abs(np.diff(np.hstack([actual, target]), axis=0)).max(
+        axis=1, initial=0.0
+    )
     pace = uniform_filter1d(steps, max(round(PACE * rate), 1)) if len(steps) else steps
     moving = steps[pace > MOVING * pace.max(initial=0.0)]
     changed = moving[moving > 0]
@@ -188,20 +216,32 @@ def require_fresh(actual: np.ndarray, target: np.ndarray, rate: float, **where: 
 
 
 def require_speeds(
-    time: np.ndarray, angles: Mapping[str, np.ndarray], names: Sequence[str], urdf: str, **where
+    time: np.ndarray,
+    angles: Mapping[str, np.ndarray],
+    names: Sequence[str],
+    urdf: str,
+    **where,
 ) -> None:
     """Raise RecordingError where ``angles`` (N, joints) exceed a velocity limit in ``urdf``."""
     known, seconds = commands.named_joints(urdf, names), np.diff(time)[:, None]
-    limits = [((joint and joint.limits) or {}).get("velocity") or np.inf for joint in known]
+    limits = [
+        ((joint and joint.limits) or {}).get("velocity") or np.inf for joint in known
+    ]
     for signal, rows in angles.items():
         steps = np.abs(np.diff(rows, axis=0))
-        for row, column in np.argwhere(commands.beyond_speed(steps, np.array(limits), seconds)):
+        for row, column in np.argwhere(
+            commands.beyond_speed(steps, np.array(limits), seconds)
+        ):
             unit = "m" if known[column].kind == "prismatic" else "rad"
             at, step = round(float(time[row + 1] - time[0]), 6), steps[row, column]
             message = f"{names[column]} ({signal}) steps by {step:.4g} {unit} at {at:g} s from the"
-            message += f" start: {step / seconds[row, 0]:.4g} {unit}/s, where the robot's URDF"
+            message += (
+                f" start: {step / seconds[row, 0]:.4g} {unit}/s, where the robot's URDF"
+            )
             message += f" allows {limits[column]:.4g} {unit}/s; check the unit of this joint, leave"
-            message += " this part of the log out, or correct the velocity limit in the URDF"
+            message += (
+                " this part of the log out, or correct the velocity limit in the URDF"
+            )
             raise RecordingError(message, **where, joint=names[column], time=at)
 
 
@@ -218,15 +258,25 @@ class LoggedMovement(NamedTuple):
     def of(self, joints: Sequence[str]) -> Self:
         """Return the movement of the ``joints`` alone, in their order, with motions of theirs."""
         places = [self.joints.index(joint) for joint in joints]
-        actual, target, circular = self.actual[:, places], self.target[:, places], self.circular
+        actual, target, circular = (
+            self.actual[:, places],
+            self.target[:, places],
+            self.circular,
+        )
         spans = [target[max(run.first - 1, 0) : run.last + 1] for run in self.motions]
         far = [np.ptp(span, axis=0).max(initial=0.0) > REACH for span in spans]
         motions = [run for run, moves in zip(self.motions, far, strict=True) if moves]
-        return LoggedMovement(joints, actual, target, motions, self.counts, circular[places])
+        return LoggedMovement(
+            joints, actual, target, motions, self.counts, circular[places]
+        )
 
 
 def read_logged_movement(
-    name: str, movement: Path, options: JointLogSection, rate: float, urdf: str = commands.UNFILLED
+    name: str,
+    movement: Path,
+    options: JointLogSection,
+    rate: float,
+    urdf: str = commands.UNFILLED,
 ) -> LoggedMovement:
     """Return the ``movement``, a folder of logs or one file, at ``rate`` (Hz); its ``name`` selects
     the delay.
@@ -237,14 +287,21 @@ def read_logged_movement(
     joints, circular = options.joints, commands.circular_joints(urdf, options.joints)
     keys = ("time", "separator", "decimal", "angle_unit", "time_unit")
     common = {key: getattr(options, key) for key in keys}
-    common |= {"rate": rate, "circular": circular, "joints": len(joints), "names": joints}
+    common |= {
+        "rate": rate,
+        "circular": circular,
+        "joints": len(joints),
+        "names": joints,
+    }
     common["factors"] = dict.fromkeys(SIGNALS[1:], options.target_factor)
     single = movement.is_file() or is_bag(movement)
     wanted: dict[Path, dict] = {movement: {**options.signals}} if single else {}
     for signal in SIGNALS:
         if not single and (file := getattr(options, signal)):
             wanted.setdefault(movement / file, {})[signal] = options.signals.get(signal)
-    files = {file: LogOptions(**common, signals=signals) for file, signals in wanted.items()}
+    files = {
+        file: LogOptions(**common, signals=signals) for file, signals in wanted.items()
+    }
     signals, counts = read_movement(files, rate, options.clock) if files else ({}, {})
     if missing := [signal for signal in SIGNALS[:2] if signal not in signals]:
         where = "signals" if single else " and ".join(missing)

@@ -23,7 +23,12 @@ FEWEST = 2  # least number of takes of a part, for the covariance and for leavin
 
 
 def quality_row(
-    take: str, part: str, instrument: str, quantity: str, value: float, unit: str = "count"
+    take: str,
+    part: str,
+    instrument: str,
+    quantity: str,
+    value: float,
+    unit: str = "count",
 ) -> dict[str, object]:
     """Return one row of the table ``quality``."""
     row = {"take": take, "part": part, "instrument": instrument, "quantity": quantity}
@@ -32,17 +37,27 @@ def quality_row(
 
 def summarise(quality: pd.DataFrame) -> pd.DataFrame:
     """Return, by instrument and quantity, total (of counts), mean (of others) and extremes."""
-    summed = quality[quality["unit"] != "row"].groupby(["instrument", "quantity", "unit"])["value"]
-    table = summed.agg(total="sum", mean="mean", least="min", greatest="max").reset_index()
+    summed = quality[quality["unit"] != "row"].groupby(
+        ["instrument", "quantity", "unit"]
+    )["value"]
+    table = summed.agg(
+        total="sum", mean="mean", least="min", greatest="max"
+    ).reset_index()
     counted = table["unit"] == "count"
-    return table.assign(total=table["total"].where(counted), mean=table["mean"].where(~counted))
+    return table.assign(
+        total=table["total"].where(counted), mean=table["mean"].where(~counted)
+    )
 
 
-def beside_limits(quality: pd.DataFrame, limits: dict[str, float | None]) -> pd.DataFrame:
+def beside_limits(
+    quality: pd.DataFrame, limits: dict[str, float | None]
+) -> pd.DataFrame:
     """Return the table ``takes`` from the table ``quality``: measures, their limits (in the unit of
     the measure; None: no limit), and whether a take is left out; training takes first.
     """
-    takes = quality[quality["quantity"].isin(MEASURES)].rename(columns={"quantity": "measure"})
+    takes = quality[quality["quantity"].isin(MEASURES)].rename(
+        columns={"quantity": "measure"}
+    )
     takes = takes.assign(limit=takes["measure"].map(limits).astype(float))
     size = takes["value"].abs().where(takes["measure"].isin(TWO_SIDED), takes["value"])
     takes["beyond"] = size > takes["limit"]
@@ -56,7 +71,10 @@ def beside_limits(quality: pd.DataFrame, limits: dict[str, float | None]) -> pd.
 def _reasons(takes: pd.DataFrame) -> pd.Series:
     """Return take → text of the measures beyond their limits."""
     beyond = takes[takes["beyond"]]
-    words = [f"{row.measure} {row.value:.3g} beyond {row.limit:g}" for row in beyond.itertuples()]
+    words = [
+        f"{row.measure} {row.value:.3g} beyond {row.limit:g}"
+        for row in beyond.itertuples()
+    ]
     words = pd.Series(words, beyond["take"], dtype="str")
     return words.groupby(level=0, sort=False).agg(", ".join)
 
@@ -68,12 +86,18 @@ def reasons(takes: pd.DataFrame) -> list[str]:
 
 def side_by_side(takes: pd.DataFrame) -> pd.DataFrame:
     """Return one row per take of the table ``takes``: measures, whether and why it is left out."""
-    unit = takes["unit"].map(lambda unit: "" if unit in ("count", "share") else f" ({unit})")
+    unit = takes["unit"].map(
+        lambda unit: "" if unit in ("count", "share") else f" ({unit})"
+    )
     column = takes["measure"] + unit
-    wide = takes.assign(column=column).pivot(index="take", columns="column", values="value")
+    wide = takes.assign(column=column).pivot(
+        index="take", columns="column", values="value"
+    )
     order = takes.drop_duplicates("take").set_index("take")[["part", "left_out"]]
     table = order[["part"]].join(wide[list(dict.fromkeys(column))])
-    return table.assign(left_out=order["left_out"], reason=_reasons(takes)).reset_index()
+    return table.assign(
+        left_out=order["left_out"], reason=_reasons(takes)
+    ).reset_index()
 
 
 def require_enough(takes: pd.DataFrame) -> None:
@@ -93,19 +117,28 @@ def account(
 ) -> pd.DataFrame:
     """Return one row per step and recording: numbers found and kept, and what is left out."""
     names = [set(table["file"]) for table in files]
-    present, unread = set().union(*names), set.intersection(*names)  # unnamed: listed by each part
+    present, unread = (
+        set().union(*names),
+        set.intersection(*names),
+    )  # unnamed: listed by each part
     places = Counter(name.partition("/")[0] for name in unread)
-    words = ", ".join(f"{place} ({n})" if n > 1 else place for place, n in sorted(places.items()))
+    words = ", ".join(
+        f"{place} ({n})" if n > 1 else place for place, n in sorted(places.items())
+    )
     rows = [("files", "all", len(present), len(present - unread), words)]
     counts = quality[quality["quantity"].str.startswith((REPETITIONS, LEFT_OUT))]
     for movement, of_movement in counts.groupby("take"):
         number = of_movement.set_index("quantity")["value"].astype(int)
         lost = number[(number > 0) & (number.index != REPETITIONS)]
         reason = lost.index.str.removeprefix(LEFT_OUT).str.replace("_", " ")
-        words = ", ".join(f"{name} {count}" for name, count in zip(reason, lost, strict=True))
+        words = ", ".join(
+            f"{name} {count}" for name, count in zip(reason, lost, strict=True)
+        )
         rows.append(("motions", movement, number.sum(), number[REPETITIONS], words))
     for part, of_part in takes.groupby("part", sort=False):
         found = of_part["take"].nunique()
         gone = of_part.loc[of_part["left_out"], "take"].nunique()
         rows.append(("takes", part, found, found - gone, "; ".join(reasons(of_part))))
-    return pd.DataFrame(rows, columns=["step", "recording", "found", "kept", "left_out"])
+    return pd.DataFrame(
+        rows, columns=["step", "recording", "found", "kept", "left_out"]
+    )

@@ -8,7 +8,9 @@ import numpy as np
 from pipeline.core.angles import apart
 from pipeline.recordings.lags import REACH
 
-REST_SPEED = 1e-4  # rad/s: less than a microradian per sample, below the resolution of encoders
+REST_SPEED = (
+    1e-4  # rad/s: less than a microradian per sample, below the resolution of encoders
+)
 # least scale of the score of a whole take and of its greatest window, over the median of the takes;
 # LEAST_SPREAD is also the least scale of a joint, over the median of all joints
 LEAST_SPREAD, LEAST_IN_WINDOWS = 0.25, 0.45
@@ -65,7 +67,9 @@ def excursions(
     fast = _runs(np.any(np.abs(speeds) > rest_speed, axis=1))
     travels = [np.ptp(angles[max(a - 1, 0) : b + 1], axis=0).max() for a, b in fast]
     moved = [run for run, travel in zip(fast, travels, strict=True) if travel > REACH]
-    pauses = np.diff([0, *(row for run in moved for row in run), len(angles)])[::2].tolist()
+    pauses = np.diff([0, *(row for run in moved for row in run), len(angles)])[
+        ::2
+    ].tolist()
     return [
         Excursion(first, last, 0 < first and last < len(angles), min(pauses[i : i + 2]))
         for i, (first, last) in enumerate(moved)
@@ -87,7 +91,9 @@ def find_repetitions(
     """
     if not rest:
         return _find_passes(angles, ends, steps, circular)
-    by_reason = {reason: [] for reason in ("", "cut_off", "other_motion", "too_little_rest")}
+    by_reason = {
+        reason: [] for reason in ("", "cut_off", "other_motion", "too_little_rest")
+    }
     for run in motions:
         reached = angles[[max(run.first - 1, 0), min(run.last, len(angles) - 1)]]
         away = np.abs(apart(reached, np.stack(ends), circular)).max()
@@ -95,11 +101,16 @@ def find_repetitions(
         short = "too_little_rest" if run.pause < rest + 2 * SLACK + 1 else ""
         by_reason[(other or short) if run.whole else "cut_off"].append(run)
     runs = by_reason.pop("")
-    return Repetitions(runs, {why: [run.first for run in own] for why, own in by_reason.items()})
+    return Repetitions(
+        runs, {why: [run.first for run in own] for why, own in by_reason.items()}
+    )
 
 
 def _find_passes(
-    angles: np.ndarray, ends: Sequence[Sequence[float]], steps: int, circular: np.ndarray | bool
+    angles: np.ndarray,
+    ends: Sequence[Sequence[float]],
+    steps: int,
+    circular: np.ndarray | bool,
 ) -> Repetitions:
     runs, overlapping, number = [], [], max(len(angles) - steps, 0)
     passing = np.stack([angles[:number], angles[steps:][:number]], axis=1)
@@ -136,9 +147,13 @@ def _windowed(signal: np.ndarray, rate: float) -> np.ndarray:
     beside, length = signal - np.median(signal, axis=0), signal.shape[1]
     rows = min(max(round(WINDOW * rate), 1), length)
     starts = np.arange(0, length - rows + 1, max(rows // OVERLAP, 1))
-    sums = np.cumsum(np.concatenate([np.zeros_like(beside[:, :1]), beside], axis=1), axis=1)
+    sums = np.cumsum(
+        np.concatenate([np.zeros_like(beside[:, :1]), beside], axis=1), axis=1
+    )
     means = np.abs(sums[:, starts + rows] - sums[:, starts]) / rows
-    here, of_joint, of_all = (np.median(means, axes, keepdims=True) for axes in (0, (0, 1), None))
+    here, of_joint, of_all = (
+        np.median(means, axes, keepdims=True) for axes in (0, (0, 1), None)
+    )
     usual = np.maximum(here, np.maximum(of_joint, LEAST_SPREAD * of_all))
     ratios = np.divide(means, usual, out=np.ones_like(means), where=usual > 0)
     return ratios.max(axis=(1, 2))

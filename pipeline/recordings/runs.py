@@ -27,7 +27,9 @@ from pipeline.recordings.repetitions import SLACK, disturbances, find_repetition
 BEYOND = 6.0  # robust standard deviations, as dataset.joint_log.disturbed_beyond
 PAUSE = 0.1  # s, shortest pause between two runs
 CORE = 0.1  # share of a command that is not compared, at both ends
-LATE_ROWS = np.arange(-4, 5)[:, None]  # rows by which the clock of an equal command may differ
+LATE_ROWS = np.arange(-4, 5)[
+    :, None
+]  # rows by which the clock of an equal command may differ
 SAME = 0.01  # greatest distance of equal commands over the motion of the farthest joint
 ALIKE = 1e-3  # rad, greatest difference of commands whose errors are compared
 FEWEST = 5  # least number of runs that show a disturbed one
@@ -39,7 +41,9 @@ LEAST_STEPS, MULTIPLES, IN_PHASE = 20, 8.0, 0.8  # differences that show a quant
 LEAST_QUANTUM = 1e-9  # rad, below the resolution of any encoder
 KEPT = 0.25  # s, rest that is kept before and after a motion, if its pauses are long enough
 NEARLY = 0.1  # J is nearly singular if σ_min is below this share of the greatest σ_min
-LEAST_TURN = 0.5  # least prominence of a turn between two motions, over the joint's range
+LEAST_TURN = (
+    0.5  # least prominence of a turn between two motions, over the joint's range
+)
 
 
 class RunsOfLogs(NamedTuple):
@@ -74,7 +78,9 @@ def joint_runs(
     for name, read in movements.items() if moving else ():
         chosen = read.of(moving)
         if (known := first.setdefault(chosen.actual.tobytes(), name)) != name:
-            unused[name] = f"a copy: its measured angles are equal to the angles of {known}"
+            unused[name] = (
+                f"a copy: its measured angles are equal to the angles of {known}"
+            )
             continue
         if not chosen.motions:
             most = np.ptp(chosen.target, axis=0).max()
@@ -85,11 +91,15 @@ def joint_runs(
         runs += _runs_of(name, chosen, rate, pose_noise)
     runs = named_motions(runs, chosen.circular) if runs else []
     for name, score, others in _disturbed(runs):
-        reason = f"disturbed: {score:.3g} robust standard deviations from {others} runs of"
+        reason = (
+            f"disturbed: {score:.3g} robust standard deviations from {others} runs of"
+        )
         unused[name] = f"{reason} the same motion"
     if not (runs := [run for run in runs if run.name not in unused]):
         found = "; ".join(f"{name}: {reason}" for name, reason in unused.items())
-        raise RecordingError(f"no run of a commanded motion is in the logs: {found or 'no log'}")
+        raise RecordingError(
+            f"no run of a commanded motion is in the logs: {found or 'no log'}"
+        )
     return RunsOfLogs(runs, unused)
 
 
@@ -99,7 +109,9 @@ def runs_of_dataset(dataset: Dataset) -> RunsOfLogs:
     return joint_runs(read_movements(dataset), rate, dataset.robot.joints, noise)
 
 
-def _runs_of(name: str, read: LoggedMovement, rate: float, stated: float | None) -> list[JointRun]:
+def _runs_of(
+    name: str, read: LoggedMovement, rate: float, stated: float | None
+) -> list[JointRun]:
     """Return the runs in one movement, from pause to pause."""
     measured, target, moved = read.actual, read.target, read.motions
     late = joint_lags(target, measured, rate)
@@ -152,13 +164,18 @@ def find_quantum(angles: np.ndarray) -> float:
     return float(tried[best]) if lengths[best] >= IN_PHASE else 0.0
 
 
-def _noise_of(measured: np.ndarray, resting: np.ndarray, quantum: np.ndarray) -> float | None:
+def _noise_of(
+    measured: np.ndarray, resting: np.ndarray, quantum: np.ndarray
+) -> float | None:
     """Return the noise in rad of a measured angle, rms over the joints, from rows at rest, else
     from the quantum; None if both are 0.
     """
     pairs = resting[1:] & resting[:-1]
     still = np.diff(measured, axis=0)[pairs] if pairs.sum() >= RESTING else np.zeros(1)
-    return float(np.sqrt(np.mean(still**2) / 2) or np.sqrt(np.mean(quantum**2) / 12)) or None
+    return (
+        float(np.sqrt(np.mean(still**2) / 2) or np.sqrt(np.mean(quantum**2) / 12))
+        or None
+    )
 
 
 def named_motions(runs: Sequence[JointRun], circular: np.ndarray) -> list[JointRun]:
@@ -168,7 +185,9 @@ def named_motions(runs: Sequence[JointRun], circular: np.ndarray) -> list[JointR
     moving = [run.command[_moving_rows(run.command)] for run in runs]
     motions: dict[int, list[int]] = {}  # run with the longest command → runs
     for number in sorted(range(len(runs)), key=lambda number: -len(moving[number])):
-        known = (i for i in motions if _is_part(moving[number], runs[i].command, circular))
+        known = (
+            i for i in motions if _is_part(moving[number], runs[i].command, circular)
+        )
         motions.setdefault(next(known, number), []).append(number)
     ordered = sorted(motions.values(), key=lambda each: (-len(each), min(each)))
     names = {number: str(i) for i, each in enumerate(ordered, 1) for number in each}
@@ -186,12 +205,19 @@ def _is_part(part: np.ndarray, whole: np.ndarray, circular: np.ndarray) -> bool:
     ends = int(CORE * len(part))
     core = part[ends : len(part) - ends]
     step = np.abs(np.diff(core, axis=0)).max(axis=1)
-    reach = max(REACH, SAME * np.ptp(core, axis=0).max(initial=0.0)) + step.max() / 2  # half a row
+    reach = (
+        max(REACH, SAME * np.ptp(core, axis=0).max(initial=0.0)) + step.max() / 2
+    )  # half a row
     fast, most = int(step.argmax()), len(whole) - len(core) + 1
-    away = np.abs(apart(whole[fast : max(most, 0) + fast], core[fast], circular)).max(axis=1)
+    away = np.abs(apart(whole[fast : max(most, 0) + fast], core[fast], circular)).max(
+        axis=1
+    )
     for first in np.flatnonzero(away <= reach):
         rows = np.clip(first + np.arange(len(core)) + LATE_ROWS, 0, len(whole) - 1)
-        if np.abs(apart(whole[rows], core, circular)).max(axis=2).min(axis=0).max() <= reach:
+        if (
+            np.abs(apart(whole[rows], core, circular)).max(axis=2).min(axis=0).max()
+            <= reach
+        ):
             return True
     return False
 
@@ -203,16 +229,30 @@ def _disturbed(runs: Sequence[JointRun]) -> list[tuple[str, float, int]]:
     found, motions = [], {}
     for run in runs:
         both = np.stack([run.command, run.measured - run.command])
-        motions.setdefault(run.motion, {})[run.name] = both[:, _moving_rows(run.command)]
+        motions.setdefault(run.motion, {})[run.name] = both[
+            :, _moving_rows(run.command)
+        ]
     for parts in motions.values():
         length = int(np.median([part.shape[1] for part in parts.values()])) - SLACK
-        parts = {name: part[:, :length] for name, part in parts.items() if part.shape[1] >= length}
+        parts = {
+            name: part[:, :length]
+            for name, part in parts.items()
+            if part.shape[1] >= length
+        }
         usual = np.median([part[0] for part in parts.values()], axis=0)
-        parts = {n: part for n, part in parts.items() if np.abs(part[0] - usual).max() < ALIKE}
+        parts = {
+            n: part
+            for n, part in parts.items()
+            if np.abs(part[0] - usual).max() < ALIKE
+        }
         if len(parts) >= FEWEST:
-            scores = disturbances(np.stack([part[1] for part in parts.values()]), runs[0].rate)
+            scores = disturbances(
+                np.stack([part[1] for part in parts.values()]), runs[0].rate
+            )
             pairs = zip(parts, scores.tolist(), strict=True)
-            found += [(name, score, len(parts) - 1) for name, score in pairs if score > BEYOND]
+            found += [
+                (name, score, len(parts) - 1) for name, score in pairs if score > BEYOND
+            ]
     return found
 
 
@@ -225,8 +265,12 @@ class FoundMotion:
     steps: int
     pause: int | None  # steps of the shortest pause before or after; None: no rest
     places: list[tuple[str, int]] = field(default_factory=list)
-    disturbed: list[tuple[str, int]] = field(default_factory=list)  # or with another command
-    least_singular: float = np.nan  # m/rad or 1, least singular value of J along the motion
+    disturbed: list[tuple[str, int]] = field(
+        default_factory=list
+    )  # or with another command
+    least_singular: float = (
+        np.nan
+    )  # m/rad or 1, least singular value of J along the motion
     deviation: float = 0.0  # rad, greatest distance of a command from the first command
 
     def rest(self, rate: float) -> int:
@@ -244,15 +288,24 @@ def find_motions(
     rests, motions are repeated stretches between rows where J is nearly singular or, without such
     rows, between turns of the joint that moves farthest.
     """
-    chain, circular, found = chain_of(robot), circular_joints(robot.urdf, robot.joints), []
+    chain, circular, found = (
+        chain_of(robot),
+        circular_joints(robot.urdf, robot.joints),
+        [],
+    )
     logs = {name: read.of(robot.joints) for name, read in movements.items()}
     resting = any(run.whole for read in logs.values() for run in read.motions)
     for read in logs.values():
-        path, spans = read.target, [(run.first - 1, run.last) for run in read.motions if run.whole]
+        path, spans = (
+            read.target,
+            [(run.first - 1, run.last) for run in read.motions if run.whole],
+        )
         for first, last in spans if resting else _regular_stretches(path, chain):
             steps, ends = last - first - resting, (path[first], path[last])
             seek = partial(find_repetitions, ends=ends, steps=steps, rest=int(resting))
-            each = {n: seek(q.target, q.motions, circular=circular) for n, q in logs.items()}
+            each = {
+                n: seek(q.target, q.motions, circular=circular) for n, q in logs.items()
+            }
             runs = [(name, run) for name, (runs, _) in each.items() for run in runs]
             places = [(name, run.first) for name, run in runs]
             known = any({*places} & {*other.places} for other in found)
@@ -293,9 +346,13 @@ def _regular_stretches(angles: np.ndarray, chain: Chain) -> list[tuple[int, int]
     regular = least > NEARLY * least.max()
     if not regular.all():
         edges = np.flatnonzero(np.diff(regular)).tolist()
-        return [(first + 1, last) for first, last in pairwise(edges) if regular[first + 1]]
+        return [
+            (first + 1, last) for first, last in pairwise(edges) if regular[first + 1]
+        ]
     joint = angles[:, int(np.ptp(angles, axis=0).argmax())]
-    turns = [find_peaks(s * joint, prominence=LEAST_TURN * np.ptp(joint))[0] for s in (1, -1)]
+    turns = [
+        find_peaks(s * joint, prominence=LEAST_TURN * np.ptp(joint))[0] for s in (1, -1)
+    ]
     return list(pairwise(sorted(np.concatenate(turns).tolist())))
 
 

@@ -34,7 +34,9 @@ def fitted_ranges(recorded: Recorded, rate: float) -> pd.DataFrame:
     chain, joints, v = recorded.chain, recorded.joints, recorded.v
     speeds = rate * chain.nominal_step(recorded.q, v)
     command, turning = [*chain.task, *joints][: v.shape[-1]], ["rad/s"] * len(joints)
-    units = ["m/s" if name in ("x", "y", "z") else "rad/s" for name in chain.task] + turning
+    units = [
+        "m/s" if name in ("x", "y", "z") else "rad/s" for name in chain.task
+    ] + turning
     norms = frobenius(chain.inverse_jacobian(recorded.q))[..., None]
     rows = [
         (quantity, name, unit, float(column.min()), float(column.max()))
@@ -44,7 +46,9 @@ def fitted_ranges(recorded: Recorded, rate: float) -> pd.DataFrame:
             ("speed", command, units[: len(command)], rate * v),
             ("condition", ["‖J⁺‖"], ["1/m and 1"], norms),
         )
-        for name, unit, column in zip(names, units, np.moveaxis(array, -1, 0), strict=True)
+        for name, unit, column in zip(
+            names, units, np.moveaxis(array, -1, 0), strict=True
+        )
     ]
     return pd.DataFrame(rows, columns=["quantity", "name", "unit", "least", "greatest"])
 

@@ -30,8 +30,13 @@ def run() -> None:
             print(f"articulate: {warning}")
         noise = leave_one_out(errors, window=o.noise_window)
         contracts.write(noise, "kinect_noise", folder)
-        views = [_view(name, angles, takes[0], arm_of(robot)) for name in ("initial", "extended")]
-        for name, tables in zip(("cloud", "skeleton"), zip(*views, strict=True), strict=True):
+        views = [
+            _view(name, angles, takes[0], arm_of(robot))
+            for name in ("initial", "extended")
+        ]
+        for name, tables in zip(
+            ("cloud", "skeleton"), zip(*views, strict=True), strict=True
+        ):
             contracts.write(pd.concat(tables, ignore_index=True), name, folder)
 
 
@@ -43,9 +48,13 @@ def _view(
     origin = arm.chain.origin
     reach = np.hypot(take["xe"] - origin[0], take["ze"] - origin[1])
     shown = take.iloc[0 if name == "initial" else int(reach.argmax())]
-    clouds = dict(zip(rows["frame"], depth_takes.arm_points(rows, depth_takes.DEPTH), strict=True))
+    clouds = dict(
+        zip(rows["frame"], depth_takes.arm_points(rows, depth_takes.DEPTH), strict=True)
+    )
     points = clouds[int(shown["frame"])]
-    nodes = np.vstack([origin, *([shown[f"x{node}"], shown[f"z{node}"]] for node in "23e")])
+    nodes = np.vstack(
+        [origin, *([shown[f"x{node}"], shown[f"z{node}"]] for node in "23e")]
+    )
     cloud = pd.DataFrame({"view": name, "x": points[:, 0], "z": points[:, 1]})
     x, z = nodes.astype(float).T
     return cloud, pd.DataFrame({"view": name, "node": np.arange(4), "x": x, "z": z})

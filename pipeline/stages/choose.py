@@ -13,7 +13,9 @@ def run() -> None:
     """Write the name; raises ConfigError with the known datasets where its files are missing."""
     config.require_dataset(name := read_yaml(PARAMS).get("dataset"))
     if not (file := datasheet.path_of(name)).is_file():
-        message = f"{name!r} has an option file and no datasheet; create one with new-dataset"
+        message = (
+            f"{name!r} has an option file and no datasheet; create one with new-dataset"
+        )
         raise ConfigError(message, key="dataset", file=file)
     CHOSEN.parent.mkdir(exist_ok=True)
     CHOSEN.write_text(f"{name}\n")

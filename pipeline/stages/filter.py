@@ -20,18 +20,33 @@ from pipeline.models.steps import Recorded
 from pipeline.recordings.steps import training_steps
 
 FIT, OUT = Path("data/fit"), Path("data/filter")
-OF_A_STEP = ("ess", "resampled", "measured", "clipped", "outside")  # fields of a posterior
+OF_A_STEP = (
+    "ess",
+    "resampled",
+    "measured",
+    "clipped",
+    "outside",
+)  # fields of a posterior
 
 
 def run(model: str) -> None:
     """Write the posterior of every test take in the open and in the closed loop of ``model``."""
     settings = config.sections("filter", item=model)
-    takes, options, metrics = list(enumerate(measured_takes(settings.dataset))), settings.filter, {}
+    takes, options, metrics = (
+        list(enumerate(measured_takes(settings.dataset))),
+        settings.filter,
+        {},
+    )
     with contracts.replacing(OUT / model) as folder:
         if not takes:
-            print("filter: the dataset has no measurements of its test takes; nothing to filter")
+            print(
+                "filter: the dataset has no measurements of its test takes; nothing to filter"
+            )
             return contracts.write_metrics(metrics, folder / "filter.json")
-        recorded, loops = training_steps(settings.dataset.robot, settings.dataset.motion), {}
+        recorded, loops = (
+            training_steps(settings.dataset.robot, settings.dataset.motion),
+            {},
+        )
         if fitted := fitted_models([model], FIT, "filter"):
             loops[""] = (fitted[model], open_loop(recorded.v))
         if (closed := fitted_closed_loop(FIT / model)) is not None:
@@ -40,10 +55,19 @@ def run(model: str) -> None:
         start = Start(first.mean(axis=0), np.cov(first.T))
         for loop, law in loops.items():
             label = " ".join(filter(None, ("filter", model, loop)))
-            same = {"law": law, "recorded": recorded, "start": start, "options": options}
+            same = {
+                "law": law,
+                "recorded": recorded,
+                "start": start,
+                "options": options,
+            }
             stream = (settings.seed, label.replace(" ", "."))
-            trial = partial(filter_take, rate=settings.dataset.motion.rate, stream=stream, **same)
-            rows = run_trials(trial, takes, compute=settings.compute, label=f"{label}: takes")
+            trial = partial(
+                filter_take, rate=settings.dataset.motion.rate, stream=stream, **same
+            )
+            rows = run_trials(
+                trial, takes, compute=settings.compute, label=f"{label}: takes"
+            )
             posteriors, left_out = zip(*rows, strict=True)
             posterior = pd.concat(posteriors, ignore_index=True)
             (folder / loop).mkdir(exist_ok=True)
@@ -53,7 +77,9 @@ def run(model: str) -> None:
                 "particle_steps_outside_the_domain": posterior["outside"].sum(),
                 "measurements_outside_the_motion": sum(left_out),
             }
-            metrics |= {f"{'closed_loop_' * bool(loop)}{name}": n for name, n in numbers.items()}
+            metrics |= {
+                f"{'closed_loop_' * bool(loop)}{name}": n for name, n in numbers.items()
+            }
         contracts.write_metrics(metrics, folder / "filter.json")
 
 
@@ -68,7 +94,10 @@ def filter_take(
 ) -> tuple[pd.DataFrame, int]:
     """Return one take's posterior and the number of measurements outside the motion."""
     (number, take), (model, commands) = trial, law
-    motion, generator = (recorded.chain, commands, 1 / rate, start), rng.stream(*stream, number)
+    motion, generator = (
+        (recorded.chain, commands, 1 / rate, start),
+        rng.stream(*stream, number),
+    )
     posterior = particle_filter(model, *motion, take, options, generator)
     k = np.arange(len(posterior.mean))
     table = {"take": take.take, "part": "test", "k": k, "t": k / rate}

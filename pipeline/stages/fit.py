@@ -51,25 +51,37 @@ def _fit(model: str, settings, folder: Path) -> Metrics:
         if result is None:
             print(f"fit: {model}: no {pattern.format('estimate')}: {refused}")
             continue
-        if pattern.startswith("{}"):  # else a control, of which only the estimates are written
+        if pattern.startswith(
+            "{}"
+        ):  # else a control, of which only the estimates are written
             metrics |= result.diagnostics
-        unbounded = {name: n for name, n in result.diagnostics.items() if name == UNBOUNDED}
+        unbounded = {
+            name: n for name, n in result.diagnostics.items() if name == UNBOUNDED
+        }
         for name, value in (result.determined | errors | unbounded).items():
-            stem = next(base for base in (*result.estimates, UNBOUNDED) if name.startswith(base))
+            stem = next(
+                base for base in (*result.estimates, UNBOUNDED) if name.startswith(base)
+            )
             metrics[pattern.format(stem) + name.removeprefix(stem)] = value
     metrics["takes"] = len(recorded.q)
     for name, table in tables.items():
         contracts.write(table, name, folder)
     names, covariance = bootstrap.joint_covariance(replicates)
-    _write_json({"estimates": names, "covariance": covariance}, folder / "covariance.json")
+    _write_json(
+        {"estimates": names, "covariance": covariance}, folder / "covariance.json"
+    )
     if estimate is None:
         print(f"fit: no model {model}: {reason}")
-        _write_json({"kind": options.kind, kinds.NO_MODEL: reason}, folder / "parameters.json")
+        _write_json(
+            {"kind": options.kind, kinds.NO_MODEL: reason}, folder / "parameters.json"
+        )
         return metrics | numbers
     _write_json(estimate.parameters, folder / "parameters.json")
     counts = {"bootstrap_replicates": len(replicates)}
     counts["bootstrap_replicates_without_an_estimate"] = replicates.count(None)
-    metrics |= estimate.determined | uncertainty | counts | estimate.diagnostics | numbers
+    metrics |= (
+        estimate.determined | uncertainty | counts | estimate.diagnostics | numbers
+    )
     metrics |= _closed_loop(model, recorded, options, estimate, folder)
     return metrics | _realise(model, estimate.model, recorded, settings, folder)
 
@@ -87,14 +99,18 @@ def _estimated(
         return None, str(error), [], {}
     takes, scale = len(recorded.q), settings.scale
     stream = (settings.seed, f"fit.{model}.bootstrap")
-    trial = partial(_replicate, fit=(recorded, options, estimate.from_takes), stream=stream)
+    trial = partial(
+        _replicate, fit=(recorded, options, estimate.from_takes), stream=stream
+    )
     if estimate.from_takes is not None:  # too quick for workers
         replicates = [*map(trial, range(scale.bootstrap_replicates))]
     else:
         workers = {"compute": settings.compute, "label": f"fit {model}: resamplings"}
         replicates = [*run_trials(trial, range(scale.bootstrap_refits), **workers)]
     spreads = bootstrap.spreads(replicates, estimate.estimates, takes)
-    known = {name: own for name, own in spreads.items() if name not in estimate.undetermined}
+    known = {
+        name: own for name, own in spreads.items() if name not in estimate.undetermined
+    }
     return estimate, "", replicates, _uncertainty(known, takes >= bootstrap.LEAST_TAKES)
 
 
@@ -102,13 +118,18 @@ def _replicate(number: int, fit: tuple, stream: tuple[int, str]) -> Metrics | No
     return bootstrap.replicate(*fit, rng.stream(*stream, number))
 
 
-def _uncertainty(spreads: dict[str, bootstrap.Spread], with_ends: bool = True) -> Metrics:
+def _uncertainty(
+    spreads: dict[str, bootstrap.Spread], with_ends: bool = True
+) -> Metrics:
     """Return standard errors and, ``with_ends``, 95 % intervals by the names of the estimates."""
     metrics = {}
     for name, own in spreads.items():
         metrics[f"{name}_standard_error"] = own.standard_error
         if with_ends:
-            metrics |= {f"{name}_interval_low": own.low, f"{name}_interval_high": own.high}
+            metrics |= {
+                f"{name}_interval_low": own.low,
+                f"{name}_interval_high": own.high,
+            }
     return metrics
 
 
@@ -124,8 +145,12 @@ def _closed_loop(
     parameters = closed.estimate.parameters | {SHARE: closed.share}
     _write_json(parameters, folder / FOLDER / "parameters.json")
     half = NORMAL_QUANTILE * closed.standard_error
-    spread = bootstrap.Spread(closed.standard_error, closed.share - half, closed.share + half)
-    estimates = {f"closed_loop_{name}": n for name, n in closed.estimate.determined.items()}
+    spread = bootstrap.Spread(
+        closed.standard_error, closed.share - half, closed.share + half
+    )
+    estimates = {
+        f"closed_loop_{name}": n for name, n in closed.estimate.determined.items()
+    }
     return {SHARE: closed.share} | _uncertainty({SHARE: spread}) | estimates
 
 
@@ -141,14 +166,20 @@ def _realise(
     _, q = contracts.stacked(joints[joints.part == "training"], "q")
     starts = np.resize(q, (options.realizations, *q.shape[1:]))
     course = (fitted, recorded.chain, starts, recorded.v, options.mode)
-    simulated, clipped, lost = realize(*course, rng.stream(settings.seed, f"simulate.{model}"))
+    simulated, clipped, lost = realize(
+        *course, rng.stream(settings.seed, f"simulate.{model}")
+    )
     try:
         mean, deviation, refused = realized_moments(*course, simulated)
     except ModelDomainError as error:
-        raise ModelDomainError(error.message, **{"model": model} | error.evidence) from None
+        raise ModelDomainError(
+            error.message, **{"model": model} | error.evidence
+        ) from None
     if refused:
         print(f"fit: {model} has no standard deviation: {refused}")
-    moments = spread("m", recorded.joints, mean) | spread("s", recorded.joints, deviation)
+    moments = spread("m", recorded.joints, mean) | spread(
+        "s", recorded.joints, deviation
+    )
     moments["bias"] = mean_bias(fitted, recorded.chain, q, recorded.v)
     grid = contracts.read("trajectory", MOTION)[["k", "t"]]
     contracts.write(grid.assign(**moments), "moments", folder)

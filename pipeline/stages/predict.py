@@ -21,7 +21,11 @@ from pipeline.models.prediction import Steps, groups_by_speed, normal_steps, sco
 from pipeline.models.steps import Options, Recorded
 from pipeline.recordings.runs import logged_motions, runs_of_dataset
 from pipeline.recordings.steps import fitted_ranges, training_steps
-from pipeline.statistics.scores import log_score_differences, prediction_scores, score_comparison
+from pipeline.statistics.scores import (
+    log_score_differences,
+    prediction_scores,
+    score_comparison,
+)
 
 TRACK, FIT, OUT = Path("data/track"), Path("data/fit"), Path("data/predict")
 BESIDE = "joint_step_t"  # model without a random matrix, added to the models of the run
@@ -48,13 +52,19 @@ def run() -> None:
             contracts.write(table, name, folder)
 
 
-def _joint_tables(settings, recorded: Recorded, options: Models) -> dict[str, pd.DataFrame]:
+def _joint_tables(
+    settings, recorded: Recorded, options: Models
+) -> dict[str, pd.DataFrame]:
     """Return the tables of the joint error laws on all runs of the dataset's logs, or its takes,
     and the scores of matrix models on the motions of the logs.
     """
-    each = partial(run_trials, compute=settings.compute, label="predict: held-out motions")
+    each = partial(
+        run_trials, compute=settings.compute, label="predict: held-out motions"
+    )
     try:
-        logged = runs_of_dataset(settings.dataset) if settings.dataset.joint_log else None
+        logged = (
+            runs_of_dataset(settings.dataset) if settings.dataset.joint_log else None
+        )
         runs, unused = (runs_of(recorded), {}) if logged is None else logged
         tables = joint_tables(runs, config.model_options(FAMILY), unused, each)
     except (ModelDomainError, RecordingError) as error:
@@ -71,16 +81,22 @@ def _joint_tables(settings, recorded: Recorded, options: Models) -> dict[str, pd
     return tables | {"other_motions": matrix_scores(motions, *of_motions)}
 
 
-def _predictions(settings, recorded: Recorded, options: Models) -> dict[str, pd.DataFrame]:
+def _predictions(
+    settings, recorded: Recorded, options: Models
+) -> dict[str, pd.DataFrame]:
     """Return scores by group of steps, and differences of log scores with intervals."""
     try:
         pose = recorded.measurement / 2
     except ModelDomainError as error:
-        print(f"predict: no prediction is scored: {error}; state dataset.motion.pose_noise")
+        print(
+            f"predict: no prediction is scored: {error}; state dataset.motion.pose_noise"
+        )
         return {}
     scored = _scores(settings, recorded, options, pose)
     tables = {"predictions": {}, "prediction_pairs": {}}
-    for steps, inside in groups_by_speed(recorded, settings.dataset.motion.rate).items():
+    for steps, inside in groups_by_speed(
+        recorded, settings.dataset.motion.rate
+    ).items():
         scores = {}
         for model, own in scored.items():
             within = {key: value[:, inside] for key, value in own.items()}
@@ -93,7 +109,9 @@ def _predictions(settings, recorded: Recorded, options: Models) -> dict[str, pd.
     }
 
 
-def _scores(settings, recorded: Recorded, options: Models, pose: np.ndarray) -> dict[str, Steps]:
+def _scores(
+    settings, recorded: Recorded, options: Models, pose: np.ndarray
+) -> dict[str, Steps]:
     """Return the scores (takes, M) by baseline and model; ``pose`` (n, n) rad² is the noise of a
     measured pose. Without test takes each training take is scored under a fit to the others.
     """
@@ -104,7 +122,9 @@ def _scores(settings, recorded: Recorded, options: Models, pose: np.ndarray) -> 
     models = {n: own for n, own in options.items() if n in fitted or n not in of_run}
     if test.empty:
         others = [np.delete(training, number, axis=0) for number in range(len(q))]
-        alone = [baseline_predictions(*each, pose) for each in zip(others, q, strict=True)]
+        alone = [
+            baseline_predictions(*each, pose) for each in zip(others, q, strict=True)
+        ]
     else:
         for name, own in list(models.items()):
             try:
@@ -113,19 +133,31 @@ def _scores(settings, recorded: Recorded, options: Models, pose: np.ndarray) -> 
                 del models[name]
                 print(f"predict: {name} is left out: {error.message}")
         together = baseline_predictions(training, q, pose).items()
-        alone = [{n: (error[k], c) for n, (error, c) in together} for k in range(len(q))]
+        alone = [
+            {n: (error[k], c) for n, (error, c) in together} for k in range(len(q))
+        ]
     takes = dict(enumerate(zip(names, q, strict=True)))
     score = partial(score_take, takes=takes, recorded=recorded, models=models)
     trials = [(model, number) for model in models for number in takes]
-    results = run_trials(score, trials, compute=settings.compute, label="predict: takes")
-    rows = {name: [normal_steps(*each[name]) for each in alone] for name in (NONE, MEMORY)}
+    results = run_trials(
+        score, trials, compute=settings.compute, label="predict: takes"
+    )
+    rows = {
+        name: [normal_steps(*each[name]) for each in alone] for name in (NONE, MEMORY)
+    }
     for (model, _), result in zip(trials, results, strict=True):
         rows.setdefault(model, []).append(result)
     scored = {}
     for name, of_takes in rows.items():
-        for what, reason in {k: v for _, missing in of_takes for k, v in missing.items()}.items():
+        for what, reason in {
+            k: v for _, missing in of_takes for k, v in missing.items()
+        }.items():
             print(f"predict: {name} gives no {what}: {reason}")
         steps = [each for each, _ in of_takes]
-        if all(steps):  # else it lacks scores of a model without a fit to the other takes
-            scored[name] = {key: np.stack([each[key] for each in steps]) for key in steps[0]}
+        if all(
+            steps
+        ):  # else it lacks scores of a model without a fit to the other takes
+            scored[name] = {
+                key: np.stack([each[key] for each in steps]) for key in steps[0]
+            }
     return scored

@@ -8,7 +8,14 @@ import pandas as pd
 from pipeline.configuration import config
 from pipeline.core import contracts
 from pipeline.core.compute.trials import run_trials
-from pipeline.evidence.case import WISHART, Camera, Choices, Recordings, readings, recorded_takes
+from pipeline.evidence.case import (
+    WISHART,
+    Camera,
+    Choices,
+    Recordings,
+    readings,
+    recorded_takes,
+)
 from pipeline.evidence.outcomes import evaluate
 from pipeline.evidence.table import depends_on
 from pipeline.filtering.measurement import measured_takes
@@ -24,16 +31,22 @@ def run() -> None:
     robot, motion = settings.dataset.robot, settings.dataset.motion
     with contracts.replacing(OUT) as folder:
         if robot is None:
-            print("readings: the dataset has no robot; there are no claims about its motion")
+            print(
+                "readings: the dataset has no robot; there are no claims about its motion"
+            )
             return
         base, takes = Choices.of_run(settings), recorded_takes(robot, motion)
-        if not (cases := readings(base, takes.training.chain.task, takes.training.joints)):
+        if not (
+            cases := readings(base, takes.training.chain.task, takes.training.joints)
+        ):
             return
         measured = {take.take: take for take in measured_takes(settings.dataset)}
         cameras = {base.clock: Camera(None, measured)} if measured else {}
         sizes = (motion.rate, len(measured), settings.simulation.realizations)
         recordings = Recordings(takes, cameras, *sizes, settings.seed, described=False)
-        trials = partial(run_trials, compute=settings.compute, label="readings: models and filters")
+        trials = partial(
+            run_trials, compute=settings.compute, label="readings: models and filters"
+        )
         own, *others = cases
         results = evaluate([cases[name] for name in others], recordings, trials)
         parts, reasons = [], [{"reading": own, "refused": ""}]

@@ -39,14 +39,19 @@ def run(name: str) -> None:
     dataset, laboratory = settings.dataset, settings.dataset.laboratory
     places = RAW / name / "recordings", RAW / name / "truth"
     if Path(dataset.recordings) != places[0]:
-        print(f"record: params.yaml selects another dataset; to record {name} set dataset: {name}")
+        print(
+            f"record: params.yaml selects another dataset; to record {name} set dataset: {name}"
+        )
         for place in places:
             place.mkdir(exist_ok=True)
         return
     if laboratory is None:
         message = f"{name} has no synthetic laboratory to record it"
         raise ConfigError(message, key="dataset.laboratory")
-    with contracts.replacing(places[0]) as folder, contracts.replacing(places[1]) as truth:
+    with (
+        contracts.replacing(places[0]) as folder,
+        contracts.replacing(places[1]) as truth,
+    ):
         if dataset.robot is not None:
             _record_takes(settings, folder, truth)
         if "robots" in laboratory:
@@ -65,7 +70,9 @@ def _record_takes(settings, folder: Path, truth: Path) -> None:
     session = dynamics.open_session(nominal, dataset.laboratory["dynamics"], stream)
     for place in ("optitrack", "kinect" if dataset.robot.plane else "joints"):
         (folder / place).mkdir()
-    instruments = (_in_plane if dataset.robot.plane else _in_space)(session, dataset, stream)
+    instruments = (_in_plane if dataset.robot.plane else _in_space)(
+        session, dataset, stream
+    )
     known = {"session": session, "instruments": instruments, "settings": settings}
     record = partial(_record_take, folder=folder, **known)
     options, rate = dataset.laboratory["trajectory"], dataset.motion.rate
@@ -78,14 +85,18 @@ def _record_takes(settings, folder: Path, truth: Path) -> None:
         write_intrinsics(folder / "kinect" / "intrinsics.yaml", camera)
     command = command.assign(**spread("q", dataset.robot.joints, path))
     write_trajectory(folder / "trajectory.csv", command)
-    rows = list(run_trials(record, takes, compute=settings.compute, label="record: takes"))
+    rows = list(
+        run_trials(record, takes, compute=settings.compute, label="record: takes")
+    )
     joints = rows[scale.test_takes :] + rows[: scale.test_takes]
     contracts.write(pd.concat(joints, ignore_index=True), "true_joints", truth)
 
 
 def _in_plane(session: Session, dataset, stream) -> tuple[Arm, np.ndarray, np.ndarray]:
     """Return a planar arm, random places of its markers, and the depth camera's bias."""
-    template = np.array([list(link.values()) for link in dataset.mocap.markers.values()])
+    template = np.array(
+        [list(link.values()) for link in dataset.mocap.markers.values()]
+    )
     markers = mocap.place_markers(template, dataset.laboratory["mocap"], stream)
     bias = draw_bias(dataset.laboratory["kinect"], stream)
     return replace(arm_of(dataset.robot), chain=session.chain), markers, bias
@@ -95,7 +106,9 @@ def _in_space(session: Session, dataset, stream) -> dict[str, mocap.MarkerCluste
     """Return by name the rigid bodies on the links of an arm, with random places of markers."""
     o, clusters = dataset.mocap, {}
     if {*o.bodies} != {*o.markers}:
-        message = "the laboratory follows rigid bodies: every link of markers needs its body"
+        message = (
+            "the laboratory follows rigid bodies: every link of markers needs its body"
+        )
         raise ConfigError(message, key="dataset.mocap.bodies")
     chains = link_chains(dataset.robot, o.markers, "dataset.mocap.markers")
     for link, body in o.bodies.items():
@@ -112,10 +125,18 @@ def _record_take(
     take: tuple[str, int], session: Session, instruments, settings, folder: Path
 ) -> pd.DataFrame:
     """Write the files of one take; return its true joint angles."""
-    (kind, number), dataset, laboratory = take, settings.dataset, settings.dataset.laboratory
+    (kind, number), dataset, laboratory = (
+        take,
+        settings.dataset,
+        settings.dataset.laboratory,
+    )
     name, part = f"{kind}_{number + 1:03d}", "training" if kind == "train" else "test"
     stream = rng.stream(settings.seed, f"record.{kind}", number)
-    trajectory, options, base = laboratory["trajectory"], laboratory["mocap"], dataset.mocap.base
+    trajectory, options, base = (
+        laboratory["trajectory"],
+        laboratory["mocap"],
+        dataset.mocap.base,
+    )
     motion = dynamics.perform(session, trajectory, laboratory["dynamics"], stream)
     world = Rotation.from_euler("xyz", base.rpy).as_matrix(), np.array(base.position)
     markers, bodies = {}, {}
@@ -123,7 +144,9 @@ def _record_take(
         arm, placed, bias = instruments
         clock = laboratory["clock"]
         frames = dynamics.depth_frames(motion.swing, trajectory.duration, clock, stream)
-        markers = mocap.capture(arm, motion.motion_capture, placed, world, options, stream)
+        markers = mocap.capture(
+            arm, motion.motion_capture, placed, world, options, stream
+        )
         if part == "test":
             camera = DepthCamera(arm, laboratory["kinect"], bias)
             images = folder / "kinect" / name

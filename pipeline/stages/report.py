@@ -18,7 +18,10 @@ from pipeline.verdicts.run import read_runs
 
 REPORTS, README = Path("reports"), Path("README.md")
 PACKAGE, HERE = Path("pipeline"), Path("pipeline/verdicts")
-BEYOND = ("studies", "tools")  # packages beyond the paper, which do not enter the report
+BEYOND = (
+    "studies",
+    "tools",
+)  # packages beyond the paper, which do not enter the report
 DEFAULT = ("youbot", "paper")  # dataset and scale of the results in the README
 
 
@@ -56,7 +59,9 @@ def run() -> None:
     items = paper.parse_items(read_yaml(HERE / "paper.yaml").get("items"))
     sources = paper.citations(PACKAGE, items, BEYOND)
     file = reports / "captions.json"
-    captions = validated(dict[str, dict[str, str | list[str]]], read_yaml(file), file=file)
+    captions = validated(
+        dict[str, dict[str, str | list[str]]], read_yaml(file), file=file
+    )
     written = {
         reports / "claims.csv": table.to_csv(index=False),
         reports / "report.md": pages.report_page(
@@ -71,6 +76,8 @@ def run() -> None:
     if (here.dataset, here.scale) == DEFAULT:
         text = README.read_text(encoding="utf-8")
         written[README] = pages.readme_with_results(text, here, decided)
-    contracts.write_metrics(pages.summary_numbers(here, decided), reports / "summary.json")
+    contracts.write_metrics(
+        pages.summary_numbers(here, decided), reports / "summary.json"
+    )
     for file, text in written.items():
         contracts.write_text(text, file)

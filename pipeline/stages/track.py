@@ -18,7 +18,12 @@ from pipeline.perception.markers import follower
 from pipeline.recordings import commands
 from pipeline.recordings.depth_takes import on_motion_clock, with_markers
 from pipeline.recordings.identity import lags_beside_others, likeness
-from pipeline.recordings.quality import beside_limits, quality_row, reasons, require_enough
+from pipeline.recordings.quality import (
+    beside_limits,
+    quality_row,
+    reasons,
+    require_enough,
+)
 
 INGEST, OUT = Path("data/ingest"), Path("data/track")
 MOTION = INGEST / "motion"
@@ -34,11 +39,15 @@ def run() -> None:
             return
         # the quality of force records does not belong to takes
         parts = ["motion", "depth"] if dataset.depth is not None else ["motion"]
-        quality = pd.concat([contracts.read("quality", INGEST / part) for part in parts])
+        quality = pd.concat(
+            [contracts.read("quality", INGEST / part) for part in parts]
+        )
         limits, repairs, source = dict(vars(dataset.limits)), [], "motion capture"
         if dataset.mocap is None:
             joints = contracts.read("joint_log", MOTION).assign(residual=np.nan)
-            print("track: no motion capture; the joint angles are from the controller's log")
+            print(
+                "track: no motion capture; the joint angles are from the controller's log"
+            )
             source, log = "joint log", dataset.joint_log
             limits |= {"disturbance": log.disturbed_beyond}
         else:
@@ -55,7 +64,9 @@ def run() -> None:
         require_enough(takes)
         if left_out := reasons(takes):
             number = takes["take"].nunique()
-            print(f"track: {len(left_out)} of {number} takes left out: {'; '.join(left_out)}")
+            print(
+                f"track: {len(left_out)} of {number} takes left out: {'; '.join(left_out)}"
+            )
         repairs += [
             quality_row(row.take, row.part, source, "left_out", row.left_out)
             for row in takes.drop_duplicates("take").itertuples()
@@ -64,7 +75,9 @@ def run() -> None:
         if dataset.mocap is not None:
             _cross_check(joints, dataset)
         tables = {"takes": takes, "quality": pd.DataFrame(repairs), "joints": joints}
-        for name, table in (tables | {"process_noise": _process_noise(joints, dataset)}).items():
+        for name, table in (
+            tables | {"process_noise": _process_noise(joints, dataset)}
+        ).items():
             contracts.write(table, name, folder)
 
 
@@ -73,7 +86,9 @@ def _write_frames(settings, joints: pd.DataFrame, folder: Path) -> list[dict]:
     dataset, frames = settings.dataset, contracts.read("frames", INGEST / "depth")
     takes = with_markers(frames, contracts.read("markers", MOTION), joints)
     align = partial(on_motion_clock, depth=dataset.depth, arm=arm_of(dataset.robot))
-    rows = list(run_trials(align, takes, compute=settings.compute, label="track: clocks"))
+    rows = list(
+        run_trials(align, takes, compute=settings.compute, label="track: clocks")
+    )
     contracts.write(pd.concat([table for table, _ in rows]), "frames", folder)
     return [row for _, more in rows for row in more]
 
@@ -90,19 +105,36 @@ def _track(dataset) -> tuple[pd.DataFrame, list[dict]]:
         track = follow(markers, take=take)
         k = np.arange(len(track.q))
         step = {"take": take, "part": part, "k": k, "t": k / dataset.motion.rate}
-        step |= spread("q", dataset.robot.joints, track.q) | {"residual": track.residual}
+        step |= spread("q", dataset.robot.joints, track.q) | {
+            "residual": track.residual
+        }
         joints.append(pd.DataFrame(step))
         solved, counts = np.flatnonzero(np.isfinite(track.residual)), track.counts
         gap = int(np.diff(solved, prepend=-1, append=len(k)).max()) - 1
         residual = float(np.sqrt(np.nanmean(track.residual**2)))
-        rows = [*counts.items(), ("missing_share", counts["missing"] / track.samples, "share")]
+        rows = [
+            *counts.items(),
+            ("missing_share", counts["missing"] / track.samples, "share"),
+        ]
         rows += [("longest_gap", gap, "frames"), ("residual_rms", residual, "m")]
         if "relabelled" in counts:
-            rows.append(("relabelled_share", counts["relabelled"] / track.samples, "share"))
+            rows.append(
+                ("relabelled_share", counts["relabelled"] / track.samples, "share")
+            )
         repairs += [quality_row(take, part, "motion capture", *row) for row in rows]
-    q = np.stack([rows[columns("q", dataset.robot.joints)].to_numpy() for rows in joints])
-    for rows, late in zip(joints, lags_beside_others(q, dataset.motion.rate), strict=True):
-        row = *rows.loc[0, ["take", "part"]], "motion capture", "lag_beside_others", late, "s"
+    q = np.stack(
+        [rows[columns("q", dataset.robot.joints)].to_numpy() for rows in joints]
+    )
+    for rows, late in zip(
+        joints, lags_beside_others(q, dataset.motion.rate), strict=True
+    ):
+        row = (
+            *rows.loc[0, ["take", "part"]],
+            "motion capture",
+            "lag_beside_others",
+            late,
+            "s",
+        )
         repairs.append(quality_row(*row))
     return pd.concat(joints, ignore_index=True), repairs
 
@@ -110,9 +142,14 @@ def _track(dataset) -> tuple[pd.DataFrame, list[dict]]:
 def _cross_check(joints: pd.DataFrame, dataset) -> None:
     """Raise RecordingError where tracked ``joints`` contradict the command or the encoders."""
     names, chain = dataset.robot.joints, chain_of(dataset.robot)
-    trajectory, tracked = contracts.read("trajectory", MOTION), dict(list(joints.groupby("take")))
+    trajectory, tracked = (
+        contracts.read("trajectory", MOTION),
+        dict(list(joints.groupby("take"))),
+    )
     for take, rows in tracked.items():
-        commands.require_commanded(rows[columns("q", names)].to_numpy(), trajectory, chain, take)
+        commands.require_commanded(
+            rows[columns("q", names)].to_numpy(), trajectory, chain, take
+        )
     if contracts.exists("encoders", MOTION):
         for take, rows in contracts.read("encoders", MOTION).groupby("take"):
             if take in tracked:
@@ -123,7 +160,9 @@ def _process_noise(joints: pd.DataFrame, dataset) -> pd.DataFrame:
     """Return the table ``process_noise`` of the training takes."""
     training = joints[joints.part == "training"]
     names, q = contracts.stacked(training, "q")
-    v = commands.commanded_steps(contracts.read("trajectory", MOTION), dataset.motion.rate)
+    v = commands.commanded_steps(
+        contracts.read("trajectory", MOTION), dataset.motion.rate
+    )
     try:
         noise = process_noise(chain_of(dataset.robot), q, v)
     except SingularJacobianError as error:

@@ -14,7 +14,12 @@ from pipeline.core.options.analysis import Wrench
 from pipeline.core.options.dataset import Force
 from pipeline.wrench import measured_force as measuring
 from pipeline.wrench import models
-from pipeline.wrench.study import averaged_sigma_s, expected_sigma_s, run_study, sigma_s_rows
+from pipeline.wrench.study import (
+    averaged_sigma_s,
+    expected_sigma_s,
+    run_study,
+    sigma_s_rows,
+)
 
 INGEST, OUT = Path("data/ingest/force"), Path("data/wrench")
 
@@ -33,7 +38,9 @@ def run() -> None:
         print("wrench: the dataset has no force transducer; only the study is done")
     else:
         measuring.require_own_configuration(contracts.read("force", INGEST), force)
-        measured = partial(_configuration, force=force, options=options, seed=settings.seed)
+        measured = partial(
+            _configuration, force=force, options=options, seed=settings.seed
+        )
         names = list(enumerate(force.configurations))
         for of_configuration in trials(measured, names, label="wrench: configurations"):
             for name, table in of_configuration.items():
@@ -57,7 +64,9 @@ def _configuration(
     bounds = models.configuration_bounds(force, arrangement)
     nominal = models.nominal_system(force, arrangement)
     agents, rows = len(arrangement.direction), measuring.rows_of(nominal)
-    estimates = averaged_sigma_s(models.draw_systems(bounds, options.systems, agents, stream))
+    estimates = averaged_sigma_s(
+        models.draw_systems(bounds, options.systems, agents, stream)
+    )
     expected = expected_sigma_s(bounds, agents, stream.spawn(1)[0])
     record = contracts.read("force", INGEST)
     record = record[record["configuration"] == name]
@@ -68,7 +77,9 @@ def _configuration(
         )
     measured = measuring.measured_wrenches(record, nominal, force.length)
     tested = {form: estimate.mean for form, estimate in estimates.items()}
-    tested["none"] = np.zeros((len(rows), len(rows)))  # the actuation without a random matrix
+    tested["none"] = np.zeros(
+        (len(rows), len(rows))
+    )  # the actuation without a random matrix
     sample = (models.matrix_model(nominal), tested["diagonal"], len(measured), stream)
     wrenches = {"measured": measured, "modelled": models.sample_wrenches(*sample)}
     tests = [
@@ -82,6 +93,8 @@ def _configuration(
         "force_test": pd.DataFrame(tests),
     }
     if len(rows) == 2:
-        return tables | {"force_density": measuring.force_density(name, wrenches, options.grid)}
+        return tables | {
+            "force_density": measuring.force_density(name, wrenches, options.grid)
+        }
     marginals = measuring.wrench_marginals(name, wrenches, rows, options.grid)
     return tables | {"wrench_marginals": marginals}

@@ -21,7 +21,9 @@ from scipy.special import ndtr, ndtri
 from pipeline.statistics.takes import REPLICATES, jackknife_counts, lag_one_correlation
 
 RECOGNISED = 0.975  # share of draws of a true model that pass in all joints
-POWER = 0.8  # least share of draws of constant noise that a test must reject to be evidence
+POWER = (
+    0.8  # least share of draws of constant noise that a test must reject to be evidence
+)
 HALF_EXPLAINED = 0.5**0.5
 WINDOWS = 8  # of a motion, over which a running mean is taken
 VARYING = 0.25  # variation over time of a curve that looks constant
@@ -37,7 +39,9 @@ class ModelledNoise:
 
     motion: ndarray  # (M, n) rad², mean over the takes of the variance of a step
     measurement: ndarray  # (n,) rad², variances of the measurement noise
-    error: ndarray  # (takes, M, n) rad, the model's mean next pose minus the measured one
+    error: (
+        ndarray  # (takes, M, n) rad, the model's mean next pose minus the measured one
+    )
 
     @property
     def std(self) -> ndarray:
@@ -81,7 +85,10 @@ def following_tests(
     for j, joint in enumerate(joints):
         constant = _drawn_std(noise[..., j], std[:, j], rng, centred)
         drawn = constant * std[:, j, None]
-        for name, chosen in {"all": np.full(len(steady), True), "constant_speed": steady}.items():
+        for name, chosen in {
+            "all": np.full(len(steady), True),
+            "constant_speed": steady,
+        }.items():
             curve = std[chosen, j]
             if chosen.sum() < 3 or np.ptp(curve) == 0:
                 continue
@@ -89,8 +96,12 @@ def following_tests(
             reached = float(np.tanh(fisher.mean() + quantile * fisher.std(ddof=1)))
             limit = min(HALF_EXPLAINED, reached)
             power = float((_correlations(curve, constant[chosen]) < limit).mean())
-            rows.append((joint, name, correlation(curve, recorded[chosen, j]), limit, power))
-    return pd.DataFrame(rows, columns=["joint", "steps", "correlation", "limit", "power"])
+            rows.append(
+                (joint, name, correlation(curve, recorded[chosen, j]), limit, power)
+            )
+    return pd.DataFrame(
+        rows, columns=["joint", "steps", "correlation", "limit", "power"]
+    )
 
 
 def variation_limits(noise: ndarray, rng: Generator, centred: bool = True) -> ndarray:
@@ -114,7 +125,9 @@ def variation_limits(noise: ndarray, rng: Generator, centred: bool = True) -> nd
         running = np.maximum(running, 0.0)  # a running sum rounds to less at rest
         for scale, end in zip((np.sqrt(running), 1.0), ends, strict=True):
             drawn = _drawn_std(of_joint, scale, rng, centred) * course
-            with np.errstate(divide="ignore", invalid="ignore"):  # no noise at all: no limits
+            with np.errstate(
+                divide="ignore", invalid="ignore"
+            ):  # no noise at all: no limits
                 variations = np.log(drawn.std(axis=0) / drawn.mean(axis=0))
             limits.append(np.exp(variations.mean() + end * variations.std(ddof=1)))
     return np.reshape(limits, (-1, 2))
@@ -122,7 +135,11 @@ def variation_limits(noise: ndarray, rng: Generator, centred: bool = True) -> nd
 
 def _std(noise: ndarray, axis: int, centred: bool = True) -> ndarray:
     """Return the standard deviation along ``axis``, about zero if not ``centred``."""
-    return noise.std(axis=axis, ddof=1) if centred else np.sqrt(np.mean(noise**2, axis=axis))
+    return (
+        noise.std(axis=axis, ddof=1)
+        if centred
+        else np.sqrt(np.mean(noise**2, axis=axis))
+    )
 
 
 def _drawn_std(
@@ -132,7 +149,9 @@ def _drawn_std(
     all steps: the tails of ``noise`` (takes, M) over ``scale`` (M,), and its autocorrelation.
     """
     middle = noise.mean(axis=0) if centred else 0.0
-    rests = np.broadcast_to(scale, noise.shape) == 0  # without noise, as at rest by an encoder
+    rests = (
+        np.broadcast_to(scale, noise.shape) == 0
+    )  # without noise, as at rest by an encoder
     pool = np.where(rests, 0.0, (noise - middle) / np.where(rests, 1.0, scale)).ravel()
     ordered = np.sort(_uncentred(pool, len(noise), rng) if centred else pool)
     drawn = np.empty((noise.shape[1], REPLICATES))
@@ -163,7 +182,9 @@ def _uncentred(pool: ndarray, takes: int, rng: Generator) -> ndarray:
 
     if not pool.any() or excess(1.0) <= 0:
         return pool
-    return raised(MOST_POWER if excess(MOST_POWER) > 0 else brentq(excess, 1.0, MOST_POWER))
+    return raised(
+        MOST_POWER if excess(MOST_POWER) > 0 else brentq(excess, 1.0, MOST_POWER)
+    )
 
 
 def _autoregression(noise: ndarray, rng: Generator) -> Iterator[ndarray]:
@@ -171,7 +192,10 @@ def _autoregression(noise: ndarray, rng: Generator) -> Iterator[ndarray]:
     (takes, M); those of one step stay in the processor's cache.
     """
     share = np.clip(lag_one_correlation(noise), -CLOSE_TO_ONE, CLOSE_TO_ONE)
-    rest, variates = np.sqrt(1 - share**2), rng.standard_normal((REPLICATES, len(noise)))
+    rest, variates = (
+        np.sqrt(1 - share**2),
+        rng.standard_normal((REPLICATES, len(noise))),
+    )
     yield variates
     for _ in range(noise.shape[1] - 1):
         variates = rest * rng.standard_normal(variates.shape) + share * variates
@@ -220,7 +244,10 @@ def jackknifed_mean_error(error: ndarray) -> ndarray:
 
 def _variances(counts: ndarray, noise: ndarray) -> ndarray:
     """Return sample variances (R, M, n) of ``noise`` (takes, M, n) with weights ``counts``."""
-    flat, takes = (noise - noise.mean(axis=0)).reshape(len(noise), -1), counts.sum(axis=1)[:, None]
+    flat, takes = (
+        (noise - noise.mean(axis=0)).reshape(len(noise), -1),
+        counts.sum(axis=1)[:, None],
+    )
     squares = np.maximum(counts @ flat**2 / takes - (counts @ flat / takes) ** 2, 0)
     with np.errstate(divide="ignore", invalid="ignore"):  # one take has no variance
         return (squares * takes / (takes - 1)).reshape(-1, *noise.shape[1:])

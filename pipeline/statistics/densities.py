@@ -28,7 +28,9 @@ def normal_reference_bandwidth(samples: ndarray) -> ndarray:
     count, p = np.shape(samples)
     scale = np.median(np.abs(samples - np.median(samples, axis=0)), axis=0) / 0.6745
     if not np.all(scale > 0):
-        message = "a variable whose median absolute deviation is 0 or missing has no density"
+        message = (
+            "a variable whose median absolute deviation is 0 or missing has no density"
+        )
         raise ModelDomainError(message, samples=count)
     return scale * (4 / ((p + 2) * count)) ** (1 / (p + 4))
 
@@ -42,7 +44,9 @@ def marginal_density(samples: ndarray, x: ndarray) -> ndarray:
     return sums / (np.sqrt(2 * np.pi) * bandwidth * len(samples))
 
 
-def kernel_density(samples: ndarray, x: ndarray, y: ndarray, bandwidth: ndarray) -> ndarray:
+def kernel_density(
+    samples: ndarray, x: ndarray, y: ndarray, bandwidth: ndarray
+) -> ndarray:
     """Return the product-Gaussian kernel density (gx, gy) of ``samples`` (N, 2) on the grid ``x``
     (gx,) × ``y`` (gy,), per squared unit; ``bandwidth`` (2,).
 
@@ -53,7 +57,10 @@ def kernel_density(samples: ndarray, x: ndarray, y: ndarray, bandwidth: ndarray)
     step = bandwidth / NODES_PER_BANDWIDTH
     width = np.sqrt(bandwidth**2 - step**2 / 4)
     reach = REACH * bandwidth + step
-    low, high = np.array([np.min(x), np.min(y)]) - reach, np.array([np.max(x), np.max(y)]) + reach
+    low, high = (
+        np.array([np.min(x), np.min(y)]) - reach,
+        np.array([np.max(x), np.max(y)]) + reach,
+    )
     rows, columns = np.ceil((high - low) / step).astype(int) + 4
     masses = np.zeros((rows, columns))
     _add_to_nodes(np.ascontiguousarray(samples, dtype=float), low, step, masses)
@@ -70,11 +77,17 @@ def _add_to_nodes(samples, low, step, masses):
     start0, start1, per0, per1 = low[0], low[1], 1 / step[0], 1 / step[1]
     for i in range(samples.shape[0]):
         # three nodes, the second of which is nearest
-        row, column = (samples[i, 0] - start0) * per0 - 0.5, (samples[i, 1] - start1) * per1 - 0.5
+        row, column = (
+            (samples[i, 0] - start0) * per0 - 0.5,
+            (samples[i, 1] - start1) * per1 - 0.5,
+        )
         if (0.0 <= row) & (row < rows - 2) & (0.0 <= column) & (column < columns - 3):
             first_row, first_column = np.int64(row), np.int64(column)
             place = np.uint64(first_row * columns + first_column)
-            t, s = row - first_row, column - first_column  # from the middle of the first two
+            t, s = (
+                row - first_row,
+                column - first_column,
+            )  # from the middle of the first two
             down = 0.5 - t + 0.5 * t * t, 0.5 + t - t * t, 0.5 * t * t
             across = 0.5 - s + 0.5 * s * s, 0.5 + s - s * s, 0.5 * s * s
             for k in range(3):
@@ -90,7 +103,9 @@ def _smooth(masses: ndarray, grid: ndarray, nodes: ndarray, width: float) -> nda
     result, reach = np.empty((len(grid), masses.shape[1])), REACH * width
     for start in range(0, len(grid), BLOCK):
         block = grid[start : start + BLOCK]
-        near = slice(*np.searchsorted(nodes, [block.min() - reach, block.max() + reach]))
+        near = slice(
+            *np.searchsorted(nodes, [block.min() - reach, block.max() + reach])
+        )
         weights = np.exp(-0.5 * ((block[:, None] - nodes[near]) / width) ** 2)
         result[start : start + BLOCK] = weights @ masses[near]
     return result
@@ -107,7 +122,9 @@ def autocorrelation_time(record: ndarray) -> float:
         message = "a record whose values are all equal has no autocorrelation time"
         raise ModelDomainError(message, samples=count)
     # zero padding to twice the length avoids the wrap-around of circular correlation
-    spectrum = np.abs(np.fft.rfft(record - np.mean(record, axis=0), 2 * count, axis=0)) ** 2
+    spectrum = (
+        np.abs(np.fft.rfft(record - np.mean(record, axis=0), 2 * count, axis=0)) ** 2
+    )
     covariance = np.fft.irfft(spectrum, axis=0)[:count]
     sums = 2 * np.cumsum(covariance / covariance[0], axis=0) - 1
     ends = np.argmax(np.arange(count)[:, None] >= WINDOW * sums, axis=0)
@@ -116,14 +133,21 @@ def autocorrelation_time(record: ndarray) -> float:
 
 def thin_record(record: ndarray) -> ndarray:
     """Return samples (K, p) of ``record`` (N, p), ⌈2τ⌉ or more apart; ModelDomainError if K = 1."""
-    step = max(int(np.ceil(SPACING * autocorrelation_time(record))), -(-len(record) // MAX_SAMPLES))
+    step = max(
+        int(np.ceil(SPACING * autocorrelation_time(record))),
+        -(-len(record) // MAX_SAMPLES),
+    )
     if len(record) <= step:
-        message = "the record is too short for its autocorrelation time: record for longer"
+        message = (
+            "the record is too short for its autocorrelation time: record for longer"
+        )
         raise ModelDomainError(message, samples=len(record), step=step)
     return record[::step]
 
 
-def energy_test(a: ndarray, b: ndarray, rng: np.random.Generator) -> tuple[float, float]:
+def energy_test(
+    a: ndarray, b: ndarray, rng: np.random.Generator
+) -> tuple[float, float]:
     """Return the energy distance 2E‖A − B‖ − E‖A − A′‖ − E‖B − B′‖ of independent samples ``a``
     (K, p) and ``b`` (L, p), in their unit, and its p-value: the share of divisions with at least
     this distance, among the true and PERMUTATIONS random divisions of the pooled samples.
@@ -134,4 +158,6 @@ def energy_test(a: ndarray, b: ndarray, rng: np.random.Generator) -> tuple[float
     divisions = rng.permuted(np.tile(weights, (PERMUTATIONS, 1)), axis=1)
     observed = -weights @ distances @ weights
     permuted = -np.einsum("ki,ki->k", divisions @ distances, divisions)
-    return float(observed), float((1 + np.sum(permuted >= observed)) / (1 + PERMUTATIONS))
+    return float(observed), float(
+        (1 + np.sum(permuted >= observed)) / (1 + PERMUTATIONS)
+    )

@@ -5,11 +5,19 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
-from pipeline.statistics.takes import Difference, jackknife_difference, paired_difference
+from pipeline.statistics.takes import (
+    Difference,
+    jackknife_difference,
+    paired_difference,
+)
 
 WRONG = 2.0  # greatest factor by which a standard deviation may be wrong at a horizon
-RIGHT = 1.5  # greatest factor by which the standard deviation of a calibrated law is wrong
-CONFIRMED = 1.4  # greatest factor in the interval of a standard deviation that is confirmed
+RIGHT = (
+    1.5  # greatest factor by which the standard deviation of a calibrated law is wrong
+)
+CONFIRMED = (
+    1.4  # greatest factor in the interval of a standard deviation that is confirmed
+)
 COVERED = 0.8  # least share of the errors within two standard deviations
 FEW = 20  # least number of commanded samples of a joint that moves
 LONGEST = "0.5 s"  # the longest horizon
@@ -29,7 +37,9 @@ def pooled(scores: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
     sums = parts.groupby([*by], sort=False).sum()
     sums[values.columns] = sums[values.columns].div(sums["count"], axis=0)
     sums[SIGMAS] = np.sqrt(sums[SIGMAS])
-    sums["ratio"] = sums["predicted_rad"] / sums["measured_rad"].where(sums["measured_rad"] > 0)
+    sums["ratio"] = sums["predicted_rad"] / sums["measured_rad"].where(
+        sums["measured_rad"] > 0
+    )
     return sums
 
 
@@ -40,7 +50,8 @@ def margins(scores: pd.DataFrame, model: str, rival: str) -> tuple[float, float,
     """
     place = ["motion", "block", "horizon", "joint"]
     own, other = (
-        scores[scores["model"] == name].set_index(place)["score"] for name in (model, rival)
+        scores[scores["model"] == name].set_index(place)["score"]
+        for name in (model, rival)
     )
     joints = (own - other).groupby(["motion", "block", "horizon"]).sum()
     each = joints.groupby(["motion", "block"]).mean().dropna().to_numpy()
@@ -54,9 +65,14 @@ def left_out(scores: pd.DataFrame) -> pd.DataFrame:
     held-out motions or blocks.
     """
     parts = scores.groupby(["motion", "block"], sort=False).ngroup().to_numpy()
-    kept = [np.arange(len(scores)), *(np.flatnonzero(parts != part) for part in np.unique(parts))]
+    kept = [
+        np.arange(len(scores)),
+        *(np.flatnonzero(parts != part) for part in np.unique(parts)),
+    ]
     without = np.repeat(np.arange(len(kept)), [*map(len, kept)])
-    return pooled(scores.iloc[np.concatenate(kept)].assign(without=without), ["without"])
+    return pooled(
+        scores.iloc[np.concatenate(kept)].assign(without=without), ["without"]
+    )
 
 
 def pooled_interval(parts: pd.DataFrame, name: str) -> Difference:
@@ -68,7 +84,9 @@ def pooled_interval(parts: pd.DataFrame, name: str) -> Difference:
         return Difference(values[0])
     if name == "ratio":
         found = jackknife_difference(np.log(values))
-        return Difference(values[0], float(np.exp(found.low)), float(np.exp(found.high)))
+        return Difference(
+            values[0], float(np.exp(found.low)), float(np.exp(found.high))
+        )
     found = jackknife_difference(values)
     return found._replace(low=max(found.low, 0.0), high=min(found.high, 1.0))
 
@@ -77,7 +95,9 @@ def faults_of(scores: pd.DataFrame, model: str, factor: float = WRONG) -> list[s
     """Return what makes ``model`` unsound: joint, horizon, and the coverage, or the σ that is wrong
     by more than ``factor``.
     """
-    own = pooled(scores[scores["model"] == model], ["joint", "horizon"]).query("count >= @FEW")
+    own = pooled(scores[scores["model"] == model], ["joint", "horizon"]).query(
+        "count >= @FEW"
+    )
     faults = []
     for (joint, horizon), row in own.iterrows():
         if not 1 / factor <= row["ratio"] <= factor:
@@ -98,7 +118,9 @@ def unconfirmed(scores: pd.DataFrame, model: str) -> list[dict[str, str]]:
     own = scores[(scores["model"] == model) & (scores["samples"] == "commanded")]
     entries = []
     if own["motion"].astype(str).str.startswith(QUARTER).any():
-        entries.append(("σ on another motion", "unknown: one motion was recorded", "2 motions"))
+        entries.append(
+            ("σ on another motion", "unknown: one motion was recorded", "2 motions")
+        )
     for (joint, horizon), rows in own.groupby(["joint", "horizon"], sort=False):
         ratio, low, high, _ = pooled_interval(left_out(rows), "ratio")
         if not (1 / CONFIRMED <= low and high <= CONFIRMED):
@@ -107,8 +129,13 @@ def unconfirmed(scores: pd.DataFrame, model: str) -> list[dict[str, str]]:
             entries.append((f"σ of {joint} at {horizon}", found, required))
     if resting := faults_of(scores[scores["samples"] == "at rest"], model):
         found = f"unusable, {len(resting)} fault(s): {resting[0].rpartition(' (')[0]}"
-        entries.append(("σ at rest", found, f"a factor of {WRONG:g}, {COVERED:g} within 2σ"))
-    return [dict(zip(("parameter", "found", "required"), each, strict=True)) for each in entries]
+        entries.append(
+            ("σ at rest", found, f"a factor of {WRONG:g}, {COVERED:g} within 2σ")
+        )
+    return [
+        dict(zip(("parameter", "found", "required"), each, strict=True))
+        for each in entries
+    ]
 
 
 def chosen_law(scores: pd.DataFrame) -> tuple[str | None, str]:
@@ -121,9 +148,13 @@ def chosen_law(scores: pd.DataFrame) -> tuple[str | None, str]:
     moving = scores[scores["samples"] == "commanded"]
     if moving.empty:
         return None, "no joint was commanded to move"
-    longest = moving[moving["horizon"] == LONGEST].groupby(["model", "joint"])["count"].sum()
+    longest = (
+        moving[moving["horizon"] == LONGEST].groupby(["model", "joint"])["count"].sum()
+    )
     if (most := max(longest, default=0)) < FEW:
-        found = f"at most {most} commanded samples of a joint are predicted {LONGEST} ahead"
+        found = (
+            f"at most {most} commanded samples of a joint are predicted {LONGEST} ahead"
+        )
         return None, f"{found} (required: {FEW}); record for longer"
     best, why, refused, calibrated = None, "", [], False
     for model in dict.fromkeys(moving["model"]):

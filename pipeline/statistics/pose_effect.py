@@ -19,7 +19,9 @@ from scipy.special import ndtri
 from pipeline.statistics.curves import POWER
 from pipeline.statistics.takes import Difference, jackknife_counts, jackknife_difference
 
-NORM = "norm of the inverse Jacobian"  # name of a pose quantity in the table pose_effect
+NORM = (
+    "norm of the inverse Jacobian"  # name of a pose quantity in the table pose_effect
+)
 WINDOW = 10  # steps
 BLOCKS = 8  # of a single motion
 MOVING = 0.05  # share of the joint's greatest speed below which a step does not count
@@ -45,15 +47,25 @@ def windows_of(motions: Sequence[tuple[ndarray, ndarray, ndarray]]) -> ndarray:
     and the pose quantity x ≥ 0 (M, n); x = 0 at rest.
     """
     rows = []
-    fastest = np.max([np.abs(dq).max(axis=0, initial=0.0) for _, dq, _ in motions], axis=0)
+    fastest = np.max(
+        [np.abs(dq).max(axis=0, initial=0.0) for _, dq, _ in motions], axis=0
+    )
     for number, (noise, dq, x) in enumerate(motions):
         for j in np.flatnonzero(fastest > 0):
             moving = np.flatnonzero(np.abs(dq[:, j]) > MOVING * fastest[j])
             for steps in np.array_split(moving, max(len(moving) // WINDOW, 1)):
                 size = np.mean(noise[steps, j] ** 2) if len(steps) == WINDOW else 0.0
-                if size > 0 and x[steps, j].all():  # not exact zeros of quantised angles
-                    block = number if len(motions) > 1 else BLOCKS * steps[0] // len(noise)
-                    terms = (size, np.mean(dq[steps, j] ** 2), np.mean(x[steps, j] ** 2))
+                if (
+                    size > 0 and x[steps, j].all()
+                ):  # not exact zeros of quantised angles
+                    block = (
+                        number if len(motions) > 1 else BLOCKS * steps[0] // len(noise)
+                    )
+                    terms = (
+                        size,
+                        np.mean(dq[steps, j] ** 2),
+                        np.mean(x[steps, j] ** 2),
+                    )
                     rows.append((block, j, *np.log(terms)))
     return np.array(rows, dtype=float).reshape(-1, 5).T
 
@@ -68,7 +80,9 @@ def pose_effect(windows: ndarray, rng: Generator) -> PoseEffect | None:
     if len(size) < LEAST_WINDOWS or len(groups) < 3:
         return None
     weights = jackknife_counts(len(groups))[:, np.searchsorted(groups, group)]
-    design = np.column_stack([joint[:, None] == np.unique(joint), speed, pose]).astype(float)
+    design = np.column_stack([joint[:, None] == np.unique(joint), speed, pose]).astype(
+        float
+    )
     if np.linalg.matrix_rank(design) < design.shape[1]:
         return None
 
@@ -89,7 +103,9 @@ def pose_effect(windows: ndarray, rng: Generator) -> PoseEffect | None:
     spread, effect = float(rest.std()) / 2, jackknife_difference(exponents(size))
     error = (effect.high - effect.low) / (2 * ndtri(DETECTED))
     needed = spread * error * (ndtri(DETECTED) + ndtri(POWER))
-    return PoseEffect(effect, told / DRAWS, len(rest), len(groups), spread, float(needed))
+    return PoseEffect(
+        effect, told / DRAWS, len(rest), len(groups), spread, float(needed)
+    )
 
 
 def _slopes(design: ndarray, size: ndarray, weights: ndarray) -> ndarray:

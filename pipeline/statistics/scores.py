@@ -49,7 +49,9 @@ def prediction_scores(steps: Mapping[str, ndarray], joints: Sequence[str]) -> Sc
     """
     scores = {"log_score": steps["log_density"], "nees": steps["nees"]}
     for joint, z in zip(joints, np.moveaxis(steps["z"], -1, 0), strict=True):
-        scores[f"coverage_of_one_sigma_{joint}"] = np.where(np.isnan(z), np.nan, np.abs(z) <= 1)
+        scores[f"coverage_of_one_sigma_{joint}"] = np.where(
+            np.isnan(z), np.nan, np.abs(z) <= 1
+        )
     return {name: values.mean(axis=1) for name, values in scores.items()}
 
 
@@ -71,7 +73,10 @@ def posterior_scores(
     rms, share = np.sqrt(np.mean(error**2, axis=1)).T, inside.mean(axis=1).T
     scores = {f"rms_error_{joint}_rad": x for joint, x in zip(joints, rms, strict=True)}
     scores |= {"log_score": log.mean(axis=1), "nees": squared.mean(axis=1)}
-    scores |= {f"coverage_of_one_sigma_{joint}": x for joint, x in zip(joints, share, strict=True)}
+    scores |= {
+        f"coverage_of_one_sigma_{joint}": x
+        for joint, x in zip(joints, share, strict=True)
+    }
     return scores, refused
 
 
@@ -142,6 +147,7 @@ def bound_scores(
             "bound_variation": variation(width),
             "error_variation": variation(rms),
             FOLLOWS: correlation(width, rms),
-            "relative_error_of_bound": np.linalg.norm(width - rms) / np.linalg.norm(rms),
+            "relative_error_of_bound": np.linalg.norm(width - rms)
+            / np.linalg.norm(rms),
         }
     return scores

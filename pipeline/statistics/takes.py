@@ -14,7 +14,9 @@ TAILS = (0.025, 0.975)
 NORMAL_QUANTILE = 1.959964  # 0.975 quantile of the normal law
 REPLICATES = 200  # resamplings of the takes
 
-Quantities = Callable[[str, ndarray], ndarray]  # model, indices of the takes → values (q,)
+Quantities = Callable[
+    [str, ndarray], ndarray
+]  # model, indices of the takes → values (q,)
 
 
 class Difference(NamedTuple):
@@ -34,7 +36,9 @@ def takes_moments(samples: ndarray) -> tuple[ndarray, ndarray]:
     """
     takes = len(samples)
     if takes < 2:
-        raise ModelDomainError("a sample covariance needs at least two takes", takes=takes)
+        raise ModelDomainError(
+            "a sample covariance needs at least two takes", takes=takes
+        )
     mean = samples.mean(axis=0)
     centred = samples - mean
     return mean, np.einsum("tki,tkj->kij", centred, centred) / (takes - 1)
@@ -54,7 +58,9 @@ def share_between(noise: ndarray, groups: Sequence[str]) -> float:
     names = list(dict.fromkeys(groups))
     if len(names) in (1, len(groups)):
         return 0.0
-    member = np.array([[group == name for group in groups] for name in names], dtype=float)
+    member = np.array(
+        [[group == name for group in groups] for name in names], dtype=float
+    )
     centred = (noise - noise.mean(axis=0)).reshape(len(noise), -1)
     means = member @ centred / member.sum(axis=1, keepdims=True)
     return float(member.sum(axis=1) @ np.sum(means**2, axis=1) / np.sum(centred**2))
@@ -73,7 +79,9 @@ def _student(difference: float, error: float, degrees: int) -> Difference:
     if degrees < 1:
         return Difference(float(difference))
     half = float(stdtrit(degrees, TAILS[1]) * error)
-    return Difference(float(difference), difference - half, difference + half, float(error))
+    return Difference(
+        float(difference), difference - half, difference + half, float(error)
+    )
 
 
 def paired_difference(scores: ndarray, reference: ndarray) -> Difference:
@@ -103,7 +111,9 @@ def jackknife_difference(values: ndarray) -> Difference:
 
 def drawn_takes(takes: int, rng: np.random.Generator) -> list[ndarray]:
     """Return the take indices of REPLICATES resamplings; drops those that repeat a single take."""
-    drawn = [rng.integers(takes, size=takes) for _ in range(REPLICATES if takes > 1 else 0)]
+    drawn = [
+        rng.integers(takes, size=takes) for _ in range(REPLICATES if takes > 1 else 0)
+    ]
     return [indices for indices in drawn if np.ptp(indices) > 0]
 
 
@@ -118,8 +128,14 @@ def resampled_differences(
         values = np.transpose([quantities(model, indices) for indices in drawn]).copy()
         first = values if first is None else first
         rest = (values - first)[:, 1:]
-        ends = [*percentile_interval(rest.T), rest.std(axis=1, ddof=1)] if len(drawn) > 1 else []
-        found[model] = [Difference(*own) for own in zip((values - first)[:, 0], *ends, strict=True)]
+        ends = (
+            [*percentile_interval(rest.T), rest.std(axis=1, ddof=1)]
+            if len(drawn) > 1
+            else []
+        )
+        found[model] = [
+            Difference(*own) for own in zip((values - first)[:, 0], *ends, strict=True)
+        ]
     return found
 
 

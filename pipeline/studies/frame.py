@@ -49,7 +49,10 @@ class NoAnswerError(PipelineError):
 
 def run(name: str) -> None:
     """Evaluate the study ``name`` and write its tables, figure and page."""
-    study, folder = import_module(f"pipeline.studies.{name}.stage"), Path(__file__).parent / name
+    study, folder = (
+        import_module(f"pipeline.studies.{name}.stage"),
+        Path(__file__).parent / name,
+    )
     settings = config.sections(name, folder / "dvc.yaml")
     options = SimpleNamespace(**config.study_options(folder, dict))
     page = (folder / "page.md").read_text(encoding="utf-8")
@@ -59,7 +62,10 @@ def run(name: str) -> None:
         print(f"{name}: {reason}")
         title, tables = page.partition("\n")[0], {}
         page = f"{title}\n\nNo answer for this dataset: {reason}.\n"
-    with contracts.replacing(DATA / name) as data, contracts.replacing(REPORTS / name) as report:
+    with (
+        contracts.replacing(DATA / name) as data,
+        contracts.replacing(REPORTS / name) as report,
+    ):
         for table, rows in tables.items():
             contracts.write(rows, table, data, folder / "tables.yaml")
             csv = rows.to_csv(index=False, float_format=CSV_DIGITS)
@@ -78,7 +84,12 @@ def dataset_option(kind: type, dataset: str, *keys: str) -> Any:
 
 
 def trials(
-    settings: SimpleNamespace, label: str, function: Callable, cases: Iterable, /, **common: object
+    settings: SimpleNamespace,
+    label: str,
+    function: Callable,
+    cases: Iterable,
+    /,
+    **common: object,
 ) -> list:
     """Return ``function(case, **common)`` for each of the ``cases``, evaluated in parallel."""
     trial = partial(function, **common)

@@ -23,19 +23,38 @@ from pipeline.models.steps import Recorded, process_noise
 from pipeline.recordings.commands import commanded_steps
 
 RESTING = 40  # takes that give the arm's noise at rest, without measurement noise
-SIZES = ("sway_std", "clearance", "speed_error_std", "encoder_ripple", "encoder_offset_std")
-SIZES += ("length_std", "start_std", "jitter_std")  # of disturbances in ``DynamicsOptions``
+SIZES = (
+    "sway_std",
+    "clearance",
+    "speed_error_std",
+    "encoder_ripple",
+    "encoder_offset_std",
+)
+SIZES += (
+    "length_std",
+    "start_std",
+    "jitter_std",
+)  # of disturbances in ``DynamicsOptions``
 LAGS = ("sway_time", "clearance_time")
 # disturbances: on all SIZES; speed_exponent: at 0 the speed does not change sway and play; lasting:
 # on the LAGS, the duration of a deviation; the last two: on the std of the instrument
-FACTORS = ("disturbances", *SIZES, "speed_exponent", "lasting", "motion_capture", "depth_camera")
+FACTORS = (
+    "disturbances",
+    *SIZES,
+    "speed_exponent",
+    "lasting",
+    "motion_capture",
+    "depth_camera",
+)
 Factors = Mapping[str, float]  # FACTORS by name, 1 if absent
 
 
 def require_factors(names: Iterable[str], known: Sequence[str] = FACTORS) -> None:
     """Raise ConfigError if one of the ``names`` is not ``known``."""
     if unknown := sorted({*names} - {*known}):
-        message = f"no factor {', '.join(unknown)}; known factors are {', '.join(known)}"
+        message = (
+            f"no factor {', '.join(unknown)}; known factors are {', '.join(known)}"
+        )
         raise ConfigError(message, key="factors")
 
 
@@ -44,7 +63,9 @@ def disturb(dynamics: DynamicsOptions, factors: Factors) -> DynamicsOptions:
     require_factors(factors)
     factors = dict.fromkeys(FACTORS, 1.0) | factors
     by = {name: factors["disturbances"] * factors[name] for name in SIZES}
-    scaled = {name: np.multiply(getattr(dynamics, name), x).tolist() for name, x in by.items()}
+    scaled = {
+        name: np.multiply(getattr(dynamics, name), x).tolist() for name, x in by.items()
+    }
     lags = {name: getattr(dynamics, name) * factors["lasting"] for name in LAGS}
     exponent = dynamics.speed_exponent * factors["speed_exponent"]
     return replace(dynamics, **scaled, **lags, speed_exponent=exponent)
@@ -61,8 +82,12 @@ class NoiseLaw:
     def sample(self, share: np.ndarray, stream: np.random.Generator) -> np.ndarray:
         """Draw noise (K, n) in rad, independent at each ``share`` (K,), with linear moments."""
         n = self.bias.shape[-1]
-        moments = np.concatenate([self.bias, self.covariance.reshape(-1, n * n)], axis=1)
-        at = np.stack([np.interp(share, self.share, column) for column in moments.T], axis=-1)
+        moments = np.concatenate(
+            [self.bias, self.covariance.reshape(-1, n * n)], axis=1
+        )
+        at = np.stack(
+            [np.interp(share, self.share, column) for column in moments.T], axis=-1
+        )
         root = np.linalg.cholesky(at[:, n:].reshape(-1, n, n))
         return at[:, :n] + np.matvec(root, stream.standard_normal((len(share), n)))
 
@@ -89,7 +114,10 @@ class Laboratory:
         noise = kinect_noise[kinect_noise["take"] == "none"]
         share = noise["t"].to_numpy() / options["trajectory"].duration
         law = NoiseLaw(share, values(noise, "b"), matrices(noise, "r", joints))
-        none, window = np.zeros((len(joints), len(joints))), settings.articulation.noise_window
+        none, window = (
+            np.zeros((len(joints), len(joints))),
+            settings.articulation.noise_window,
+        )
         parts = (options["dynamics"], options["trajectory"], options["clock"])
         alone = cls(recorded.chain, joints, *parts, none, law, window)
         poses, _ = perform(alone, {}, settings.seed, "train", RESTING)
@@ -106,12 +134,16 @@ def perform(
     M+1, n) in rad of the motion capture, and the exposures of the depth camera in each take.
     """
     dynamics, motion = disturb(laboratory.dynamics, factors), laboratory.motion
-    opened = moves.open_session(laboratory.chain, dynamics, rng.stream(seed, "record.session"))
+    opened = moves.open_session(
+        laboratory.chain, dynamics, rng.stream(seed, "record.session")
+    )
     poses, frames = [], []
     for number in range(count):
         stream = rng.stream(seed, f"record.{part}", number)
         take = moves.perform(opened, motion, dynamics, stream)
-        frames.append(moves.depth_frames(take.swing, motion.duration, laboratory.clock, stream))
+        frames.append(
+            moves.depth_frames(take.swing, motion.duration, laboratory.clock, stream)
+        )
         poses.append(take.motion_capture)
     return np.stack(poses), frames
 
@@ -125,11 +157,16 @@ def steps(laboratory: Laboratory, poses: np.ndarray) -> Recorded:
 
 
 def measure_poses(
-    poses: np.ndarray, covariance: np.ndarray, factor: float, stream: np.random.Generator
+    poses: np.ndarray,
+    covariance: np.ndarray,
+    factor: float,
+    stream: np.random.Generator,
 ) -> np.ndarray:
     """Return ``poses`` (takes, M+1, n) in rad with noise of ``factor``² · ``covariance``."""
     variances, axes = np.linalg.eigh(covariance)
-    root = axes * np.sqrt(np.maximum(variances, 0.0))  # an eigenvalue may round to below zero
+    root = axes * np.sqrt(
+        np.maximum(variances, 0.0)
+    )  # an eigenvalue may round to below zero
     return poses + factor * stream.standard_normal(poses.shape) @ root.T
 
 
@@ -142,19 +179,24 @@ def observe(
     parts = {"train": training, "test": test}
     performed = [perform(laboratory, factors, seed, *part) for part in parts.items()]
     poses, others = (
-        measure_poses(q, laboratory.pose_noise, factors.get("motion_capture", 1.0), stream)
+        measure_poses(
+            q, laboratory.pose_noise, factors.get("motion_capture", 1.0), stream
+        )
         for number, (q, _) in enumerate(performed)
         for stream in [rng.stream(seed, "simulated.capture", number)]
     )
     names, tested = (
-        [f"{part}_{n:03d}" for n in range(1, count + 1)] for part, count in parts.items()
+        [f"{part}_{n:03d}" for n in range(1, count + 1)]
+        for part, count in parts.items()
     )
     motion, stream = laboratory.motion, rng.stream(seed, "simulated.camera")
     t, joints, angles = np.arange(others.shape[1]) / motion.rate, [], []
     for name, frames, q in zip(tested, performed[1][1], others, strict=True):
         noise = laboratory.depth_noise.sample(frames.exposed / motion.duration, stream)
         seen = frames.joints + factors.get("depth_camera", 1.0) * noise
-        joints.append(pd.DataFrame({"take": name, "t": t} | spread("q", laboratory.joints, q)))
+        joints.append(
+            pd.DataFrame({"take": name, "t": t} | spread("q", laboratory.joints, q))
+        )
         place = {"take": name, "t": frames.exposed, "frame": range(len(seen))}
         angles.append(pd.DataFrame(place | spread("q", laboratory.joints, seen)))
     recordings = (pd.concat(each, ignore_index=True) for each in (angles, joints))

@@ -20,7 +20,16 @@ CLAIMS = Path("pipeline/verdicts/claims.yaml")
 CONSTRUCTION, LEVEL = "construction", "level"  # values of Claim.by
 NONE = "none"  # value of Claim.recording for a claim that needs no recording
 PAPER, PROJECT = "paper", "project"
-COMPARED = ("value", "than", "difference", "low", "high", "threshold", "power", "control")
+COMPARED = (
+    "value",
+    "than",
+    "difference",
+    "low",
+    "high",
+    "threshold",
+    "power",
+    "control",
+)
 REFERENCES = ("value", "than", "difference", "threshold", "power", "control")
 STATED = (*REFERENCES, "published", "limit", "tolerance", "margin", "standard_error")
 OPTIONAL = {*STATED} - {"value", "published", "control"}  # keys of some rules alone
@@ -90,7 +99,9 @@ class Claim:
 
     def __post_init__(self) -> None:
         if {name for name, values in self.each.items() if values == EVERY} - {"joint"}:
-            raise ConfigError(f"{EVERY} is possible for joint alone; list the values", key="each")
+            raise ConfigError(
+                f"{EVERY} is possible for joint alone; list the values", key="each"
+            )
         cases = 1 if EVERY in self.each.values() else len(self.cases())
         if isinstance(self.published, list) and len(self.published) not in (1, cases):
             message = f"must be one number, or one for each of the {cases} cases"
@@ -106,7 +117,11 @@ class Claim:
                 raise ConfigError(f"the rule {self.rule} {message}", key="limit")
         unused, missing = sorted(stated & OPTIONAL - needs), sorted(needs - stated)
         if wrong := unused or missing:
-            what = "does not use this key; remove it" if unused else "needs this key; add it"
+            what = (
+                "does not use this key; remove it"
+                if unused
+                else "needs this key; add it"
+            )
             raise ConfigError(f"the rule {self.rule} {what}", key=wrong[0])
         if own := self.difference:
             rivals = {self.than.model, self.than.joint}
@@ -114,7 +129,9 @@ class Claim:
                 message = "must have the keys of value, and the model or joint of than as rival"
                 raise ConfigError(message, key="difference")
         if bool(self.where) != (self.source == PAPER):
-            message = "the paper's claim needs the place in the paper, the project's has none"
+            message = (
+                "the paper's claim needs the place in the paper, the project's has none"
+            )
             raise ConfigError(message, key="where")
         known = dict.fromkeys([*self.each, "joint 1", "joint 2", "joint 3"], "")
         for reference, key in product(self.references, KEYS):
@@ -140,8 +157,14 @@ class Claim:
     @property
     def references(self) -> list[Reference]:
         """Every reference, with placeholders for the values of a case."""
-        named = [getattr(self, key) for key in REFERENCES if getattr(self, key) is not None]
-        return [*named, *self.standard_error, *([self.unless.value] if self.unless else [])]
+        named = [
+            getattr(self, key) for key in REFERENCES if getattr(self, key) is not None
+        ]
+        return [
+            *named,
+            *self.standard_error,
+            *([self.unless.value] if self.unless else []),
+        ]
 
 
 @options(frozen=True)
@@ -163,7 +186,9 @@ def require_known(claims: Sequence[Claim]) -> Sequence[Claim]:
     """
     known = known_values().items()
     for claim in claims:
-        for case, reference, (key, values) in product(claim.cases(), claim.references, known):
+        for case, reference, (key, values) in product(
+            claim.cases(), claim.references, known
+        ):
             stated = filled(getattr(reference, key), case)
             if stated and "{" not in stated and stated not in values:
                 near = get_close_matches(stated, values, n=1) or [", ".join(values)]

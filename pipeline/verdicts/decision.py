@@ -10,9 +10,23 @@ import pandas as pd
 
 from pipeline.evidence.table import depends_on
 from pipeline.statistics.takes import NORMAL_QUANTILE
-from pipeline.verdicts.claims import COMPARED, CONSTRUCTION, ENDS, NONE, ORDERS, PAPER, Claim
+from pipeline.verdicts.claims import (
+    COMPARED,
+    CONSTRUCTION,
+    ENDS,
+    NONE,
+    ORDERS,
+    PAPER,
+    Claim,
+)
 from pipeline.verdicts.rules import RULES, Cases, decide_cases
-from pipeline.verdicts.run import ArmNames, IndexedEvidence, Reference, Run, index_evidence
+from pipeline.verdicts.run import (
+    ArmNames,
+    IndexedEvidence,
+    Reference,
+    Run,
+    index_evidence,
+)
 from pipeline.verdicts.wording import interval, number
 
 REPRODUCED = "reproduced"
@@ -22,13 +36,17 @@ SYNTHETIC_FAILS = "synthetic: rule fails"
 NO_EVIDENCE = "no evidence in this dataset"
 FORCED = "forced by construction"
 NO_RECORDING = "decided without a recording"
-WITHOUT_RECORDING = "no recording"  # heading of the column of claims that need no recording
+WITHOUT_RECORDING = (
+    "no recording"  # heading of the column of claims that need no recording
+)
 
 HOLDS, FAILS, UNKNOWN = ("holds", "fails", "no evidence")  # verdicts under a reading
 READ = {REPRODUCED: HOLDS, NOT_REPRODUCED: FAILS}
 COLUMNS = ["claim", "about", "case", "value", "than", "low", "high", "holds", "verdict"]
 
-LEAST_RANGE = 0.01  # share of the greatest commanded range below which a joint is at rest
+LEAST_RANGE = (
+    0.01  # share of the greatest commanded range below which a joint is at rest
+)
 
 Recordings = Literal["none", "synthetic", "real", "paper"]
 
@@ -72,16 +90,27 @@ def decide_each(
     columns = []
     for run in runs:
         whose = "synthetic" if run.synthetic else "real"
-        columns.append((run.dataset, "paper" if run.dataset in papers_own else whose, run))
-    decided = [Decided(n, w, decide(claims, run.evidence, w, run.arm)) for n, w, run in columns]
+        columns.append(
+            (run.dataset, "paper" if run.dataset in papers_own else whose, run)
+        )
+    decided = [
+        Decided(n, w, decide(claims, run.evidence, w, run.arm)) for n, w, run in columns
+    ]
     # of the first run that has the numbers
-    without = zip(*(decide(claims, run.evidence, "none", run.arm) for run in runs), strict=True)
-    chosen = [next((v for v in own if v.verdict != NO_EVIDENCE), own[0]) for own in without]
+    without = zip(
+        *(decide(claims, run.evidence, "none", run.arm) for run in runs), strict=True
+    )
+    chosen = [
+        next((v for v in own if v.verdict != NO_EVIDENCE), own[0]) for own in without
+    ]
     return [*decided, Decided(WITHOUT_RECORDING, "none", chosen)]
 
 
 def decide(
-    claims: Sequence[Claim], evidence: pd.DataFrame, recordings: Recordings, arm: ArmNames
+    claims: Sequence[Claim],
+    evidence: pd.DataFrame,
+    recordings: Recordings,
+    arm: ArmNames,
 ) -> list[Verdict]:
     """Return a verdict on every claim from the table ``evidence`` of a run on ``recordings`` of
     ``arm``. A claim on numbered joints has no evidence on an arm without numbered joints.
@@ -95,7 +124,9 @@ def moving_joints(evidence: pd.DataFrame, joints: Sequence[str]) -> tuple[str, .
     """Return the ``joints`` that the commanded motion moves, by LEAST_RANGE of the greatest range;
     all joints without evidence on the ranges.
     """
-    ranges = evidence[evidence["quantity"] == "commanded_range"].set_index("joint")["value"]
+    ranges = evidence[evidence["quantity"] == "commanded_range"].set_index("joint")[
+        "value"
+    ]
     still = {*ranges.index[ranges < LEAST_RANGE * ranges.max()]}
     return tuple(joint for joint in joints if joint not in still)
 
@@ -118,8 +149,13 @@ def _decide_claim(
     holds = decide_cases(rule, r, known) if known.any() else [None] * len(known)
     # the interval of the rule ``standard_errors`` is the rule's own
     quantile = claim.limit if claim.rule == "standard_errors" else NORMAL_QUANTILE
-    ends = [r.value - quantile * r.standard_error, r.value + quantile * r.standard_error]
-    low, high = (np.where(np.isnan(x), y, x) for x, y in zip((r.low, r.high), ends, strict=True))
+    ends = [
+        r.value - quantile * r.standard_error,
+        r.value + quantile * r.standard_error,
+    ]
+    low, high = (
+        np.where(np.isnan(x), y, x) for x, y in zip((r.low, r.high), ends, strict=True)
+    )
     r = r._replace(low=low, high=high)
     rows = np.transpose([getattr(r, name) for name in Case._fields[1:-1]])
     decided = tuple(
@@ -159,17 +195,23 @@ def _numbers(claim: Claim, cases: list[dict], evidence: IndexedEvidence) -> Case
 
     ends = claim.difference or claim.value
     plain = ends.column == "value"  # an end of an interval has no interval
-    parts = {n: replace(ends, column=n) if plain else None for n in (*ENDS, "standard_error")}
+    parts = {
+        n: replace(ends, column=n) if plain else None for n in (*ENDS, "standard_error")
+    }
     named = {key: getattr(claim, key, parts.get(key)) for key in COMPARED}
     r = Cases(**{key: numbers(reference) for key, reference in named.items()})
-    errors = [numbers(part) for part in claim.standard_error or [parts["standard_error"]]]
+    errors = [
+        numbers(part) for part in claim.standard_error or [parts["standard_error"]]
+    ]
     error = np.sqrt(np.sum(np.square(errors), axis=0))
     stated = {
         key: np.broadcast_to(np.array(getattr(claim, key), dtype=float), len(cases))
         for key in ("published", "tolerance", "limit", "margin")
     }
     r = r._replace(standard_error=error, **stated)
-    if claim.difference is None and claim.rule in ORDERS:  # of other rules, ``than`` is theirs
+    if (
+        claim.difference is None and claim.rule in ORDERS
+    ):  # of other rules, ``than`` is theirs
         r = r._replace(difference=r.value - r.than)
     if claim.rule == "equivalent":
         r = r._replace(difference=r.value)
@@ -207,14 +249,22 @@ def verdict_table(decided: Sequence[Decided]) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["claim", "dataset", "verdict", *Case._fields])
 
 
-def claim_verdicts(claims: Sequence[Claim], evidence: pd.DataFrame, arm: ArmNames) -> pd.DataFrame:
+def claim_verdicts(
+    claims: Sequence[Claim], evidence: pd.DataFrame, arm: ArmNames
+) -> pd.DataFrame:
     """Tabulate every case of ``claims``: values that the rule compares, ``holds`` of the case, and
     the ``verdict`` on the claim by :func:`decide`. A claim that the construction forces has none.
     """
     rows, words = [], {None: UNKNOWN, True: HOLDS, False: FAILS}
     for claim, verdict, cases in decide(claims, evidence, "paper", arm):
-        place = {"claim": claim.id, "about": claim.about, "verdict": READ.get(verdict, UNKNOWN)}
-        rows += [case._asdict() | place | {"holds": words[case.holds]} for case in cases]
+        place = {
+            "claim": claim.id,
+            "about": claim.about,
+            "verdict": READ.get(verdict, UNKNOWN),
+        }
+        rows += [
+            case._asdict() | place | {"holds": words[case.holds]} for case in cases
+        ]
     rows = pd.DataFrame(rows, columns=COLUMNS)
     return rows.astype(dict.fromkeys(["value", "than", "low", "high"], float))
 
@@ -225,17 +275,24 @@ def reading_verdicts(claims: Sequence[Claim], run: Run) -> pd.DataFrame:
     """
     refused = run.tables["reading_refusals"].astype(object).fillna("")
     refused = refused.set_index("reading")["refused"]
-    table, stays = run.tables["readings"], run.evidence[~depends_on(run.evidence, "wishart")]
+    table, stays = (
+        run.tables["readings"],
+        run.evidence[~depends_on(run.evidence, "wishart")],
+    )
     decided = {}
     for name in refused.index:
         rows = table.loc[table["reading"] == name, [*stays]]
-        evidence = pd.concat([stays, rows], ignore_index=True) if decided else run.evidence
+        evidence = (
+            pd.concat([stays, rows], ignore_index=True) if decided else run.evidence
+        )
         decided[name] = decide(claims, evidence, "paper", run.arm)
     rows = []
     for verdicts in zip(*decided.values(), strict=True):
         words = [READ.get(each.verdict, UNKNOWN) for each in verdicts]
         for name, each, holds in zip(decided, verdicts, words, strict=True):
-            value = "; ".join(case_text(case) for case in each.cases if case.holds is not None)
+            value = "; ".join(
+                case_text(case) for case in each.cases if case.holds is not None
+            )
             reason = refused[name] if holds == UNKNOWN else ""
             if {*words} != {UNKNOWN}:
                 rows.append((each.claim.id, name, holds, value, reason))

@@ -16,10 +16,20 @@ from pipeline.statistics.horizons import (
 )
 from pipeline.verdicts.run import Run
 from pipeline.verdicts.scores import choice, coverage, filter_verdict, predictors
-from pipeline.verdicts.wording import MISSING, WORDS, interval, number, plain_name, render, table
+from pipeline.verdicts.wording import (
+    MISSING,
+    WORDS,
+    interval,
+    number,
+    plain_name,
+    render,
+    table,
+)
 
 STILL = 0.1  # share of the greatest joint speed below which a joint counts as standing still
-FEW_TAKES = 10  # number of takes below which no interval from resampled takes is printed
+FEW_TAKES = (
+    10  # number of takes below which no interval from resampled takes is printed
+)
 RANGES = ["quantity", "name", "unit", "least", "greatest"]
 
 
@@ -31,7 +41,12 @@ def answer(run: Run) -> str:
     if (scores := t.get("joint_scores")) is None:
         return render("answer.md", scores=False)
     model, _ = chosen_law(scores)
-    words = {"first": first_line(run), "model": model, "motions": t["motions"], "scores": True}
+    words = {
+        "first": first_line(run),
+        "model": model,
+        "motions": t["motions"],
+        "scores": True,
+    }
     if model is not None:
         parameters = t["joint_parameters"].query("model == @model")
         law = {"joint": parameters["joint"]}
@@ -61,15 +76,22 @@ def at_horizons(scores: pd.DataFrame, model: str) -> list[list[str]]:
     """Return predicted over measured σ, coverage and what is left of the autocorrelation by
     horizon, over all joints, with the least and greatest joint and intervals over motions.
     """
-    own, rows = scores[(scores["model"] == model) & (scores["samples"] == "commanded")], []
+    own, rows = (
+        scores[(scores["model"] == model) & (scores["samples"] == "commanded")],
+        [],
+    )
     joints = pooled(own, ["horizon", "joint"])
     for horizon, row in pooled(own, ["horizon"]).iterrows():
         rows.append([horizon])
         for name in ("ratio", "one_sigma", "two_sigma"):
-            value, low, high, _ = pooled_interval(left_out(own[own["horizon"] == horizon]), name)
+            value, low, high, _ = pooled_interval(
+                left_out(own[own["horizon"] == horizon]), name
+            )
             between = "" if pd.isna(low) else f" [{low:.2f}, {high:.2f}]"
             each = joints.loc[horizon][name]
-            rows[-1].append(f"{value:.2f}{between}; joints {each.min():.2f} to {each.max():.2f}")
+            rows[-1].append(
+                f"{value:.2f}{between}; joints {each.min():.2f} to {each.max():.2f}"
+            )
         left = f"{row['autocorrelation']:.2f}" if horizon == "one sample" else MISSING
         rows[-1].append(left)
     return rows
@@ -92,9 +114,16 @@ def compared_laws(scores: pd.DataFrame) -> str:
         if before is not None:
             mean, low, high = margins(moving, model, before)
             margin = f"{mean:.3g} {interval(low, high)}"
-        rows.append([plain_name(model), *by_horizon, margin, len(faults_of(moving, model))])
+        rows.append(
+            [plain_name(model), *by_horizon, margin, len(faults_of(moving, model))]
+        )
         before = model
-    header = ["law", *totals.columns, "mean above the line before", "unsound (joints, horizons)"]
+    header = [
+        "law",
+        *totals.columns,
+        "mean above the line before",
+        "unsound (joints, horizons)",
+    ]
     return table(header, rows)
 
 
@@ -108,7 +137,11 @@ def model_card(run: Run, others: Sequence[Run]) -> str:
     if not run.joints:
         return render("model_card.md", run=run)
     t = run.tables
-    parts = {"answer": answer(run), "filters": filter_verdict(run), "choice": _choice(run)}
+    parts = {
+        "answer": answer(run),
+        "filters": filter_verdict(run),
+        "choice": _choice(run),
+    }
     if (scores := t.get("joint_scores")) is not None:
         shown = chosen_law(scores)[0] or scores["model"].iloc[-1]
         rows = pooled(scores[scores["model"] == shown], ["samples", "joint", "horizon"])
@@ -117,23 +150,33 @@ def model_card(run: Run, others: Sequence[Run]) -> str:
     if parts["choice"]:
         parts |= {"predictors": predictors(run), "coverage": coverage(run)}
     seen = pd.concat([t[name] for name in ("motion_ranges", "ranges") if name in t])
-    parts["ranges"] = seen.drop_duplicates(["quantity", "name"])[RANGES].itertuples(index=False)
+    parts["ranges"] = seen.drop_duplicates(["quantity", "name"])[RANGES].itertuples(
+        index=False
+    )
     if "takes" in t:
         takes = t["takes"].drop_duplicates("take")
         parts["kept"] = takes[~takes["left_out"]].groupby("part").size()
         parts["gone"] = takes.loc[takes["left_out"], ["take", "reason"]].to_numpy()
     fitted = {model: run.metrics.get(f"fit_{model}", {}) for model in run.models}
-    parts["unknown"] = {name: _unknown_estimates(run, own) for name, own in fitted.items()}
+    parts["unknown"] = {
+        name: _unknown_estimates(run, own) for name, own in fitted.items()
+    }
     parts["parameters"] = [
         [model, name, value, error, MISSING if few_takes(run) else interval(*ends)]
         for model, own in fitted.items()
         for name, value in own.items()
         if (error := own.get(f"{name}_standard_error")) is not None
         if name not in parts["unknown"][model]
-        for ends in [[own.get(f"{name}_interval_{end}", np.nan) for end in ("low", "high")]]
+        for ends in [
+            [own.get(f"{name}_interval_{end}", np.nan) for end in ("low", "high")]
+        ]
     ]
-    parts["others"] = [(o.dataset, first_line(o), _choice(o)) for o in others if o.joints]
-    return render("model_card.md", run=run, tables=t, fitted=any(fitted.values()), **parts)
+    parts["others"] = [
+        (o.dataset, first_line(o), _choice(o)) for o in others if o.joints
+    ]
+    return render(
+        "model_card.md", run=run, tables=t, fitted=any(fitted.values()), **parts
+    )
 
 
 def _choice(run: Run) -> str:
@@ -143,11 +186,15 @@ def _choice(run: Run) -> str:
 def _unknown_estimates(run: Run, fitted: Mapping[str, float]) -> dict[str, str]:
     """Return the estimates in ``fitted`` that the recordings do not determine, with reasons."""
     absent = {}
-    for key in (key for key, found in fitted.items() if found and key.endswith("_unbounded")):
+    for key in (
+        key for key, found in fitted.items() if found and key.endswith("_unbounded")
+    ):
         name = key.removesuffix("_unbounded")
         absent[name] = "its search ended at a bound; only the noise level L is known"
         absent[name.replace("u", "alpha", 1)] = "only the noise level L is known"
-    if fitted.get("sigma_b", 0.0) >= fitted.get("sigma_b_limit_of_the_covariance", float("inf")):
+    if fitted.get("sigma_b", 0.0) >= fitted.get(
+        "sigma_b_limit_of_the_covariance", float("inf")
+    ):
         absent["sigma_b"] = "a step has no covariance at this estimate"
     if "ranges" in run.tables:
         for joint, speed in _speeds(run.tables["ranges"])[1].items():

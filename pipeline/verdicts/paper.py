@@ -20,7 +20,14 @@ from pydantic import Field
 from pipeline.core.errors import ConfigError
 from pipeline.core.validation import options
 from pipeline.verdicts.decision import NO_RECORDING, Decided
-from pipeline.verdicts.run import Reference, Run, TestName, filled, index_evidence, parse_entries
+from pipeline.verdicts.run import (
+    Reference,
+    Run,
+    TestName,
+    filled,
+    index_evidence,
+    parse_entries,
+)
 from pipeline.verdicts.wording import number, render, worded
 
 LABELLED = {"equation": "Eq.", "figure": "Fig."}
@@ -30,7 +37,11 @@ CITED = re.compile(rf"((?:Eqs?|Figs?)\. )?{LABEL}(?:–{LABEL})?")
 CITED_BY_NUMBER = re.compile(rf"\b(?:{'|'.join(NUMBERED.values())}) \d+")
 MISSING = "(not in this dataset)"
 STEPS, RATE = 320, 100  # M of the paper's motion, and its steps in a second
-FACTORS = {"std": 1, "speed": RATE, "walk": sqrt(STEPS)}  # on the root of a variance of a step
+FACTORS = {
+    "std": 1,
+    "speed": RATE,
+    "walk": sqrt(STEPS),
+}  # on the root of a variance of a step
 
 
 @options(frozen=True)
@@ -51,7 +62,9 @@ class Item:
 
     def __post_init__(self) -> None:
         if bool(self.label) != (self.kind in LABELLED):
-            raise ConfigError("an equation or figure needs a label, other items none", key="label")
+            raise ConfigError(
+                "an equation or figure needs a label, other items none", key="label"
+            )
         if bool(self.tests) == bool(self.without_code):
             message = "an item needs either tests or without_code, not both"
             raise ConfigError(message, key="tests")
@@ -65,7 +78,9 @@ class Item:
     def title(self) -> str:
         """Name of the item on the page."""
         labelled = LABELLED.get(self.kind)
-        return f"{labelled} {self.number} ({self.label})" if self.label else self.cited_as
+        return (
+            f"{labelled} {self.number} ({self.label})" if self.label else self.cited_as
+        )
 
 
 class Source(NamedTuple):
@@ -111,26 +126,37 @@ def citations(
         if file.relative_to(package).parts[0] in without:
             continue
         module = ".".join(file.relative_to(package.parent).with_suffix("").parts)
-        for name, docstring in _documented(ast.parse(file.read_text(encoding="utf-8")), module):
+        for name, docstring in _documented(
+            ast.parse(file.read_text(encoding="utf-8")), module
+        ):
             for item in cited_items(docstring, items, file=file, name=name):
                 sources[item].append(Source(name, file))
     return sources
 
 
-def _documented(tree: ast.Module | ast.ClassDef, owner: str) -> Iterator[tuple[str, str]]:
+def _documented(
+    tree: ast.Module | ast.ClassDef, owner: str
+) -> Iterator[tuple[str, str]]:
     """Yield dotted name and docstring of every public function, class and method."""
     for node in tree.body:
-        if isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("_"):
+        if isinstance(
+            node, ast.FunctionDef | ast.ClassDef
+        ) and not node.name.startswith("_"):
             yield (name := f"{owner}.{node.name}"), ast.get_docstring(node) or ""
             if isinstance(node, ast.ClassDef):
                 yield from _documented(node, name)
 
 
-def equations_page(items: Sequence[Item], sources: Mapping[str, Sequence[Source]]) -> str:
+def equations_page(
+    items: Sequence[Item], sources: Mapping[str, Sequence[Source]]
+) -> str:
     """Return ``reports/equations.md``, each item with the ``sources`` of :func:`citations`."""
     rows = []
     for item in items:
-        by = [f"[`{own.name}`](../{own.file.as_posix()})" for own in sources[item.cited_as]]
+        by = [
+            f"[`{own.name}`](../{own.file.as_posix()})"
+            for own in sources[item.cited_as]
+        ]
         tests = (test.partition("::") for test in item.tests)
         shown = "<br>".join(f"[`{name}`](../{file})" for file, _, name in tests)
         by = "<br>".join(by) or f"no code: {item.without_code}"
@@ -188,8 +214,12 @@ def errata_page(errata: Sequence[Erratum], run: Run, decided: Sequence[Decided])
         return shown(getattr(cases.get(case), name, None))
 
     numbers = {
-        "metric": lambda file, key: shown(run.metrics.get(file, {}).get(filled(key, names))),
-        "evidence": lambda *keys, **named: shown(Reference(*keys, **named).look_up(rows, names)),
+        "metric": lambda file, key: shown(
+            run.metrics.get(file, {}).get(filled(key, names))
+        ),
+        "evidence": lambda *keys, **named: shown(
+            Reference(*keys, **named).look_up(rows, names)
+        ),
         "level": lambda name: shown(levels.get(name)),
         "repeats": shown(next(iter(study["repeats"]), None)),
         "claim": claim,
@@ -200,17 +230,24 @@ def errata_page(errata: Sequence[Erratum], run: Run, decided: Sequence[Decided])
             stated = (erratum.paper, erratum.fact, erratum.done)
             texts.append((erratum, *(worded(text, **numbers) for text in stated)))
         except (TypeError, ConfigError) as error:
-            message = f"the prose has a number that does not exist ({error}); correct it"
+            message = (
+                f"the prose has a number that does not exist ({error}); correct it"
+            )
             raise ConfigError(message, erratum=erratum.id) from None
     return render("errata.md", errata=texts)
 
 
-def noise_levels(fitted: Mapping[str, float], published: Mapping[str, float]) -> dict[str, float]:
+def noise_levels(
+    fitted: Mapping[str, float], published: Mapping[str, float]
+) -> dict[str, float]:
     """Return the noise level L = α√(u² − ⟨‖J⁺‖²⟩) of the published α and u over the poses of a fit
     (``published``), the fitted L over it (``ratio``), and the scale ``alpha`` and the product
     ``alpha_u`` that give the fitted L at the published u. Empty for a u below the norm.
     """
-    level, norm = fitted.get("noise_level"), fitted.get("rms_norm_of_the_inverse_jacobian")
+    level, norm = (
+        fitted.get("noise_level"),
+        fitted.get("rms_norm_of_the_inverse_jacobian"),
+    )
     alpha, u = (published.get(name) for name in ("alpha", "u"))
     if None in (level, norm, alpha, u) or u <= norm:
         return {}

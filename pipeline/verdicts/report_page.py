@@ -16,7 +16,15 @@ from pipeline.verdicts.model_card import few_takes
 from pipeline.verdicts.paper import Erratum, Item, Source, noise_levels
 from pipeline.verdicts.rules import LEVEL
 from pipeline.verdicts.run import Run, index_evidence
-from pipeline.verdicts.wording import MISSING, WORDS, interval, number, render, say, table
+from pipeline.verdicts.wording import (
+    MISSING,
+    WORDS,
+    interval,
+    number,
+    render,
+    say,
+    table,
+)
 
 ROBOTS: dict[str, str] = WORDS["robots"]
 SMOKE = "smoke"  # the scale of a trial run, whose numbers decide nothing
@@ -25,7 +33,10 @@ FIGURE = re.compile(r"Fig\. (\w+)|$")  # label of the figure that shows a claim
 COMPARE = "Compare"  # first word of the caption's sentence that the report prints
 UNKNOWN = "no evidence"  # value in the table ``readings``
 # name in summary.json → model and name of its estimate
-SUMMARY = {"sigma_b": ("wishart", "sigma_b"), "noise_level": ("gaussian", "noise_level")}
+SUMMARY = {
+    "sigma_b": ("wishart", "sigma_b"),
+    "noise_level": ("gaussian", "noise_level"),
+}
 # names of counts of losses
 LOST = re.compile(r"lost|clipped|without|outside|_on_the_bound|end_of_its_interval")
 BLOCK = re.compile(r"(?<=<!-- results -->\n).*?(?=<!-- /results -->)", re.DOTALL)
@@ -33,17 +44,28 @@ BLOCK = re.compile(r"(?<=<!-- results -->\n).*?(?=<!-- /results -->)", re.DOTALL
 
 def with_plain_names(run: Run) -> Run:
     """Return ``run`` for its pages: Markdown shows all names and texts from files as they are."""
-    plain, numbers, tables = wording.escape_markup, run.metrics.items(), run.tables.items()
-    metrics = {stem: dict(zip(map(plain, own), own.values(), strict=True)) for stem, own in numbers}
+    plain, numbers, tables = (
+        wording.escape_markup,
+        run.metrics.items(),
+        run.tables.items(),
+    )
+    metrics = {
+        stem: dict(zip(map(plain, own), own.values(), strict=True))
+        for stem, own in numbers
+    }
     tables = {stem: rows.map(plain) for stem, rows in tables}
-    return replace(run, joints=[*map(plain, run.joints)], metrics=metrics, tables=tables)
+    return replace(
+        run, joints=[*map(plain, run.joints)], metrics=metrics, tables=tables
+    )
 
 
 def with_plain_cases(decided: Decided) -> Decided:
     """Return ``decided`` with the names of its cases as :func:`with_plain_names` has them."""
     plain = wording.escape_markup
     verdicts = [
-        each._replace(cases=tuple(case._replace(case=plain(case.case)) for case in each.cases))
+        each._replace(
+            cases=tuple(case._replace(case=plain(case.case)) for case in each.cases)
+        )
         for each in decided.verdicts
     ]
     return decided._replace(verdicts=verdicts)
@@ -64,15 +86,29 @@ def report_page(
     columns = _columns(here, decided)
     words = _own(here, decided).words
     parts = figures(here, columns, captions, items, sources)
-    parts |= {"trial": here.scale == SMOKE, "counts": _counts(columns), "errata": errata}
-    undecided = [words.count(verdict) for verdict in (d.SYNTHETIC_PASSES, d.SYNTHETIC_FAILS)]
-    parts |= {"undecided": undecided if any(undecided) else [], "result": scores.result(here)}
+    parts |= {
+        "trial": here.scale == SMOKE,
+        "counts": _counts(columns),
+        "errata": errata,
+    }
+    undecided = [
+        words.count(verdict) for verdict in (d.SYNTHETIC_PASSES, d.SYNTHETIC_FAILS)
+    ]
+    parts |= {
+        "undecided": undecided if any(undecided) else [],
+        "result": scores.result(here),
+    }
     parts |= {"estimates": estimates(here, decided), "speeds": speeds(here)}
     parts |= {"note": scores.spread_note(here), "predictors": scores.predictors(here)}
     parts["filter_verdict"] = scores.filter_verdict(here)
     parts["filters"] = parts["filter_verdict"] and scores.filters(here)
-    parts |= {"published": published_and_ours(here, decided), "failures": failures(columns)}
-    parts["readings"] = readings([run for run in runs if run is here or run.dataset in ROBOTS])
+    parts |= {
+        "published": published_and_ours(here, decided),
+        "failures": failures(columns),
+    }
+    parts["readings"] = readings(
+        [run for run in runs if run is here or run.dataset in ROBOTS]
+    )
     by_id = {erratum.id: erratum for erratum in errata}
     parts["gravest"] = [by_id[name] for name in WORDS["gravest"] if name in by_id]
     return render("report.md", here=here, **parts)
@@ -91,7 +127,10 @@ def readme_with_results(text: str, here: Run, decided: Sequence[Decided]) -> str
 def speeds(here: Run) -> str:
     """Return a sentence on the speeds of the true joint angles, "" if they are not known."""
     known = here.metrics.get("recordings", {})
-    reached = {joint: known.get(f"true_{joint}_greatest_speed_rad_per_s") for joint in here.joints}
+    reached = {
+        joint: known.get(f"true_{joint}_greatest_speed_rad_per_s")
+        for joint in here.joints
+    }
     if None in reached.values() or not reached:
         return ""
     joint = max(reached, key=reached.get)
@@ -99,7 +138,9 @@ def speeds(here: Run) -> str:
 
 
 def _counts(columns: Sequence[Decided]) -> str:
-    return "; ".join(f"{_robot(whose)}: {' / '.join(map(str, whose.counts))}" for whose in columns)
+    return "; ".join(
+        f"{_robot(whose)}: {' / '.join(map(str, whose.counts))}" for whose in columns
+    )
 
 
 def summary_numbers(here: Run, decided: Sequence[Decided]) -> dict[str, float]:
@@ -111,7 +152,9 @@ def summary_numbers(here: Run, decided: Sequence[Decided]) -> dict[str, float]:
         if key in here.metrics.get(f"fit_{model}", {}):
             numbers[name] = here.metrics[f"fit_{model}"][key]
     means = scores.log_scores(here)["mean"] if "predictions" in here.tables else {}
-    return numbers | {f"log_{name}": means[name] for name in [*here.models][:3] if name in means}
+    return numbers | {
+        f"log_{name}": means[name] for name in [*here.models][:3] if name in means
+    }
 
 
 def _own(here: Run, decided: Sequence[Decided]) -> Decided:
@@ -151,7 +194,9 @@ def failures(columns: Sequence[Decided]) -> list[str]:
         for whose, (claim, verdict, cases) in zip(columns, row, strict=True):
             if verdict == d.NOT_REPRODUCED:
                 failing = [d.case_text(case) for case in cases if case.holds is False]
-                lines.append(say("failure", claim=claim, dataset=whose.dataset, failing=failing))
+                lines.append(
+                    say("failure", claim=claim, dataset=whose.dataset, failing=failing)
+                )
     return lines
 
 
@@ -163,21 +208,29 @@ def readings(runs: Sequence[Run]) -> str:
         ruled = own.pivot(index="claim", columns="reading", values="holds")
         ruled = ruled[own["reading"].unique()]  # the run's own first
         first = ruled.iloc[:, 0]
-        changes = (ruled.ne(first, axis=0) & ruled.ne(UNKNOWN)).any(axis=1) & first.ne(UNKNOWN)
+        changes = (ruled.ne(first, axis=0) & ruled.ne(UNKNOWN)).any(axis=1) & first.ne(
+            UNKNOWN
+        )
         for claim, words in ruled[changes].iterrows():
             signs = words.map(WORDS["signs"])
             signs.iloc[0] = f"**{signs.iloc[0]}**"
             rows.append({"claim": claim, "dataset": run.dataset, **signs})
-        lacking = own[own["holds"].eq(UNKNOWN) & own["refused"].astype(object).fillna("").ne("")]
+        lacking = own[
+            own["holds"].eq(UNKNOWN) & own["refused"].astype(object).fillna("").ne("")
+        ]
         for reading, claims in lacking.groupby("reading", sort=False)["refused"]:
             why = re.split(r" \[|;", claims.iloc[0])[0]
-            notes.append(f"- {run.dataset}, {reading}: {len(claims)} claims lack numbers ({why}).")
+            notes.append(
+                f"- {run.dataset}, {reading}: {len(claims)} claims lack numbers ({why})."
+            )
     if not rows:
         return say("default")
     changed = pd.DataFrame(rows).fillna("")
     header = ["claim (the run's own reading in bold)", *changed.columns[1:]]
     rows = table(header, changed.to_numpy())
-    return "\n\n".join([f"{say('default')} {say('again')}", rows, "\n".join(notes)]).rstrip()
+    return "\n\n".join(
+        [f"{say('default')} {say('again')}", rows, "\n".join(notes)]
+    ).rstrip()
 
 
 def figures(
@@ -196,7 +249,10 @@ def figures(
     without: dict[str, list[Claim]] = defaultdict(list)
     rows = zip(*(whose.verdicts for whose in columns), strict=True)
     for row in sorted(rows, key=lambda row: row[0].claim.source == PROJECT):
-        claim, robots = row[0].claim, [_robot(whose).partition(",")[0] for whose in columns]
+        claim, robots = (
+            row[0].claim,
+            [_robot(whose).partition(",")[0] for whose in columns],
+        )
         cells = zip(robots, map(verdict_cell, row), strict=True)
         shown = " · ".join(f"{robot} {cell}" for robot, cell in cells if cell)
         label = FIGURE.search(claim.where)[1]
@@ -207,16 +263,26 @@ def figures(
     further, found, unseen = dict(captions), [], []
     for item in (item for item in items if item.kind == "figure"):
         drawn = []
-        for name in (source.name.rpartition(".")[2] for source in sources[item.cited_as]):
+        for name in (
+            source.name.rpartition(".")[2] for source in sources[item.cited_as]
+        ):
             if caption := further.pop(name, None):
                 sentences = re.split(r"(?<=[.!?]) (?=[A-Z(])", caption["caption"])
-                look = next((s for s in sentences if s.startswith(COMPARE)), sentences[0])
-                look = " ".join([look, *(scores.widths(here) if name == WIDTHS else ())])
+                look = next(
+                    (s for s in sentences if s.startswith(COMPARE)), sentences[0]
+                )
+                look = " ".join(
+                    [look, *(scores.widths(here) if name == WIDTHS else ())]
+                )
                 drawn.append((name, {"title": caption["title"], "look": look}))
         unseen += without[item.label]
         unseen += [] if drawn else [claim for claim, _ in lines[item.label]]
         found.append({"item": item, "drawn": drawn, "lines": lines[item.label]})
-    known = {"unplaced": lines[None], "unseen": unseen + without[None], "further": further}
+    known = {
+        "unplaced": lines[None],
+        "unseen": unseen + without[None],
+        "further": further,
+    }
     return {"figures": found, **known}
 
 
@@ -228,8 +294,14 @@ def estimates(here: Run, decided: Sequence[Decided]) -> str:
         for estimator, name in WORDS["estimators"].items()
         if f"sigma_b_{estimator}" in fitted
     ]
-    published = [v.claim.published for v in decided[0].verdicts if v.claim.id == "sigma-b"]
-    return say("dispersion", run=here, cells=cells, published=published[0]) if cells else ""
+    published = [
+        v.claim.published for v in decided[0].verdicts if v.claim.id == "sigma-b"
+    ]
+    return (
+        say("dispersion", run=here, cells=cells, published=published[0])
+        if cells
+        else ""
+    )
 
 
 def published_and_ours(here: Run, decided: Sequence[Decided]) -> str:
@@ -255,11 +327,18 @@ def published_and_ours(here: Run, decided: Sequence[Decided]) -> str:
             names = " / ".join(filter(None, (case.case for case in cases)))
             name = ", ".join(filter(None, [claim.parameter, names])) + unit
             printed = " / ".join(number(case.published) for case in cases)
-            ends = ["" if few or c.low is None else " " + interval(c.low, c.high) for c in cases]
-            ours = [number(case.value) + end for case, end in zip(cases, ends, strict=True)]
+            ends = [
+                "" if few or c.low is None else " " + interval(c.low, c.high)
+                for c in cases
+            ]
+            ours = [
+                number(case.value) + end for case, end in zip(cases, ends, strict=True)
+            ]
             others.append([name, printed, " / ".join(ours) + _errors(here, claim)])
     parts = [say("published", few=few, levels=levels)]
-    parts += [table(["parameter", "published", *estimators.values()], rows)] if rows else []
+    parts += (
+        [table(["parameter", "published", *estimators.values()], rows)] if rows else []
+    )
     parts += [table(["number", "published", here.dataset], others)] if others else []
     return "\n\n".join(parts)
 
@@ -288,17 +367,27 @@ def _estimate(fitted: Mapping[str, float], key: str, estimator: str, few: bool) 
     text = text if few or None in ends else f"{text} {interval(*ends)}"
     limit = fitted.get("sigma_b_limit_of_the_covariance", float("inf"))
     lacks = "mean" if fitted[name] >= 1 else "covariance"
-    return f"{text} (no {lacks})" if "sigma_b" in key and fitted[name] >= limit else text
+    return (
+        f"{text} (no {lacks})" if "sigma_b" in key and fitted[name] >= limit else text
+    )
 
 
 def datasets_page(decided: Sequence[Decided], unfit: Sequence[str] = ()) -> str:
     """Return ``reports/datasets.md``, with the sign of every verdict by claim and dataset, and the
     sentences ``unfit`` on evidence of other recordings.
     """
-    decided = sorted(decided, key=lambda whose: (whose.recordings == "none", whose.dataset))
+    decided = sorted(
+        decided, key=lambda whose: (whose.recordings == "none", whose.dataset)
+    )
     verdicts = zip(*(whose.verdicts for whose in decided), strict=True)
     rows = [[row[0].claim.id, *map(verdict_cell, row)] for row in verdicts]
-    words = {"decided": decided, "forced": d.FORCED, "level": LEVEL, "rows": rows, "unfit": unfit}
+    words = {
+        "decided": decided,
+        "forced": d.FORCED,
+        "level": LEVEL,
+        "rows": rows,
+        "unfit": unfit,
+    }
     return render("datasets.md", **words)
 
 
@@ -309,11 +398,20 @@ def recordings_page(run: Run) -> str:
         lossy = run.tables["recording_quality"].query("total > 0").set_index("quantity")
         totals |= {name: own["total"] for name, own in lossy.groupby("instrument")}
     for stem, values in run.metrics.items():
-        lost = {n: v for n, v in values.items() if v and LOST.search(n) and float(v).is_integer()}
+        lost = {
+            n: v
+            for n, v in values.items()
+            if v and LOST.search(n) and float(v).is_integer()
+        }
         if lost and stem != "recordings":
             totals[stem.replace("_", " of ", 1)] = lost
     lost = [
-        (name, ", ".join(f"{n.replace('_', ' ')} {number(total)}" for n, total in own.items()))
+        (
+            name,
+            ", ".join(
+                f"{n.replace('_', ' ')} {number(total)}" for n, total in own.items()
+            ),
+        )
         for name, own in totals.items()
     ]
     kept = kept.astype(object).fillna("").astype(str).to_numpy().tolist()

@@ -20,7 +20,9 @@ from pipeline.core.typed_yaml import read_yaml
 from pipeline.statistics.curves import POWER
 from pipeline.statistics.takes import NORMAL_QUANTILE, TAILS
 
-LEVEL = 0.025  # probability of a false verdict on one side, as of a two-sided 95 % interval
+LEVEL = (
+    0.025  # probability of a false verdict on one side, as of a two-sided 95 % interval
+)
 MOST_DEGREES = 200  # Student's law with more is taken as normal
 
 
@@ -64,7 +66,9 @@ def standard_errors(r: Cases, side: int = 0) -> tuple[ndarray, ndarray]:
     if side:
         part = r.high - r.value if side > 0 else r.value - r.low
         half = np.where(np.isnan(r.standard_error), part, half)
-    error = np.where(np.isnan(r.standard_error), half / NORMAL_QUANTILE, r.standard_error)
+    error = np.where(
+        np.isnan(r.standard_error), half / NORMAL_QUANTILE, r.standard_error
+    )
     degrees = np.append(np.arange(1.0, MOST_DEGREES + 1), np.inf)
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.where(error > 0, half / error, NORMAL_QUANTILE)
@@ -91,9 +95,13 @@ def _order(sign: float) -> Judge:
 
     def judge(r: Cases) -> tuple[ndarray, ndarray]:
         margin = np.nan_to_num(r.margin)
-        without = np.isnan(r.low + r.high)  # a difference without an interval decides nothing
+        without = np.isnan(
+            r.low + r.high
+        )  # a difference without an interval decides nothing
         sides = (beyond(side * r.difference - margin, r)[0] for side in (sign, -sign))
-        supports, refutes = (np.where(without, 1.0, probability) for probability in sides)
+        supports, refutes = (
+            np.where(without, 1.0, probability) for probability in sides
+        )
         return supports, refutes
 
     return judge
@@ -125,7 +133,9 @@ def _greatest_below(r: Cases) -> tuple[ndarray, ndarray]:
 
 
 JUDGES: dict[str, Judge] = {
-    "within_relative": lambda r: _within(r, r.tolerance * abs(r.published), r.value - r.published),
+    "within_relative": lambda r: _within(
+        r, r.tolerance * abs(r.published), r.value - r.published
+    ),
     "within_absolute": lambda r: _within(r, r.tolerance, r.value - r.published),
     "below": lambda r: beyond(r.yardstick - r.value, r, 1),
     "greatest_below": _greatest_below,
@@ -133,14 +143,17 @@ JUDGES: dict[str, Judge] = {
     "detected": lambda r: _sure(r.value > r.yardstick, np.zeros(len(r.value))),
     "varies": lambda r: _sure(r.value > r.threshold, r.value < r.than),
     "follows": lambda r: _sure(
-        (r.power >= POWER) & (r.value >= r.threshold), (r.power >= POWER) & (r.value < r.threshold)
+        (r.power >= POWER) & (r.value >= r.threshold),
+        (r.power >= POWER) & (r.value < r.threshold),
     ),
     "less": _order(-1.0),
     "greater": _order(1.0),
     "decreasing": lambda r: _sure(_falls(r), ~_falls(r)),
     "equivalent": lambda r: _within(r, r.tolerance * abs(r.than), r.difference),
     "interval_contains": lambda r: _sure(_contains(r), ~_contains(r)),
-    "standard_errors": lambda r: _sure(abs(r.distance) < r.limit, abs(r.distance) >= r.limit),
+    "standard_errors": lambda r: _sure(
+        abs(r.distance) < r.limit, abs(r.distance) >= r.limit
+    ),
 }
 
 
@@ -169,7 +182,10 @@ def decide_cases(rule: Rule, r: Cases, known: ndarray) -> list[bool | None]:
             )
             held &= ~(controlled & (of_control <= LEVEL))
     refuted = holm(np.where(known, np.nan_to_num(refutes, nan=1.0), 1.0)) & known
-    return [False if no else True if yes else None for yes, no in zip(held, refuted, strict=True)]
+    return [
+        False if no else True if yes else None
+        for yes, no in zip(held, refuted, strict=True)
+    ]
 
 
 def holm(probabilities: ndarray) -> ndarray:

@@ -40,7 +40,11 @@ class ArmNames(NamedTuple):
         {} for any other arm.
         """
         papers = len(self.joints) == NUMBERED and self.task == PLANE
-        return {f"joint {n}": name for n, name in enumerate(self.joints, 1)} if papers else {}
+        return (
+            {f"joint {n}": name for n, name in enumerate(self.joints, 1)}
+            if papers
+            else {}
+        )
 
 
 def filled(text: str, names: Mapping[str, object]) -> str:
@@ -70,7 +74,9 @@ class Reference:
             message = f"the table of evidence has no quantity {self.quantity!r}; see tables.yaml"
             raise ConfigError(message, key="quantity")
 
-    def look_up(self, evidence: IndexedEvidence, names: Mapping[str, object]) -> float | None:
+    def look_up(
+        self, evidence: IndexedEvidence, names: Mapping[str, object]
+    ) -> float | None:
         """Return the number with ``names`` in place of their placeholders, None if missing."""
         row = evidence.get(tuple(filled(getattr(self, key), names) for key in KEYS), {})
         value = row.get(self.column)
@@ -87,7 +93,9 @@ def index_evidence(table: pd.DataFrame, **place: object) -> IndexedEvidence:
     return table.set_index([*KEYS]).to_dict("index")
 
 
-def parse_entries(structure: type[T], entries: object, kind: str, name: str = "id") -> list[T]:
+def parse_entries(
+    structure: type[T], entries: object, kind: str, name: str = "id"
+) -> list[T]:
     """Return a ``structure`` for each of ``entries``; raises ConfigError with the ``kind`` and
     ``name`` of the entry and the key for an invalid entry and for two entries of equal name.
     """
@@ -97,7 +105,9 @@ def parse_entries(structure: type[T], entries: object, kind: str, name: str = "i
     for number, entry in enumerate(entries, 1):
         own = (entry.get(name) if isinstance(entry, dict) else None) or number
         if own in result:
-            raise ConfigError(f"two {kind}s have the same {name}", **{kind: own, "key": name})
+            raise ConfigError(
+                f"two {kind}s have the same {name}", **{kind: own, "key": name}
+            )
         try:
             result[own] = validated(structure, entry)
         except ConfigError as error:
@@ -137,7 +147,8 @@ class Run:
         """Return JSON with full precision and a hash of it; a table is a list of CSV lines."""
         values = {**vars(self), "joints": list(self.joints), "task": list(self.task)}
         values["tables"] = {
-            stem: rows.to_csv(index=False).splitlines() for stem, rows in self.tables.items()
+            stem: rows.to_csv(index=False).splitlines()
+            for stem, rows in self.tables.items()
         }
         values |= {HASH: _content_hash(values)}
         return json.dumps(values, indent=1, ensure_ascii=False) + "\n"
@@ -154,7 +165,9 @@ def read_runs(folder: Path, first: str) -> list[Run]:
     """
     runs = {run.dataset: run for run in map(read_run, sorted(folder.glob("*.json")))}
     if first not in runs:
-        message = f"there is no evidence of the dataset {first}; run the stage score with it"
+        message = (
+            f"there is no evidence of the dataset {first}; run the stage score with it"
+        )
         raise ContractError(message, file=folder / f"{first}.json")
     return [runs.pop(first), *runs.values()]
 
@@ -179,6 +192,15 @@ def read_run(file: Path) -> Run:
         run = Run(**values)
         index_evidence(run.evidence, file=file)
         return run
-    except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
-        message = f"cannot read the evidence of a run ({error}); run the stage score again"
+    except (
+        OSError,
+        ValueError,
+        TypeError,
+        KeyError,
+        AttributeError,
+        RecursionError,
+    ) as error:
+        message = (
+            f"cannot read the evidence of a run ({error}); run the stage score again"
+        )
         raise ContractError(message, file=file) from None

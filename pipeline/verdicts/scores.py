@@ -7,7 +7,14 @@ import pandas as pd
 
 from pipeline.core.filters import CLOSED, MEMORY, NONE, models_of
 from pipeline.verdicts.run import Run
-from pipeline.verdicts.wording import MISSING, difference, number, plain_name, say, table
+from pipeline.verdicts.wording import (
+    MISSING,
+    difference,
+    number,
+    plain_name,
+    say,
+    table,
+)
 
 MATRIX_KINDS = ("wishart", "gaussian")
 ADDITIVE = "additive"  # name of the paper's own rival
@@ -25,7 +32,11 @@ def log_scores(run: Run) -> pd.DataFrame:
 
 def _pairs(run: Run) -> pd.DataFrame:
     """Return the differences in log score over all steps by model and rival."""
-    return run.tables["prediction_pairs"].query("steps == @ALL").set_index(["model", "rival"])
+    return (
+        run.tables["prediction_pairs"]
+        .query("steps == @ALL")
+        .set_index(["model", "rival"])
+    )
 
 
 def result(run: Run) -> list[str]:
@@ -37,11 +48,21 @@ def result(run: Run) -> list[str]:
         means = log_scores(run)["mean"].sort_values(ascending=False, kind="stable")
         best, pairs = means.index[0], _pairs(run)
         matrix, known = _is_matrix(run, best), pairs.index[pairs["difference"].notna()]
-        others = [pairs.loc[best, n] for n in means.index if _is_matrix(run, n) != matrix][:1]
+        others = [
+            pairs.loc[best, n] for n in means.index if _is_matrix(run, n) != matrix
+        ][:1]
         models = [name for name in ("gaussian", "wishart") if (name, ADDITIVE) in known]
         additive = {plain_name(name): pairs.loc[name, ADDITIVE] for name in models}
-        words = {"best": plain_name(best), "mean": means[best], "matrix": matrix, "rivals": others}
-        sentences += [say("best", run=run, **words), say("against_additive", models=additive)]
+        words = {
+            "best": plain_name(best),
+            "mean": means[best],
+            "matrix": matrix,
+            "rivals": others,
+        }
+        sentences += [
+            say("best", run=run, **words),
+            say("against_additive", models=additive),
+        ]
     if FILTERS in run.tables:
         rows = run.tables[FILTERS].query("score == 'log_score' and difference.notna()")
         rows = rows.set_index("model").sort_values("difference", ascending=False)
@@ -56,8 +77,12 @@ def widths(run: Run) -> list[str]:
     and narrowest beside the recordings, and where its error is above the error of no noise.
     """
     rows, sentences = run.evidence.query("quantity == 'std' and rival == ''"), []
-    stds = rows.pivot(index="joint", columns="model", values="value").reindex([*run.joints])
-    errors = run.evidence.query("quantity == 'std_error' and rival == 'no_noise' and low > 0")
+    stds = rows.pivot(index="joint", columns="model", values="value").reindex(
+        [*run.joints]
+    )
+    errors = run.evidence.query(
+        "quantity == 'std_error' and rival == 'no_noise' and low > 0"
+    )
     for model in (name for name, kind in run.models.items() if kind in MATRIX_KINDS):
         if model in stds and (ratio := stds[model] / stds["recorded"]).notna().all():
             above = [*errors["joint"][errors["model"] == model]]
@@ -82,14 +107,23 @@ def choice(run: Run) -> str:
     def not_below(model: str, rivals: Iterable[str]) -> list[str]:
         return [plain_name(n) for n in rivals if n != model and not low[model, n] > 0]
 
-    baselines, best = [name for name in means.index if not _is_matrix(run, name)], means.idxmax()
+    baselines, best = (
+        [name for name in means.index if not _is_matrix(run, name)],
+        means.idxmax(),
+    )
     matrix = [name for name in run.models if name in means and name not in baselines]
     above = {name: not_below(name, baselines) for name in matrix}
     passing = [name for name in matrix if not above[name]]
     absent = [n for n in run.tables["predictions"]["model"].unique() if n not in means]
-    words = {"above": above, "passing": passing and means[passing].idxmax(), "absent": absent}
+    words = {
+        "above": above,
+        "passing": passing and means[passing].idxmax(),
+        "absent": absent,
+    }
     equal = not_below(best, means.index)
-    return say("choice", run=run, note=spread_note(run), best=best, equal=equal, **words)
+    return say(
+        "choice", run=run, note=spread_note(run), best=best, equal=equal, **words
+    )
 
 
 def predictors(run: Run) -> str:
@@ -102,17 +136,31 @@ def predictors(run: Run) -> str:
     means = means.sort_values(ALL, ascending=False, kind="stable")
     rivals = log.drop(index=NONE, errors="ignore")
     differences = {name: difference(row) for name, row in rivals.iterrows()}
-    header = ["log score (nats a step)", "difference to the training mean, all steps", *means]
-    cells = ([plain_name(n), differences.get(n, MISSING), *own] for n, own in means.iterrows())
+    header = [
+        "log score (nats a step)",
+        "difference to the training mean, all steps",
+        *means,
+    ]
+    cells = (
+        [plain_name(n), differences.get(n, MISSING), *own]
+        for n, own in means.iterrows()
+    )
     return table(header, cells)
 
 
 def coverage(run: Run) -> str:
     """Return the share of steps within ±1σ of the prediction by group of steps and joint."""
     rows = run.tables["predictions"]
-    means, models = rows.set_index(["steps", "model", "score"])["mean"], [*rows["model"].unique()]
+    means, models = (
+        rows.set_index(["steps", "model", "score"])["mean"],
+        [*rows["model"].unique()],
+    )
     cells = [
-        [steps, joint, *(means[steps, m, f"coverage_of_one_sigma_{joint}"] for m in models)]
+        [
+            steps,
+            joint,
+            *(means[steps, m, f"coverage_of_one_sigma_{joint}"] for m in models),
+        ]
         for steps, joint in product(rows["steps"].unique(), run.joints)
     ]
     return table(["steps", "joint", *map(plain_name, models)], cells)
@@ -122,9 +170,18 @@ def filters(run: Run) -> str:
     """Return a row for each filter, training mean first."""
     rows = run.tables[FILTERS].set_index(["model", "score"])
     models = dict.fromkeys(rows.index.get_level_values("model"))
-    names = [NONE, MEMORY, *models_of(models), *(name for name in models if name.endswith(CLOSED))]
-    scores = {f"rms error of {joint} (rad)": f"rms_error_{joint}_rad" for joint in run.joints}
-    scores |= {f"coverage of {joint}": f"coverage_of_one_sigma_{joint}" for joint in run.joints}
+    names = [
+        NONE,
+        MEMORY,
+        *models_of(models),
+        *(name for name in models if name.endswith(CLOSED)),
+    ]
+    scores = {
+        f"rms error of {joint} (rad)": f"rms_error_{joint}_rad" for joint in run.joints
+    }
+    scores |= {
+        f"coverage of {joint}": f"coverage_of_one_sigma_{joint}" for joint in run.joints
+    }
     scores |= {"log score": "log_score"}
     cells = []
     for name in names:
@@ -143,11 +200,21 @@ def filter_verdict(run: Run) -> str:
     if FILTERS not in run.tables:
         return ""
     rows = run.tables[FILTERS].query("model != @NONE")
-    low, high = (rows.pivot(index="model", columns="score", values=end) for end in ("low", "high"))
-    names, errors = [*rows["model"].unique()], [f"rms_error_{joint}_rad" for joint in run.joints]
+    low, high = (
+        rows.pivot(index="model", columns="score", values=end)
+        for end in ("low", "high")
+    )
+    names, errors = (
+        [*rows["model"].unique()],
+        [f"rms_error_{joint}_rad" for joint in run.joints],
+    )
     higher = [name for name in names if low.loc[name, "log_score"] > 0]
     particle = [name for name in higher if name != MEMORY]
-    smaller = [n for n in names if n not in (*higher, MEMORY) and (high.loc[n, errors] < 0).all()]
+    smaller = [
+        n
+        for n in names
+        if n not in (*higher, MEMORY) and (high.loc[n, errors] < 0).all()
+    ]
     words = {"higher": _labels(particle), "smaller": _labels(smaller)}
     linear = [MEMORY in higher] if MEMORY in names else []
     return say("filters", run=run, linear=linear, **words)
@@ -155,5 +222,7 @@ def filter_verdict(run: Run) -> str:
 
 def _labels(names: Iterable[str]) -> str:
     models = {name: name.removesuffix(CLOSED) for name in names}
-    loops = {n: f"{m}, {'open' if n == m else 'closed'} loop" for n, m in models.items()}
+    loops = {
+        n: f"{m}, {'open' if n == m else 'closed'} loop" for n, m in models.items()
+    }
     return "; ".join(LABELS.get(name, loop) for name, loop in loops.items())

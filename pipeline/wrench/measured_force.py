@@ -34,10 +34,14 @@ def rows_of(system: models.CableSystem) -> tuple[str, ...]:
     return forces if system.attachment is None else forces + moments
 
 
-def measured_wrenches(record: pd.DataFrame, system: models.CableSystem, length: float) -> ndarray:
+def measured_wrenches(
+    record: pd.DataFrame, system: models.CableSystem, length: float
+) -> ndarray:
     """Return the rows (N, n) in N of ``record`` that ``system`` has; moments over ``length`` m."""
     rows = rows_of(system)
-    return record[list(rows)].to_numpy() / [1.0 if row[0] == "f" else length for row in rows]
+    return record[list(rows)].to_numpy() / [
+        1.0 if row[0] == "f" else length for row in rows
+    ]
 
 
 def require_own_configuration(record: pd.DataFrame, force: Force) -> None:
@@ -47,13 +51,17 @@ def require_own_configuration(record: pd.DataFrame, force: Force) -> None:
     kappa, laws = float(np.sqrt(np.prod(force.kappa_bounds))), {}
     for name, robots in force.configurations.items():
         system = replace(models.nominal_system(force, robots), attachment=None)
-        system = replace(system, concentration=np.full_like(system.concentration, kappa))
+        system = replace(
+            system, concentration=np.full_like(system.concentration, kappa)
+        )
         laws[name] = models.wrench_mean(system), models.wrench_covariance(system)
     for name, rows in record.groupby("configuration"):
         own = rows[["fx", "fy", "fz"][: len(laws[name][0])]].to_numpy()
         found = own.mean(axis=0), np.cov(own.T)
         far = {
-            n: _divergence(*found, *law) for n, law in laws.items() if law[0].size == own.shape[1]
+            n: _divergence(*found, *law)
+            for n, law in laws.items()
+            if law[0].size == own.shape[1]
         }
         nearest = min(far, key=far.__getitem__)
         if far[name] > MISSED and far[nearest] < NEARER * far[name]:
@@ -69,16 +77,22 @@ def require_own_configuration(record: pd.DataFrame, force: Force) -> None:
 def _divergence(mean: ndarray, cov: ndarray, desired: ndarray, by: ndarray) -> float:
     off, ratio = mean - desired, np.linalg.solve(by, cov)
     log = np.linalg.slogdet(ratio)[1] if np.linalg.det(cov) > 0 else -np.inf
-    return float(0.5 * (np.trace(ratio) - len(mean) - log + off @ np.linalg.solve(by, off)))
+    return float(
+        0.5 * (np.trace(ratio) - len(mean) - log + off @ np.linalg.solve(by, off))
+    )
 
 
-def force_moments(configuration: str, wrenches: Wrenches, rows: Sequence[str]) -> pd.DataFrame:
+def force_moments(
+    configuration: str, wrenches: Wrenches, rows: Sequence[str]
+) -> pd.DataFrame:
     """Return the table ``force_moments``."""
     table = []
     for source, sample in wrenches.items():
         covariance, row = np.cov(sample, rowvar=False), {"configuration": configuration}
         row |= {"source": source} | dict(zip(rows, sample.mean(axis=0), strict=True))
-        row |= dict(zip([f"var_{name}" for name in rows], np.diag(covariance), strict=True))
+        row |= dict(
+            zip([f"var_{name}" for name in rows], np.diag(covariance), strict=True)
+        )
         table.append(row | {"cov": covariance[0, 1], "samples": len(sample)})
     return pd.DataFrame(table)
 
@@ -119,7 +133,10 @@ def wrench_marginals(
 
 
 def force_test(
-    measured: ndarray, system: models.CableSystem, sigma_s: ndarray, rng: np.random.Generator
+    measured: ndarray,
+    system: models.CableSystem,
+    sigma_s: ndarray,
+    rng: np.random.Generator,
 ) -> dict[str, float]:
     """Test whether the record ``measured`` (N, n) in N has the law of the matrix model at the
     nominal ``system`` (m,) with ``sigma_s`` (n, n).
@@ -138,4 +155,7 @@ def force_test(
         "two_sample_p_value": p_value,
         "effective_samples": len(measured) / densities.autocorrelation_time(measured),
         "tested_samples": len(independent),
-    } | {f"matrix_share_{row}": share for row, share in zip(rows_of(system), shares, strict=True)}
+    } | {
+        f"matrix_share_{row}": share
+        for row, share in zip(rows_of(system), shares, strict=True)
+    }

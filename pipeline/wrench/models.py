@@ -50,7 +50,9 @@ class CableSystem:
             if values is not None:
                 object.__setattr__(self, name, np.asarray(values, dtype=float))
         if np.any(self.tension_sd < 0) or np.any(self.concentration <= 0):
-            raise ModelDomainError("a cable system needs tension_sd ≥ 0 and concentration > 0")
+            raise ModelDomainError(
+                "a cable system needs tension_sd ≥ 0 and concentration > 0"
+            )
 
     @property
     def dimension(self) -> int:
@@ -65,7 +67,9 @@ class CableSystem:
     def maps(self) -> ndarray:
         """Return Gᵢ (..., m, n, p), which maps a cable's force to the cable's wrench."""
         if self.attachment is None:
-            return np.broadcast_to(np.eye(self.dimension), (*self.direction.shape, self.dimension))
+            return np.broadcast_to(
+                np.eye(self.dimension), (*self.direction.shape, self.dimension)
+            )
         return wrench_map(self.attachment)
 
     def jacobian(self) -> ndarray:
@@ -91,7 +95,9 @@ def wrench_map(attachment: ndarray) -> ndarray:
 
 def wrench_mean(system: CableSystem) -> ndarray:
     """Return E[W] = Σᵢ A(κᵢ)·T̲ᵢ·Gᵢe̲ᵢ (..., n) in N and N·m, shorter than the nominal S̲T̲."""
-    pull = mean_resultant_length(system.concentration, system.dimension) * system.tension
+    pull = (
+        mean_resultant_length(system.concentration, system.dimension) * system.tension
+    )
     return np.einsum("...nm,...m->...n", system.jacobian(), pull)
 
 
@@ -128,10 +134,15 @@ class Bounds:
 
     def __post_init__(self) -> None:
         for name, bounds in vars(self).items():
-            (low, high), (least, most) = bounds or (0, 0), LIMITS.get(name, (-np.inf, np.inf))
+            (low, high), (least, most) = (
+                bounds or (0, 0),
+                LIMITS.get(name, (-np.inf, np.inf)),
+            )
             if not (least <= low <= high <= most and np.isfinite(high - low)):
                 limits = f"{least:.3g} ≤ low ≤ high ≤ {most:.3g}, got {low}, {high}"
-                raise ConfigError(f"wrench bounds: {name} must be finite and {limits}", key=name)
+                raise ConfigError(
+                    f"wrench bounds: {name} must be finite and {limits}", key=name
+                )
 
     @property
     def dimension(self) -> int:
@@ -174,19 +185,25 @@ def systems_at(bounds: Bounds, points: ndarray) -> CableSystem:
     )
 
 
-def draw_systems(bounds: Bounds, systems: int, agents: int, rng: Generator) -> CableSystem:
+def draw_systems(
+    bounds: Bounds, systems: int, agents: int, rng: Generator
+) -> CableSystem:
     """Draw ``systems`` cable systems of ``agents`` cables within ``bounds``."""
     return systems_at(bounds, rng.random((bounds.coordinates, systems, agents)))
 
 
 def study_bounds(options: Wrench) -> Bounds:
     """Return the bounds of the paper's numerical study."""
-    return Bounds(options.tension, options.direction, options.tension_std, options.kappa)
+    return Bounds(
+        options.tension, options.direction, options.tension_std, options.kappa
+    )
 
 
 def configuration_bounds(force: Force, robots: Arrangement) -> Bounds:
     """Return the bounds of a configuration; attachments over the characteristic length."""
-    place = robots.attachment_bounds and [end / force.length for end in robots.attachment_bounds]
+    place = robots.attachment_bounds and [
+        end / force.length for end in robots.attachment_bounds
+    ]
     tensions = force.tension_bounds, robots.direction_bounds, force.tension_std_bounds
     return Bounds(*tensions, force.kappa_bounds, robots.elevation_bounds, place)
 
@@ -198,13 +215,19 @@ def nominal_system(force: Force, robots: Arrangement) -> CableSystem:
     """
     agents, azimuth = len(robots.tension), np.array(robots.direction)
     if len(force.tension_std) < agents:
-        message = f"{len(force.tension_std)} values for the {agents} robots of {robots.file}"
+        message = (
+            f"{len(force.tension_std)} values for the {agents} robots of {robots.file}"
+        )
         raise ConfigError(f"tension_std: {message}", key="dataset.force.tension_std")
     direction = np.stack([np.cos(azimuth), np.sin(azimuth)], axis=-1)
     if robots.elevation is not None:
         up = np.array(robots.elevation)[:, None]
         direction = np.concatenate([np.cos(up) * direction, np.sin(up)], axis=-1)
-    values = force.tension_std[:agents], np.full(agents, force.kappa_bounds[0]), robots.attachment
+    values = (
+        force.tension_std[:agents],
+        np.full(agents, force.kappa_bounds[0]),
+        robots.attachment,
+    )
     return CableSystem(robots.tension, direction, *values).in_units_of(force.length)
 
 
@@ -226,7 +249,9 @@ class MatrixModel:
         Theorem 5, Eq. (TorqCovRHS1) and E[TTᵀ] = Σ_T + T̲T̲ᵀ of Eq. (MeanOfDynParTrns).
         """
         noise = np.einsum("...ij,...ji->...", self.actuation_cov, self.psi)
-        return noise + np.einsum("...i,...ij,...j->...", self.actuation, self.psi, self.actuation)
+        return noise + np.einsum(
+            "...i,...ij,...j->...", self.actuation, self.psi, self.actuation
+        )
 
     def actuation_part(self) -> ndarray:
         """Return S̲Σ_TS̲ᵀ (..., n, n), the covariance that the actuation alone causes."""
@@ -254,7 +279,9 @@ def unbounded_sigma_s(system: CableSystem) -> ndarray:
     variance that the tensions cause along a cable.
     """
     model, covariance = matrix_model(system), wrench_covariance(system)
-    return (covariance - model.actuation_part()) / model.sigma_s_factor()[..., None, None]
+    return (covariance - model.actuation_part()) / model.sigma_s_factor()[
+        ..., None, None
+    ]
 
 
 def optimal_sigma_s(unbounded: ndarray, form: str) -> tuple[ndarray, ndarray]:
@@ -270,11 +297,15 @@ def optimal_sigma_s(unbounded: ndarray, form: str) -> tuple[ndarray, ndarray]:
     target = unbounded if form == "full" else unbounded * np.eye(unbounded.shape[-1])
     values, vectors = np.linalg.eigh(target)
     clipped = np.sum(values < 0, axis=-1)
-    projected = (vectors * np.maximum(values, 0.0)[..., None, :]) @ np.swapaxes(vectors, -1, -2)
+    projected = (vectors * np.maximum(values, 0.0)[..., None, :]) @ np.swapaxes(
+        vectors, -1, -2
+    )
     return np.where(clipped[..., None, None] > 0, projected, target), clipped
 
 
-def sample_wrenches(model: MatrixModel, sigma_s: ndarray, samples: int, rng: Generator) -> ndarray:
+def sample_wrenches(
+    model: MatrixModel, sigma_s: ndarray, samples: int, rng: Generator
+) -> ndarray:
     """Draw independent wrenches W = S·T (samples, n) of one system, Eq. (wrench). Given T, S·T is
     N(S̲T, (TᵀΨ_ST)·Σ_S); ``sigma_s`` Σ_S (n, n) is positive semidefinite.
     """

@@ -18,16 +18,22 @@ from pipeline.core.options.analysis import Wrench
 from pipeline.wrench import models
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(96)
-SHARE_TOLERANCE = 1e-9  # absolute tolerance of the integral h, which lies between 0 and 1
+SHARE_TOLERANCE = (
+    1e-9  # absolute tolerance of the integral h, which lies between 0 and 1
+)
 SCRAMBLES = 16
-LOG2_POINTS = 12  # binary logarithm of the points in each scramble of the Sobol sequence
+LOG2_POINTS = (
+    12  # binary logarithm of the points in each scramble of the Sobol sequence
+)
 
 
 class SigmaS(NamedTuple):
     """Σ_S averaged over drawn systems, or its expectation over the systems within bounds."""
 
     mean: ndarray  # (n, n)
-    standard_error: ndarray  # (n, n) of the mean, or of the expectation over the scrambles
+    standard_error: (
+        ndarray  # (n, n) of the mean, or of the expectation over the scrambles
+    )
     deviation: ndarray  # (n, n) standard deviation of each entry over the systems
     systems: int = 0
     clipped: int = 0  # number of eigenvalues that the bound Σ_S ≥ 0 sets to 0
@@ -61,7 +67,9 @@ def _at_attachments(matrix: ndarray, bounds: models.Bounds) -> ndarray:
     g = models.wrench_map(np.full(bounds.dimension, (low + high) / 2))
     still = models.wrench_map(np.zeros(bounds.dimension))
     slopes = models.wrench_map(np.eye(bounds.dimension)) - still
-    variance = np.einsum("kip,pq,kjq->ij", slopes, matrix, slopes) * (high - low) ** 2 / 12
+    variance = (
+        np.einsum("kip,pq,kjq->ij", slopes, matrix, slopes) * (high - low) ** 2 / 12
+    )
     return g @ matrix @ g.T + variance
 
 
@@ -76,7 +84,10 @@ def expected_unbounded_sigma_s(bounds: models.Bounds, agents: int) -> ndarray:
     from scipy.integrate import quad
 
     p = bounds.dimension
-    length, kappa = partial(models.mean_resultant_length, dimension=p), bounds.concentration
+    length, kappa = (
+        partial(models.mean_resultant_length, dimension=p),
+        bounds.concentration,
+    )
     squared_length = _uniform_mean(lambda k: length(k) ** 2, kappa)
     ratio = _uniform_mean(lambda k: length(k) / k, kappa)
     nodes = bounds.directions(*np.meshgrid(*[(NODES + 1) / 2] * (p - 1))).reshape(-1, p)
@@ -92,17 +103,23 @@ def expected_unbounded_sigma_s(bounds: models.Bounds, agents: int) -> ndarray:
         noise = _uniform_mean(lambda v: np.exp(-s * v**2), bounds.tension_sd)
         tension = _uniform_mean(lambda t: np.exp(-s * t**2), bounds.tension)
         weighted = _uniform_mean(lambda t: t**2 * np.exp(-s * t**2), bounds.tension)
-        return float(agents * weighted * tension ** (agents - 1) * noise**agents / scale)
+        return float(
+            agents * weighted * tension ** (agents - 1) * noise**agents / scale
+        )
 
     tolerance = {"epsabs": SHARE_TOLERANCE, "epsrel": 0.0}
-    share, error, _, *warning = quad(integrand, 0, np.inf, **tolerance, full_output=True)
+    share, error, _, *warning = quad(
+        integrand, 0, np.inf, **tolerance, full_output=True
+    )
     if warning or error > SHARE_TOLERANCE:
         message = "the integral for E[Σ_S] did not converge: narrow the bounds of the tensions"
         raise SolverError(message, error=error)
     return u * share + v * (1 - share)
 
 
-def expected_sigma_s(bounds: models.Bounds, agents: int, rng: Generator) -> dict[str, SigmaS]:
+def expected_sigma_s(
+    bounds: models.Bounds, agents: int, rng: Generator
+) -> dict[str, SigmaS]:
     """Return E[Σ_S] by form for ``agents`` cables with values uniform within ``bounds``: E[M] by
     quadrature plus the small E[Σ_S − M] by scrambled Sobol sequences.
     """
@@ -112,9 +129,13 @@ def expected_sigma_s(bounds: models.Bounds, agents: int, rng: Generator) -> dict
     masks = {"diagonal": np.eye(len(exact)), "full": np.ones_like(exact)}
     parts, by_form = {form: [] for form in models.FORMS}, {}
     for scramble in rng.spawn(SCRAMBLES):
-        points = qmc.Sobol(bounds.coordinates * agents, rng=scramble).random_base2(LOG2_POINTS)
+        points = qmc.Sobol(bounds.coordinates * agents, rng=scramble).random_base2(
+            LOG2_POINTS
+        )
         shares = points.reshape(len(points), bounds.coordinates, agents)
-        unbounded = models.unbounded_sigma_s(models.systems_at(bounds, np.moveaxis(shares, 1, 0)))
+        unbounded = models.unbounded_sigma_s(
+            models.systems_at(bounds, np.moveaxis(shares, 1, 0))
+        )
         for form, mask in masks.items():
             sigma_s, _ = models.optimal_sigma_s(unbounded, form)
             correction = np.mean(sigma_s - unbounded * mask, axis=0)
@@ -130,7 +151,9 @@ def expected_sigma_s(bounds: models.Bounds, agents: int, rng: Generator) -> dict
 
 def variance_errors(modelled: ndarray, covariance: ndarray) -> ndarray:
     """Return the paper's error ‖diag Cov(W) − Var‖/‖Var‖ (...) of the ``modelled`` covariance."""
-    true, model = (np.diagonal(each, axis1=-2, axis2=-1) for each in (covariance, modelled))
+    true, model = (
+        np.diagonal(each, axis1=-2, axis2=-1) for each in (covariance, modelled)
+    )
     return np.linalg.norm(model - true, axis=-1) / np.linalg.norm(true, axis=-1)
 
 
@@ -141,7 +164,10 @@ def covariance_errors(modelled: ndarray, covariance: ndarray) -> ndarray:
 
 
 def sigma_s_rows(
-    system_class: str, agents: int, estimates: dict[str, SigmaS], expected: dict[str, SigmaS]
+    system_class: str,
+    agents: int,
+    estimates: dict[str, SigmaS],
+    expected: dict[str, SigmaS],
 ) -> pd.DataFrame:
     """Return the rows of the table ``sigma_s`` of one class of systems, one for each entry."""
     tables = []
@@ -179,14 +205,27 @@ def run_study(
 
 def _repeat(options: Wrench, trial: tuple[int, Generator]) -> tuple[list, list, list]:
     """Return the rows of the three tables of one ``trial`` (number of the repeat, stream)."""
-    (repeat, rng), tests, bounds = trial, options.test_systems, models.study_bounds(options)
+    (repeat, rng), tests, bounds = (
+        trial,
+        options.test_systems,
+        models.study_bounds(options),
+    )
     sigma_rows, errors, maxima = [], [], []
     for m, m_rng in zip(options.agents, rng.spawn(len(options.agents)), strict=True):
-        estimates = averaged_sigma_s(models.draw_systems(bounds, options.systems, m, m_rng))
+        estimates = averaged_sigma_s(
+            models.draw_systems(bounds, options.systems, m, m_rng)
+        )
         fresh = models.draw_systems(bounds, tests, m, m_rng)
         model, covariance = models.matrix_model(fresh), models.wrench_covariance(fresh)
-        error = variance_errors(model.covariance(estimates["diagonal"].mean), covariance)
-        row = {"agents": m, "repeat": repeat, "mean": error.mean(), "maximum": error.max()}
+        error = variance_errors(
+            model.covariance(estimates["diagonal"].mean), covariance
+        )
+        row = {
+            "agents": m,
+            "repeat": repeat,
+            "mean": error.mean(),
+            "maximum": error.max(),
+        }
         maxima.append(pd.DataFrame([row]))
         if repeat == 0:
             expected = expected_sigma_s(bounds, m, m_rng.spawn(1)[0])

@@ -20,7 +20,9 @@ LIMIT = '<limit lower="-2.5" upper="2.5" velocity="1.5" effort="10"/>'
 def origin(place: pin.SE3) -> str:
     """The URDF's element of a placement."""
     angles = pin.rpy.matrixToRpy(place.rotation)
-    xyz, rpy = (" ".join(repr(float(x)) for x in row) for row in (place.translation, angles))
+    xyz, rpy = (
+        " ".join(repr(float(x)) for x in row) for row in (place.translation, angles)
+    )
     return f'<origin xyz="{xyz}" rpy="{rpy}"/>'
 
 
@@ -41,7 +43,8 @@ def random_text(kinds: Sequence[str], rng: np.random.Generator) -> str:
     """A URDF of joints j1, j2, … of ``kinds`` placed and pointing anywhere, and a tip beyond."""
     places = [
         pin.SE3(
-            pin.Quaternion(*(x := rng.normal(size=4)) / np.linalg.norm(x)), rng.normal(size=3) / 4
+            pin.Quaternion(*(x := rng.normal(size=4)) / np.linalg.norm(x)),
+            rng.normal(size=3) / 4,
         )
         for _ in range(len(kinds) + 1)
     ]
@@ -51,7 +54,9 @@ def random_text(kinds: Sequence[str], rng: np.random.Generator) -> str:
     for i, (kind, axis) in enumerate(zip(kinds, axes.tolist(), strict=True)):
         inside = f'{origin(places[i])}<axis xyz="{" ".join(map(repr, axis))}"/>{LIMIT}'
         joints.append(joint(f"j{i + 1}", kind, f"l{i}", f"l{i + 1}", inside))
-    return robot_text(*joints, joint("grip", "fixed", f"l{len(kinds)}", "tip", origin(places[-1])))
+    return robot_text(
+        *joints, joint("grip", "fixed", f"l{len(kinds)}", "tip", origin(places[-1]))
+    )
 
 
 def jn(count: int) -> list[str]:
@@ -59,7 +64,9 @@ def jn(count: int) -> list[str]:
     return [f"j{i + 1}" for i in range(count)]
 
 
-def by_pinocchio(robot: Robot, tip: str, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def by_pinocchio(
+    robot: Robot, tip: str, poses: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Poses (N, 12) of the link ``tip`` of the whole robot at ``poses`` (N, n) of its joints in the
     axes of its base, and the task's rows of its Jacobian (N, m, n).
     """
@@ -97,7 +104,9 @@ def stack(*joints: tuple[str, str, str, str, str, str, str]) -> str:
     """A URDF of joints: name, kind, parent, child, xyz, rpy and axis of each."""
     texts = []
     for name, kind, parent, child, xyz, rpy, axis in joints:
-        inside = f'<origin xyz="{xyz}" rpy="{rpy}"/>' + (f'<axis xyz="{axis}"/>' if axis else "")
+        inside = f'<origin xyz="{xyz}" rpy="{rpy}"/>' + (
+            f'<axis xyz="{axis}"/>' if axis else ""
+        )
         limited = kind in ("revolute", "prismatic")
         texts.append(joint(name, kind, parent, child, inside + LIMIT * limited))
     return robot_text(*texts)

@@ -43,32 +43,43 @@ def in_line(chain: PlanarChain) -> np.ndarray:
 def test_jacobian_and_inverse_are_those_of_the_derivative_of_the_pose(chain):
     q, step = bent(chain), 1e-6
     columns = [
-        (chain.pose(q + step * e) - chain.pose(q - step * e)) / (2 * step) for e in np.eye(3)
+        (chain.pose(q + step * e) - chain.pose(q - step * e)) / (2 * step)
+        for e in np.eye(3)
     ]
     np.testing.assert_allclose(chain.jacobian(q), np.stack(columns, axis=-1), atol=1e-9)
     inverse = np.linalg.inv(chain.jacobian(q))
     np.testing.assert_allclose(chain.inverse_jacobian(q), inverse, rtol=1e-9, atol=1e-9)
 
 
-def test_segments_point_along_headings_that_give_the_joints_back_whatever_the_turns(chain):
+def test_segments_point_along_headings_that_give_the_joints_back_whatever_the_turns(
+    chain,
+):
     q = bent(chain)
     psi, segments = chain.segment_headings(q), np.diff(chain.points(q), axis=1)
     directions = np.stack([np.sin(psi), np.cos(psi)], axis=-1)
-    np.testing.assert_allclose(segments, chain.lengths[:, None] * directions, atol=1e-15)
+    np.testing.assert_allclose(
+        segments, chain.lengths[:, None] * directions, atol=1e-15
+    )
     assert np.array_equal(chain.points(q)[:, 0], np.tile(chain.origin, (len(q), 1)))
     turns = 2 * np.pi * np.random.default_rng(6).integers(-2, 3, q.shape)
     np.testing.assert_allclose(chain.joints_from_segments(psi + turns), q, atol=1e-12)
     # the turns are those nearest to the middle of the limits
     middle = (chain.lower + chain.upper) / 2
-    beyond = chain.joints_from_segments(chain.segment_headings(middle + np.array([3.1, -3.1, 3.2])))
-    np.testing.assert_allclose(beyond - middle, [3.1, -3.1, 3.2 - 2 * np.pi], atol=1e-12)
+    beyond = chain.joints_from_segments(
+        chain.segment_headings(middle + np.array([3.1, -3.1, 3.2]))
+    )
+    np.testing.assert_allclose(
+        beyond - middle, [3.1, -3.1, 3.2 - 2 * np.pi], atol=1e-12
+    )
 
 
 @pytest.mark.filterwarnings("ignore:invalid value")
 def test_a_singular_pose_and_one_that_is_not_finite_are_refused_with_their_place(chain):
     q = bent(chain, 12).reshape(3, 4, 3)
     q[1, 2] = in_line(chain)
-    with pytest.raises(SingularJacobianError, match=r"singular at 1 frame\(s\)") as refused:
+    with pytest.raises(
+        SingularJacobianError, match=r"singular at 1 frame\(s\)"
+    ) as refused:
         chain.inverse_jacobian(q, what="frame")
     evidence = refused.value.evidence
     assert evidence.pop("least_singular_value") < 1e-15
@@ -82,7 +93,11 @@ def test_a_singular_pose_and_one_that_is_not_finite_are_refused_with_their_place
 def test_a_pose_is_singular_where_the_determinant_is_below_its_share(chain):
     # the second joint by up to twice the edge off a straight arm, stretched or folded
     rng = np.random.default_rng(5)
-    q = in_line(chain) + rng.uniform(-1, 1, (4000, 3)) * [3.0, 2 * np.arcsin(SINGULAR_SINE), 3.0]
+    q = in_line(chain) + rng.uniform(-1, 1, (4000, 3)) * [
+        3.0,
+        2 * np.arcsin(SINGULAR_SINE),
+        3.0,
+    ]
     q[::2, 1] += np.pi
     edge = SINGULAR_SINE * chain.lengths[0] * chain.lengths[1]
     flat = np.abs(np.linalg.det(chain.jacobian(q))) < edge
@@ -90,7 +105,9 @@ def test_a_pose_is_singular_where_the_determinant_is_below_its_share(chain):
     np.testing.assert_array_equal(chain.singular(q), flat)
     regular = q[~flat]
     product_of_both = chain.inverse_jacobian(regular) @ chain.jacobian(regular)
-    np.testing.assert_allclose(product_of_both, np.tile(np.eye(3), (len(regular), 1, 1)), atol=1e-9)
+    np.testing.assert_allclose(
+        product_of_both, np.tile(np.eye(3), (len(regular), 1, 1)), atol=1e-9
+    )
 
 
 ORDER = [1, 2, 0]  # of the rows z, phi, x, for which there are no closed forms
@@ -104,7 +121,12 @@ def options(request, tmp_path_factory) -> dict:
     """
     file = tmp_path_factory.mktemp("urdf") / "robot.urdf"
     if request.param == "youbot":
-        return {"urdf": str(YOUBOT), "joints": JOINTS, "tool": "arm_tool", "locked": LOCKED}
+        return {
+            "urdf": str(YOUBOT),
+            "joints": JOINTS,
+            "tool": "arm_tool",
+            "locked": LOCKED,
+        }
     if request.param == "ur5":
         joints = ["joint_2", "joint_3", "joint_4"]
         return {"urdf": str(UR5), "joints": joints, "tool": "wrist_centre"}
@@ -144,7 +166,8 @@ def test_pose_joints_and_jacobian_are_the_whole_robots_seen_in_the_plane(options
     rotation = places[:, 3:].reshape(-1, 3, 3)
     np.testing.assert_allclose(turn @ rotation[0], rotation, atol=1e-12)
     (vx, vy, vz), (wx, wy, wz) = (
-        np.moveaxis(arm.rotation.T @ part, 1, 0) for part in (jacobians[:, :3], jacobians[:, 3:])
+        np.moveaxis(arm.rotation.T @ part, 1, 0)
+        for part in (jacobians[:, :3], jacobians[:, 3:])
     )
     planar = np.stack([vx, vz, wy], axis=1)
     np.testing.assert_allclose(arm.chain.jacobian(q), planar, atol=1e-12)
@@ -161,11 +184,16 @@ def test_steps_and_displacements_of_the_serial_chain_are_the_same(both):
     for name in ("lower", "upper", "max_speed"):
         np.testing.assert_array_equal(*(getattr(chain, name) for chain in both))
     q, v = bent(planar, 100), np.random.default_rng(2).normal(size=3)
-    size, step = 1e-12 * np.abs(planar.inverse_jacobian(q)).max(), planar.nominal_step(q, v)
+    size, step = (
+        1e-12 * np.abs(planar.inverse_jacobian(q)).max(),
+        planar.nominal_step(q, v),
+    )
     np.testing.assert_allclose(serial.nominal_step(q, v[ORDER]), step, atol=size)
     assert not planar.null_step(q, v).any() and planar.null_step(q, v).shape == q.shape
     steps = np.random.default_rng(3).uniform(-1, 1, q.shape)  # up to half a turn
-    (start, end), (here, there) = ((chain.pose(q), chain.pose(q + steps)) for chain in both)
+    (start, end), (here, there) = (
+        (chain.pose(q), chain.pose(q + steps)) for chain in both
+    )
     expected = planar.displacement(start, end)[:, ORDER]
     np.testing.assert_allclose(serial.displacement(here, there), expected, atol=1e-12)
 
@@ -173,8 +201,16 @@ def test_steps_and_displacements_of_the_serial_chain_are_the_same(both):
 @pytest.mark.parametrize(
     ("joints", "tool", "words"),
     [
-        (["shoulder", "telescope", "elbow"], "flange", "three revolute joints with limits"),
-        (["turret", "shoulder", "elbow"], "flange", "shoulder, elbow are not parallel to turret"),
+        (
+            ["shoulder", "telescope", "elbow"],
+            "flange",
+            "three revolute joints with limits",
+        ),
+        (
+            ["turret", "shoulder", "elbow"],
+            "flange",
+            "shoulder, elbow are not parallel to turret",
+        ),
         (["shoulder", "elbow", "wrist"], "hand", "lie on one axis"),
     ],
 )

@@ -30,8 +30,23 @@ from pipeline.core.options.dataset import Robot
 from tests.arm.arm_urdfs import YOUBOT, by_pinocchio, jn, random_text
 
 R, P = "revolute", "prismatic"
-KINDS = [[R], [P, R], [R, R, P], [R, P, R, R], [R] * 5, [P, P, P, R, R, R], [R] * 7, [R, P] * 4]
-TASKS = [["y"], ["rz", "x"], ["z", "x", "ry"], ["x", "y", "z", "rx"], ["rz", "ry", "rx", "z", "y"]]
+KINDS = [
+    [R],
+    [P, R],
+    [R, R, P],
+    [R, P, R, R],
+    [R] * 5,
+    [P, P, P, R, R, R],
+    [R] * 7,
+    [R, P] * 4,
+]
+TASKS = [
+    ["y"],
+    ["rz", "x"],
+    ["z", "x", "ry"],
+    ["x", "y", "z", "rx"],
+    ["rz", "ry", "rx", "z", "y"],
+]
 LENGTH = 0.4
 
 
@@ -40,8 +55,15 @@ UNIVERSAL = [f"{name}_joint" for name in ("shoulder_pan", "shoulder_lift", "elbo
 UNIVERSAL += [f"wrist_{j}_joint" for j in (1, 2, 3)]
 PANDA, XARM = ([f"{name}{j}" for j in range(1, 8)] for name in ("panda_joint", "joint"))
 KINOVA = [f"j2s6s200_joint_{j}" for j in range(1, 7)]  # three of them are continuous
-TIAGO = ["torso_lift_joint", *(f"arm_{j}_joint" for j in range(1, 8))]  # the torso slides
-TALOS = ["torso_1_joint", "torso_2_joint", *(f"arm_left_{j}_joint" for j in range(1, 7))]
+TIAGO = [
+    "torso_lift_joint",
+    *(f"arm_{j}_joint" for j in range(1, 8)),
+]  # the torso slides
+TALOS = [
+    "torso_1_joint",
+    "torso_2_joint",
+    *(f"arm_left_{j}_joint" for j in range(1, 7)),
+]
 PUBLIC = {  # URDF: joints, tip, base
     "ur_description/urdf/ur5_robot": (UNIVERSAL, "tool0", "base"),
     "ur_description/urdf/ur10_robot": (UNIVERSAL, "ee_link", "base_link"),
@@ -56,7 +78,10 @@ PUBLIC = {  # URDF: joints, tip, base
 def robot_of(name: str, file: Path) -> Robot:
     """The options of an arm; one of random joints is written to ``file``."""
     if name == "youbot":  # all five joints of the arm and the task that they can do
-        joints, task = [f"arm_joint_{j}" for j in range(1, 6)], ["rx", "z", "y", "x", "rz"]
+        joints, task = (
+            [f"arm_joint_{j}" for j in range(1, 6)],
+            ["rx", "z", "y", "x", "rz"],
+        )
         return Robot(str(YOUBOT), joints, "arm_tool", task=task, length=LENGTH)
     if name in ("UR5", "LWR4"):
         return replace(getattr(space_arms, name), length=0.3)
@@ -92,7 +117,9 @@ def regular(chain, count: int = 150) -> np.ndarray:
     return q[least > 10 * LEAST_SINGULAR * chain.scale][:count]
 
 
-def test_pose_and_jacobian_are_pinocchios_and_the_inverse_numpys_pseudoinverse(robot, chain):
+def test_pose_and_jacobian_are_pinocchios_and_the_inverse_numpys_pseudoinverse(
+    robot, chain
+):
     q = poses(chain)
     places, jacobians = by_pinocchio(robot, robot.tool, q)
     np.testing.assert_allclose(chain.pose(q), places, rtol=0, atol=1e-12)
@@ -101,23 +128,35 @@ def test_pose_and_jacobian_are_pinocchios_and_the_inverse_numpys_pseudoinverse(r
     assert len(q) > 50
     expected = np.linalg.pinv(chain.jacobian(q))
     size = np.linalg.norm(expected, axis=(-2, -1), keepdims=True)
-    np.testing.assert_allclose(chain.inverse_jacobian(q) / size, expected / size, atol=1e-12)
+    np.testing.assert_allclose(
+        chain.inverse_jacobian(q) / size, expected / size, atol=1e-12
+    )
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("urdf", PUBLIC)
 def test_arms_of_the_public_collection_are_pinocchios(urdf):
-    places = PEERS.glob("lib/*/site-packages/cmeel.prefix/share/example-robot-data/robots")
+    places = PEERS.glob(
+        "lib/*/site-packages/cmeel.prefix/share/example-robot-data/robots"
+    )
     if (collection := next(places, None)) is None:
-        pytest.skip("example-robot-data is absent; `make test-all` installs it in .venv-peers")
+        pytest.skip(
+            "example-robot-data is absent; `make test-all` installs it in .venv-peers"
+        )
     robot = Robot(str(collection / f"{urdf}.urdf"), *PUBLIC[urdf], length=0.3)
     test_pose_and_jacobian_are_pinocchios_and_the_inverse_numpys_pseudoinverse(
         robot, chain_of(robot)
     )
 
 
-def test_compiled_blocks_hold_the_same_poses_jacobians_and_singular_poses(chain, monkeypatch):
-    q, arm, (m, n) = poses(chain, WIDTH), chain.numbers(), (len(chain.task), len(chain.lower))
+def test_compiled_blocks_hold_the_same_poses_jacobians_and_singular_poses(
+    chain, monkeypatch
+):
+    q, arm, (m, n) = (
+        poses(chain, WIDTH),
+        chain.numbers(),
+        (len(chain.task), len(chain.lower)),
+    )
     rows, block = block_rows(n, m), np.full((block_rows(n, m).size, WIDTH), np.nan)
     from_python(tip)(arm, q.T.copy(), 0, WIDTH, block)
     np.testing.assert_allclose(block[: POSITION + 12].T, chain.pose(q), atol=1e-12)
@@ -126,11 +165,16 @@ def test_compiled_blocks_hold_the_same_poses_jacobians_and_singular_poses(chain,
     np.testing.assert_allclose(jacobians, chain.jacobian(q), atol=1e-12)
     places = rows.jacobian, rows.lower, rows.inverse
     from_python(cholesky)(block, *places, m, n, 0.0, WIDTH)
-    for bound in (LEAST_SINGULAR, np.median(chain.least_singular_value(q)) / chain.scale):
+    for bound in (
+        LEAST_SINGULAR,
+        np.median(chain.least_singular_value(q)) / chain.scale,
+    ):
         monkeypatch.setattr("pipeline.arm.serial.LEAST_SINGULAR", bound)
         places = rows.jacobian, rows.lower, rows.spare, rows.singular
         from_python(mark_singular)(block, replace(chain).numbers(), *places, WIDTH)
-        np.testing.assert_array_equal(block[rows.singular] > 0, replace(chain).singular(q))
+        np.testing.assert_array_equal(
+            block[rows.singular] > 0, replace(chain).singular(q)
+        )
 
 
 def test_what_is_singular_is_so_by_the_least_singular_value(chain, monkeypatch):
@@ -143,14 +187,18 @@ def test_what_is_singular_is_so_by_the_least_singular_value(chain, monkeypatch):
     assert 850 < same.singular(q).sum() < 950
 
 
-def test_a_step_does_the_task_and_the_rest_of_the_command_where_the_task_does_not_feel_it(chain):
+def test_a_step_does_the_task_and_the_rest_of_the_command_where_the_task_does_not_feel_it(
+    chain,
+):
     q, m = regular(chain), len(chain.task)
     command = np.random.default_rng(2).normal(size=(len(q), m + q.shape[1]))
     v, w = command[:, :m], command[:, m:]
     jacobian, back = chain.jacobian(q), np.linalg.pinv(chain.jacobian(q))
     rest = chain.null_step(q, command)
     np.testing.assert_allclose(np.matvec(jacobian, rest), 0, atol=1e-11)
-    np.testing.assert_allclose(rest, w - np.matvec(back, np.matvec(jacobian, w)), atol=1e-10)
+    np.testing.assert_allclose(
+        rest, w - np.matvec(back, np.matvec(jacobian, w)), atol=1e-10
+    )
     step = chain.nominal_step(q, command)
     np.testing.assert_allclose(np.matvec(jacobian, step), v, atol=1e-10)
     np.testing.assert_allclose(step - rest, chain.nominal_step(q, v), atol=1e-14)
@@ -160,13 +208,18 @@ def test_a_step_does_the_task_and_the_rest_of_the_command_where_the_task_does_no
 
 
 def test_the_displacement_is_scipys_rotation_vector_times_the_length(robot, chain):
-    start, end = chain.pose(poses(chain, 40))[None, :20], chain.pose(poses(chain, 40))[20:, None]
+    start, end = (
+        chain.pose(poses(chain, 40))[None, :20],
+        chain.pose(poses(chain, 40))[20:, None],
+    )
     result = chain.displacement(start, end)
     turns = [Rotation.from_matrix(x[..., 3:].reshape(-1, 3, 3)) for x in (start, end)]
     for i, j in np.ndindex(20, 20):
         way = end[i, 0, :3] - start[0, j, :3]
         turn = (turns[1][i] * turns[0][j].inv()).as_rotvec() * robot.length
-        all_rows = dict(zip(("x", "y", "z", "rx", "ry", "rz"), [*way, *turn], strict=True))
+        all_rows = dict(
+            zip(("x", "y", "z", "rx", "ry", "rz"), [*way, *turn], strict=True)
+        )
         expected = [all_rows[name] for name in chain.task]
         np.testing.assert_allclose(result[i, j], expected, atol=1e-12)
 
@@ -176,7 +229,10 @@ def test_compiled_displacements_lose_digits_as_the_turn_nears_half_a_turn(gap):
     rng = np.random.default_rng(1)
     axes = rng.normal(size=(WIDTH, 3))
     expected = (np.pi - gap) * axes / np.linalg.norm(axes, axis=1, keepdims=True)
-    turns, target = np.array([pin.exp3(each) for each in expected]), pin.exp3(rng.normal(size=3))
+    turns, target = (
+        np.array([pin.exp3(each) for each in expected]),
+        pin.exp3(rng.normal(size=3)),
+    )
     block = np.zeros((JOINTS + 12, WIDTH))
     block[ROTATION : ROTATION + 9] = (turns.swapaxes(1, 2) @ target).reshape(WIDTH, 9).T
     arm = np.empty(0), np.empty((0, 6)), np.zeros(1), np.arange(6), np.ones(6), 0
@@ -186,7 +242,9 @@ def test_compiled_displacements_lose_digits_as_the_turn_nears_half_a_turn(gap):
     error = np.abs(block[JOINTS + 9 :].T - expected).max()
     assert error < 4e-15 / gap
     # by NumPy at any angle, and by Pinocchio
-    np.testing.assert_allclose(rotation_vector(turns), expected, atol=1e-9 if gap < 1e-3 else 1e-12)
+    np.testing.assert_allclose(
+        rotation_vector(turns), expected, atol=1e-9 if gap < 1e-3 else 1e-12
+    )
     assert np.abs(pin.log3(turns[0]) - rotation_vector(turns[0])).max() < 1e-10
 
 
@@ -208,16 +266,26 @@ def test_every_batch_shape_holds_what_single_poses_give_and_poses_that_are_no_nu
     for broken in (np.nan, np.inf):
         bad = q.reshape(2, 3, -1).copy()
         bad[1, 2, -1] = broken
-        with pytest.raises(SingularJacobianError, match=r"singular at 1 frame\(s\)") as refused:
+        with pytest.raises(
+            SingularJacobianError, match=r"singular at 1 frame\(s\)"
+        ) as refused:
             chain.inverse_jacobian(bad, what="frame")
         assert refused.value.evidence["index"] == (1, 2)
         assert chain.singular(bad).sum() == 1
 
 
 def test_each_step_of_a_trajectory_is_the_displacement_between_two_poses():
-    arm, t = replace(space_arms.revolute_arm(7), length=0.5), np.maximum(np.arange(30) - 5, 0) / 20
-    motion = 0.5 + np.sin(t)[:, None] * np.linspace(-1.2, 1.0, 7)  # at rest over five steps
-    table, pose = trajectory_table(arm, motion, 50.0, tuple("abcdefg")), arm.pose(motion)
+    arm, t = (
+        replace(space_arms.revolute_arm(7), length=0.5),
+        np.maximum(np.arange(30) - 5, 0) / 20,
+    )
+    motion = 0.5 + np.sin(t)[:, None] * np.linspace(
+        -1.2, 1.0, 7
+    )  # at rest over five steps
+    table, pose = (
+        trajectory_table(arm, motion, 50.0, tuple("abcdefg")),
+        arm.pose(motion),
+    )
     steps, places = values(table, "v") / 50.0, values(table, "x")
     turns = Rotation.from_matrix(pose[:, 3:].reshape(-1, 3, 3))
     np.testing.assert_allclose(steps[:-1, :3], np.diff(pose[:, :3], axis=0), atol=1e-12)

@@ -13,14 +13,29 @@ from space_arms import UR5 as ARM
 from pipeline.arm.model import chain_of, link_chains
 from pipeline.core.errors import ConfigError
 from pipeline.core.options.dataset import Robot
-from tests.arm.arm_urdfs import LIMIT, YOUBOT, by_pinocchio, jn, joint, origin, robot_text
+from tests.arm.arm_urdfs import (
+    LIMIT,
+    YOUBOT,
+    by_pinocchio,
+    jn,
+    joint,
+    origin,
+    robot_text,
+)
 
 PLACE = origin(pin.SE3(pin.rpy.rpyToMatrix(0.3, -0.5, 0.8), np.array([0.1, 0.2, 0.3])))
 MIMIC = '<mimic joint="j1" multiplier="-2" offset="0.1"/>'
 FINGER = MIMIC.replace("j1", "right")
 
 
-def moving(name: str, kind: str, parent: str, child: str, axis: str = "0 0.6 0.8", more: str = ""):
+def moving(
+    name: str,
+    kind: str,
+    parent: str,
+    child: str,
+    axis: str = "0 0.6 0.8",
+    more: str = "",
+):
     limit = LIMIT if kind in ("revolute", "prismatic") else ""
     return joint(name, kind, parent, child, f'{PLACE}<axis xyz="{axis}"/>{limit}{more}')
 
@@ -50,7 +65,9 @@ def agrees(robot: Robot, tip: str) -> bool:
 def test_locked_joints_before_between_and_behind_are_held_where_they_are_named():
     names = [f"arm_joint_{j}" for j in (1, 3, 4)]
     held = {"arm_joint_2": 1.1, "arm_joint_5": 0.4}
-    assert agrees(Robot(str(YOUBOT), names, locked=held, task=["x", "y", "z"]), "arm_tool")
+    assert agrees(
+        Robot(str(YOUBOT), names, locked=held, task=["x", "y", "z"]), "arm_tool"
+    )
 
 
 def test_the_task_has_the_axes_of_the_base_that_is_named(file):
@@ -80,7 +97,10 @@ def test_the_tip_is_the_only_last_link_beyond_the_joints_or_the_one_that_is_name
 
 @pytest.mark.parametrize(
     ("robot", "links"),
-    [(ARM, ["shoulder", "forearm", "wrist_2", "flange"]), (LWR4, ["link_2", "link_5", "flange"])],
+    [
+        (ARM, ["shoulder", "forearm", "wrist_2", "flange"]),
+        (LWR4, ["link_2", "link_5", "flange"]),
+    ],
 )
 def test_a_links_frame_lies_where_pinocchio_has_it(robot, links):
     q = np.random.default_rng(1).uniform(-2, 2, (50, len(robot.joints)))
@@ -98,14 +118,25 @@ def test_a_links_frame_lies_where_pinocchio_has_it(robot, links):
     [
         # a finger that follows another, behind the tip
         (
-            [("right", "prismatic", "l1", "r"), ("left", "prismatic", "l1", "l", FINGER)],
+            [
+                ("right", "prismatic", "l1", "r"),
+                ("left", "prismatic", "l1", "l", FINGER),
+            ],
             {"joints": ["j1"], "tool": "l1", "task": ["ry"]},
             "l1",
         ),
         # a fixed joint whose description says that it follows another
-        ([("hand", "fixed", "l1", "l2", MIMIC)], {"joints": ["j1"], "task": ["x"]}, "l2"),
+        (
+            [("hand", "fixed", "l1", "l2", MIMIC)],
+            {"joints": ["j1"], "task": ["x"]},
+            "l2",
+        ),
         # a tool whose name the next joint has too
-        ([("l1", "revolute", "l1", "l2")], {"joints": ["j1"], "tool": "l1", "task": ["ry"]}, "l1"),
+        (
+            [("l1", "revolute", "l1", "l2")],
+            {"joints": ["j1"], "tool": "l1", "task": ["ry"]},
+            "l1",
+        ),
         # a continuous joint that is held
         (
             [("turn", "continuous", "l1", "l2"), ("j2", "revolute", "l2", "l3")],
@@ -116,7 +147,9 @@ def test_a_links_frame_lies_where_pinocchio_has_it(robot, links):
         ([("turn", "continuous", "l1", "l2")], {"joints": ["j1", "turn"]}, "l2"),
     ],
 )
-def test_joints_beside_and_within_the_arm_are_as_in_pinocchio(file, joints, options, tip):
+def test_joints_beside_and_within_the_arm_are_as_in_pinocchio(
+    file, joints, options, tip
+):
     urdf = file(
         moving("j1", "revolute", "l0", "l1"),
         *(moving(*one[:4], "1 0 0", "".join(one[4:])) for one in joints),
@@ -137,9 +170,13 @@ def test_coupled_joints_are_held_where_those_that_they_follow_are_held(file):
         moving("j3", "revolute", "l3", "l4", "1 0 0"),
     )
     held = chain_of(Robot(urdf, ["j2", "j3"], locked={"j1": 0.4}, task=["x", "rz"]))
-    expected = Robot(urdf, ["j2", "j3"], locked={"j1": 0.4, "coupled": 0.1 - 0.8}, task=["x", "rz"])
+    expected = Robot(
+        urdf, ["j2", "j3"], locked={"j1": 0.4, "coupled": 0.1 - 0.8}, task=["x", "rz"]
+    )
     q = np.random.default_rng(1).uniform(-1, 1, (5, 2))
-    np.testing.assert_allclose(held.pose(q), by_pinocchio(expected, "l4", q)[0], atol=1e-12)
+    np.testing.assert_allclose(
+        held.pose(q), by_pinocchio(expected, "l4", q)[0], atol=1e-12
+    )
 
 
 def chain(count: int, *, kind: str = "revolute", inside: str = LIMIT) -> list[str]:
@@ -160,30 +197,74 @@ COUPLED = robot_text(TWO[0], *chain(2, inside=LIMIT + '<mimic joint="j1"/>')[1:]
 REFUSED = [  # URDF, options, words of the refusal
     ("<robot", {}, r"robot\.urdf: this is not a URDF file"),
     ("<robot name='a'/>", {}, "no joint 'j1'"),
-    ("<?xml version='1.0' encoding='klingon'?><robot/>", {}, "not a URDF file .unknown encoding"),
-    ("<robot><xacro:arm/></robot>", {}, "a xacro: expand it with xacro robot.urdf > arm.urdf"),
+    (
+        "<?xml version='1.0' encoding='klingon'?><robot/>",
+        {},
+        "not a URDF file .unknown encoding",
+    ),
+    (
+        "<robot><xacro:arm/></robot>",
+        {},
+        "a xacro: expand it with xacro robot.urdf > arm.urdf",
+    ),
     (robot_text(*TWO).replace("0.1 0.2", "${x} 0.2"), {}, "a xacro: expand it"),
     (robot_text(*TWO, TWO[0]), {}, "'l1' occurs twice.*: connect all links"),
     (robot_text(*TWO, LOOP), {"tool": "l2"}, "0 root links"),
-    (robot_text(*TWO).replace('upper="2.5"', 'upper="nan"'), {}, "limit or mimic of the joint j1"),
-    (robot_text(*chain(2, inside="")), {}, "joint j1 has no limits.*or the type continuous"),
-    (robot_text(*chain(2, inside='<limit velocity="1" effort="1"/>')), {}, "j1 has no limits"),
-    (robot_text(*chain(2, inside=LIMIT.replace("-2.5", "x"))), {}, "limit or mimic of the joint"),
+    (
+        robot_text(*TWO).replace('upper="2.5"', 'upper="nan"'),
+        {},
+        "limit or mimic of the joint j1",
+    ),
+    (
+        robot_text(*chain(2, inside="")),
+        {},
+        "joint j1 has no limits.*or the type continuous",
+    ),
+    (
+        robot_text(*chain(2, inside='<limit velocity="1" effort="1"/>')),
+        {},
+        "j1 has no limits",
+    ),
+    (
+        robot_text(*chain(2, inside=LIMIT.replace("-2.5", "x"))),
+        {},
+        "limit or mimic of the joint",
+    ),
     (robot_text(*TWO).replace("0 0 1", "0 0 0"), {}, "the axis of j1 has length 0"),
     (robot_text(*TWO, *HANDS), {}, r"robot.tool: .* name one of \['left', 'right'\]"),
     (COUPLED, {}, "j2 is coupled to j1"),
-    (robot_text(*TWO, joint("j3", "floating", "l2", "l3")), {}, "j3 before the tip is floating"),
-    (robot_text(*TWO), {"joints": ["j1", "elbow"]}, r"no joint 'elbow'.*it has \['j1', 'j2'\]"),
-    (robot_text(*TWO), {"joints": ["j2", "j1"]}, r"one chain .*'l2' are \['j1', 'j2'\]: name them"),
+    (
+        robot_text(*TWO, joint("j3", "floating", "l2", "l3")),
+        {},
+        "j3 before the tip is floating",
+    ),
+    (
+        robot_text(*TWO),
+        {"joints": ["j1", "elbow"]},
+        r"no joint 'elbow'.*it has \['j1', 'j2'\]",
+    ),
+    (
+        robot_text(*TWO),
+        {"joints": ["j2", "j1"]},
+        r"one chain .*'l2' are \['j1', 'j2'\]: name them",
+    ),
     (robot_text(*TWO), {"tool": "l1"}, r"one chain .*move 'l1' are \['j1'\]"),
     (robot_text(*TWO), {"tool": "hand"}, "robot.tool: no frame 'hand'"),
     (robot_text(*TWO), {"base": "floor"}, "robot.base: no frame 'floor'"),
     (robot_text(*TWO), {"base": "l1"}, "robot.base: 'l1' moves with j1"),
     (robot_text(*TWO), {"locked": {"j1": 0.0}}, "j1 cannot be locked"),
     (robot_text(*TWO), {"locked": {"elbow": 0.0}}, "robot.locked: no joint 'elbow'"),
-    (robot_text(*TWO), {"urdf": "absent.urdf"}, "No such file or directory.; state its path"),
+    (
+        robot_text(*TWO),
+        {"urdf": "absent.urdf"},
+        "No such file or directory.; state its path",
+    ),
     # rows that the arm cannot move
-    (robot_text(*TWO).replace("1 0 0", "0 0 1"), {"task": ["z", "x"]}, "cannot move z; remove"),
+    (
+        robot_text(*TWO).replace("1 0 0", "0 0 1"),
+        {"task": ["z", "x"]},
+        "cannot move z; remove",
+    ),
     (robot_text(LEANING.replace("1 0 0", "0.8 0.6 0")), {}, "cannot move z"),
 ]
 
@@ -192,14 +273,20 @@ REFUSED = [  # URDF, options, words of the refusal
 def test_what_is_no_arm_is_refused(file, text, options, words):
     urdf = file(text=text)
     with pytest.raises(ConfigError, match=words) as refused:
-        chain_of(Robot(**({"urdf": urdf, "joints": jn(2), "task": ["x", "z"]} | options)))
+        chain_of(
+            Robot(**({"urdf": urdf, "joints": jn(2), "task": ["x", "z"]} | options))
+        )
     assert refused.value.evidence["file"] == Path(options.get("urdf", urdf))
 
 
 @pytest.mark.parametrize(
     ("options", "key", "words"),
     [
-        ({"task": ["x", "yaw"]}, "task", "must name rows of x, y, z, rx, ry, rz, each once"),
+        (
+            {"task": ["x", "yaw"]},
+            "task",
+            "must name rows of x, y, z, rx, ry, rz, each once",
+        ),
         ({"task": ["x", "y"], "plane": True}, "task", "must name rows of x, z, phi"),
         ({"joints": jn(5)}, "task", "6 rows are more than 5 joints"),
         ({"joints": ["j1"] * 6}, "joints", "must name each joint once"),

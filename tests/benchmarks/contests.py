@@ -24,7 +24,10 @@ RUNS = 3
 LEVELS = {
     "host": {},
     "x86-64-v3": {"NUMBA_CPU_NAME": "x86-64-v3", "NUMBA_CPU_FEATURES": "+avx2,+fma"},
-    "x86-64-v4": {"NUMBA_CPU_NAME": "x86-64-v4", "NUMBA_CPU_FEATURES": "+avx2,+fma,+avx512f"},
+    "x86-64-v4": {
+        "NUMBA_CPU_NAME": "x86-64-v4",
+        "NUMBA_CPU_FEATURES": "+avx2,+fma,+avx512f",
+    },
 }
 SECONDS, CALLS = 0.4, 9  # least time and number of calls of either side
 KEPT = ("group", "name", "param", "extra_info")
@@ -41,7 +44,9 @@ def machine() -> str:
     processor = re.search(r"model name\s*: (.+)", Path("/proc/cpuinfo").read_text())[1]
     cores = len(os.sched_getaffinity(0))
     memory = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") / 2**30
-    return f"{processor}, {cores} cores, {memory:.0f} GiB of memory, {platform.system()}"
+    return (
+        f"{processor}, {cores} cores, {memory:.0f} GiB of memory, {platform.system()}"
+    )
 
 
 def write_results(name: str, measured: dict) -> None:
@@ -55,9 +60,21 @@ def run_contests(file: Path, level: str) -> list[dict]:
     than the host's; return what pytest-benchmark writes to ``file``.
     """
     tests = HERE if level == "host" else HERE / "test_particle_filter.py"
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:xdist", "--benchmark-enable"]
+    command = [
+        sys.executable,
+        "-m",
+        "pytest",
+        "-q",
+        "-p",
+        "no:xdist",
+        "--benchmark-enable",
+    ]
     command += ["--benchmark-only", f"--benchmark-max-time={SECONDS}"]
-    command += [f"--benchmark-min-rounds={CALLS}", f"--benchmark-json={file}", str(tests)]
+    command += [
+        f"--benchmark-min-rounds={CALLS}",
+        f"--benchmark-json={file}",
+        str(tests),
+    ]
     subprocess.run(command, cwd=ROOT, check=True, env=os.environ | LEVELS[level])
     benchmarks = json.loads(file.read_text())["benchmarks"]
     for benchmark in benchmarks:
@@ -70,14 +87,20 @@ def main(folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     benchmarks = []
     for level in ("host", "x86-64-v3"):
-        runs = [run_contests(folder / f"{level}_{number}.json", level) for number in range(RUNS)]
+        runs = [
+            run_contests(folder / f"{level}_{number}.json", level)
+            for number in range(RUNS)
+        ]
         benchmarks += [
-            {key: same[-1][key] for key in KEPT} | {"least": [one["stats"]["min"] for one in same]}
+            {key: same[-1][key] for key in KEPT}
+            | {"least": [one["stats"]["min"] for one in same]}
             for same in zip(*runs, strict=True)
         ]
     ask = [INTERPRETER, "-c", ASK_VERSIONS, *PEERS]
     theirs = json.loads(subprocess.run(ask, check=True, stdout=subprocess.PIPE).stdout)
-    ours = {"python": platform.python_version()} | {name: version(name) for name in OURS}
+    ours = {"python": platform.python_version()} | {
+        name: version(name) for name in OURS
+    }
     info = {"machine": machine(), "versions": ours | theirs}
     write_results("contests", {"machine_info": info, "benchmarks": benchmarks})
 

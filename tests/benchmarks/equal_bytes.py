@@ -17,7 +17,11 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from contests import LEVELS, machine, write_results  # before numpy: it fixes the arithmetic
+from contests import (
+    LEVELS,
+    machine,
+    write_results,
+)  # before numpy: it fixes the arithmetic
 
 if "CORETYPE" in os.environ:  # of the control
     os.environ["OPENBLAS_CORETYPE"] = os.environ["CORETYPE"]
@@ -65,13 +69,21 @@ def pieces(threads: int) -> Iterator[tuple[str, list[np.ndarray]]]:
         steps = data.chain, data.q, data.v, data.q_next
         likelihood = fit.model.log_density(*steps, data.measurement).mean()
         yield f"fit, {file.stem}", [np.array([*fit.estimates.values(), likelihood])]
-        motion = Take(youbot.scene._replace(model=fit.model), youbot.steps, youbot.measurements)
+        motion = Take(
+            youbot.scene._replace(model=fit.model), youbot.steps, youbot.measurements
+        )
         yield f"filter, {file.stem}", filtered(motion, threads)
     for arm in ("ur5", "lwr4"):
         yield f"filter, {arm}", filtered(take(30, arm), threads)
-    samples = np.random.default_rng(28).standard_normal((100_000, 2)) @ [[2.0, -1.0], [0.0, 1.0]]
+    samples = np.random.default_rng(28).standard_normal((100_000, 2)) @ [
+        [2.0, -1.0],
+        [0.0, 1.0],
+    ]
     grid = np.linspace(-6.0, 6.0, 128)
-    yield "density", [kernel_density(samples, grid, grid, normal_reference_bandwidth(samples))]
+    yield (
+        "density",
+        [kernel_density(samples, grid, grid, normal_reference_bandwidth(samples))],
+    )
 
 
 def write_hashes(answer: Path, threads: int) -> None:
@@ -92,7 +104,10 @@ def hashes_under(
         copy_project(project)
         for compiled in [*project.rglob("__pycache__")]:
             shutil.rmtree(compiled)
-    answer, program = project / "hashes.json", project / "tests/benchmarks/equal_bytes.py"
+    answer, program = (
+        project / "hashes.json",
+        project / "tests/benchmarks/equal_bytes.py",
+    )
     setting = os.environ | {"NUMBA_NUM_THREADS": str(threads)} | environment
     command = [sys.executable, program, answer, str(threads)]
     subprocess.run(command, cwd=project, env=setting, check=True)
@@ -103,12 +118,20 @@ def main(folder: Path) -> None:
     """Compute under every setting that this processor can run, and write."""
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
-    flags = {*re.search(r"flags\s*: (.+)", Path("/proc/cpuinfo").read_text())[1].split()}
-    skipped = [n for n, (level, *_) in SETTINGS.items() if not NEEDED.get(level, set()) <= flags]
+    flags = {
+        *re.search(r"flags\s*: (.+)", Path("/proc/cpuinfo").read_text())[1].split()
+    }
+    skipped = [
+        n
+        for n, (level, *_) in SETTINGS.items()
+        if not NEEDED.get(level, set()) <= flags
+    ]
     run = {name: setting for name, setting in SETTINGS.items() if name not in skipped}
     run[CONTROL] = ("host", 1, OTHER)
     hashes = {name: hashes_under(*setting, folder) for name, setting in run.items()}
-    write_results("equal_bytes", {"machine": machine(), "skipped": skipped, "hashes": hashes})
+    write_results(
+        "equal_bytes", {"machine": machine(), "skipped": skipped, "hashes": hashes}
+    )
 
 
 if __name__ == "__main__":

@@ -15,7 +15,11 @@ from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 
-from contests import RESULTS, machine, write_results  # before numpy: it fixes the arithmetic
+from contests import (
+    RESULTS,
+    machine,
+    write_results,
+)  # before numpy: it fixes the arithmetic
 
 import numpy as np  # isort: skip
 import pandas as pd
@@ -57,14 +61,19 @@ def call_of(over: str, size: int) -> Callable[[], object]:
             return partial(take(STEPS, size).filtered, 10_000, rng)
         case "agents":
             return partial(run_study, Wrench([size], *CABLES, 1000, 1000, 1, 1), rng)
-    trial, compute = partial(posterior_hash, motion=take(STEPS), particles=1000), Compute(1)
+    trial, compute = (
+        partial(posterior_hash, motion=take(STEPS), particles=1000),
+        Compute(1),
+    )
     return lambda: list(run_trials(trial, range(size), compute=compute, label="takes"))
 
 
 def posterior_hash(number: int, motion: Take, particles: int) -> str:
     """Hash of the posterior of a take under its own stream."""
     posterior = motion.filtered(particles, np.random.default_rng(number))
-    return hashlib.sha256(posterior.mean.tobytes() + posterior.covariance.tobytes()).hexdigest()
+    return hashlib.sha256(
+        posterior.mean.tobytes() + posterior.covariance.tobytes()
+    ).hexdigest()
 
 
 def in_a_process(function: Callable, *arguments: object) -> object:
@@ -94,7 +103,10 @@ def costs(over: str, sizes: Sequence[int]) -> np.ndarray:
 
 def megabytes(name: str) -> float:
     """One of this process's sizes in /proc/self/status."""
-    return int(re.search(rf"{name}:\s+(\d+) kB", Path("/proc/self/status").read_text())[1]) / 1e3
+    return (
+        int(re.search(rf"{name}:\s+(\d+) kB", Path("/proc/self/status").read_text())[1])
+        / 1e3
+    )
 
 
 def slope(sizes: Sequence[int], values: np.ndarray) -> float:
@@ -109,8 +121,16 @@ def measure_growth() -> None:
     for over, sizes in SIZES.items():
         seconds, memory = costs(over, sizes)
         grows = np.all(memory[len(sizes) // 2 :] > LEAST_MEMORY)
-        row = {"over": over, "from": sizes[0], "to": sizes[-1], "seconds_at_most": seconds[-1]}
-        row |= {"time_slope": slope(sizes, seconds), "time_limit": LIMITS.get(over, np.nan)}
+        row = {
+            "over": over,
+            "from": sizes[0],
+            "to": sizes[-1],
+            "seconds_at_most": seconds[-1],
+        }
+        row |= {
+            "time_slope": slope(sizes, seconds),
+            "time_limit": LIMITS.get(over, np.nan),
+        }
         rows.append(row | {"memory_slope": slope(sizes, memory) if grows else np.nan})
     pd.DataFrame(rows).round(4).to_csv(RESULTS / "growth.csv", index=False)
 
@@ -119,7 +139,10 @@ def many_particles(many: int) -> dict[str, float]:
     """Time in s and memory in bytes of a particle (and step) at ``many`` and at a hundredth."""
     few = many // 100
     seconds, memory = costs("particles", (few, many))
-    times = {"seconds_few": seconds[0] / (few * STEPS), "seconds_many": seconds[1] / (many * STEPS)}
+    times = {
+        "seconds_few": seconds[0] / (few * STEPS),
+        "seconds_many": seconds[1] / (many * STEPS),
+    }
     size = 1e6 * (memory[1] - memory[0]) / (many - few)
     return {"few": few, "many": many} | times | {"bytes_of_a_particle": size}
 
@@ -147,18 +170,24 @@ def cluster_runs(trials: int) -> dict[str, object]:
     on the cluster when a worker is killed meanwhile; number of trials with equal bytes in each.
     """
     function = partial(posterior_hash, motion=take(STEPS), particles=20_000)
-    alone = list(run_trials(function, range(trials), compute=Compute(1), label="posteriors"))
+    alone = list(
+        run_trials(function, range(trials), compute=Compute(1), label="posteriors")
+    )
     equal, seconds = [], {}
 
     def measure(name: str, compute: Compute, killed: int | None = None) -> None:
         begin = time.perf_counter()
-        results = run_trials(function, range(trials), compute=compute, label=f"posteriors, {name}")
+        results = run_trials(
+            function, range(trials), compute=compute, label=f"posteriors, {name}"
+        )
         across = [next(results)]
         if killed is not None:
             os.kill(killed, signal.SIGKILL)
         across += results
         seconds[name] = time.perf_counter() - begin
-        equal.append(sum(one == other for one, other in zip(alone, across, strict=True)))
+        equal.append(
+            sum(one == other for one, other in zip(alone, across, strict=True))
+        )
 
     measure("processes", Compute(WORKERS))
     cluster = LocalCluster(WORKERS, threads_per_worker=1, dashboard_address=None)
@@ -167,10 +196,17 @@ def cluster_runs(trials: int) -> dict[str, object]:
         there = Compute(dask=Dask(address=cluster.scheduler_address))
         measure("all workers", there)
         measure("one killed", there, processes[0])
-    return {"trials": trials, "equal_bytes": min(equal), "workers": WORKERS, "seconds": seconds}
+    return {
+        "trials": trials,
+        "equal_bytes": min(equal),
+        "workers": WORKERS,
+        "seconds": seconds,
+    }
 
 
-def measure_scale(particles: int = 1_000_000, takes: int = 10_000, trials: int = 200) -> None:
+def measure_scale(
+    particles: int = 1_000_000, takes: int = 10_000, trials: int = 200
+) -> None:
     """Measure, and write."""
     many_takes(1)  # loads compiled code, which the processes below inherit
     few, many = (in_a_process(many_takes, count) for count in (takes // 10, takes))

@@ -49,9 +49,13 @@ class Scene(NamedTuple):
 def scene(arm: str | int) -> Scene:
     """Scene of one of the robots, or of an arm of so many joints."""
     robot, pose = ROBOTS.get(arm, (None, None))
-    chain, pose = many_joints(arm) if robot is None else (chain_of(robot), np.array(pose))
+    chain, pose = (
+        many_joints(arm) if robot is None else (chain_of(robot), np.array(pose))
+    )
     planar, one = isinstance(chain, PlanarChain), np.eye(len(pose))
-    model = WishartModel(SIGMA_B, Decomposition("pivoted_lu" if planar else "qr_transposed"))
+    model = WishartModel(
+        SIGMA_B, Decomposition("pivoted_lu" if planar else "qr_transposed")
+    )
     measured = (DEPTH, 3) if planar else (ENCODERS * one, 1)
     return Scene(chain, model, Start(pose, 1e-5 * one), *measured)
 
@@ -63,7 +67,9 @@ def many_joints(n: int) -> tuple[Chain, np.ndarray]:
     arm, free = revolute_arm(n), np.full(n, np.inf)
     chain = replace(arm, task=arm.task[:n], lower=-free, upper=free, max_speed=free)
     poses = np.random.default_rng(n).uniform(-np.pi, np.pi, (200, n))
-    return chain, poses[np.linalg.svd(chain.jacobian(poses), compute_uv=False)[:, -1].argmax()]
+    return chain, poses[
+        np.linalg.svd(chain.jacobian(poses), compute_uv=False)[:, -1].argmax()
+    ]
 
 
 @dataclass(frozen=True)
@@ -71,19 +77,25 @@ class Take:
     """A motion of ``len(steps)`` steps and its measurements."""
 
     scene: Scene
-    steps: np.ndarray  # (M, m) commanded steps, or (M, m + n) of more joints than task rows
+    steps: (
+        np.ndarray
+    )  # (M, m) commanded steps, or (M, m + n) of more joints than task rows
     measurements: Measurements
 
     def filtered(self, particles: int, rng: np.random.Generator) -> Posterior:
         """Our filter's posterior."""
         chain, model, start, *_ = self.scene
         commands, options = open_loop(self.steps), filter_options(particles)
-        return particle_filter(model, chain, commands, DT, start, self.measurements, options, rng)
+        return particle_filter(
+            model, chain, commands, DT, start, self.measurements, options, rng
+        )
 
     def plain(self) -> dict:
         """The same in plain values, as arguments of the takes in peers/."""
         chain, start = self.scene.chain, self.scene.start
-        names = ("links", "signs") if isinstance(chain, PlanarChain) else ("placements",)
+        names = (
+            ("links", "signs") if isinstance(chain, PlanarChain) else ("placements",)
+        )
         return {name: getattr(chain, name) for name in names} | {
             "sigma_b": SIGMA_B,
             "steps": self.steps,
@@ -98,7 +110,9 @@ class Take:
 def swing(steps: int, middle: np.ndarray) -> np.ndarray:
     """(steps + 1, n) poses in rad: each joint swings by a quarter of a radian on its own phase."""
     phases = np.arange(float(len(middle)))
-    return middle + 0.25 * (np.sin(0.02 * np.arange(steps + 1)[:, None] + phases) - np.sin(phases))
+    return middle + 0.25 * (
+        np.sin(0.02 * np.arange(steps + 1)[:, None] + phases) - np.sin(phases)
+    )
 
 
 def take(steps: int, arm: str | int = "youbot") -> Take:
@@ -114,14 +128,22 @@ def take(steps: int, arm: str | int = "youbot") -> Take:
         commanded.append(np.concatenate([chain.jacobian(path[-1]) @ dq, spare]))
         path.append(draw_steps(model, chain, path[-1], commanded[-1], rng)[0])
     k = np.arange(every, steps + 1, every)
-    y = rng.multivariate_normal(np.zeros(len(sensor)), sensor, len(k)) + np.array(path)[k]
+    y = (
+        rng.multivariate_normal(np.zeros(len(sensor)), sensor, len(k))
+        + np.array(path)[k]
+    )
     noise = np.tile(sensor, (len(k), 1, 1))
     measurements = Measurements("take", k * DT, y, np.zeros_like(y), noise)
     return Take(stage, np.array(commanded), measurements)
 
 
 def drawn_takes(
-    stage: Scene, count: int, steps: int, noise: float, rng: np.random.Generator, rest: int = 0
+    stage: Scene,
+    count: int,
+    steps: int,
+    noise: float,
+    rng: np.random.Generator,
+    rest: int = 0,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Poses (count, steps + 1, n) in rad that the scene's model draws along the swing, at rest in
     the first steps, measured with white ``noise`` in rad; and the commands (steps, m).

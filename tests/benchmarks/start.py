@@ -64,7 +64,10 @@ def draws() -> dict[str, float]:
             "QR of J": wishart | {"decomposition": "qr"},
             "QR of the transpose": wishart | {"decomposition": "qr_transposed"},
             "Gaussian": {"kind": "gaussian", "alpha": 0.1, "u": 1e3},
-            "additive": {"kind": "additive", "noise_covariance": (1e-6 * np.eye(n)).tolist()},
+            "additive": {
+                "kind": "additive",
+                "noise_covariance": (1e-6 * np.eye(n)).tolist(),
+            },
         }.items():
             model, seconds = build_model(options), []
             for _ in range(12):
@@ -89,7 +92,10 @@ def main(folder: Path) -> None:
     compiled, *cached = [answer("first_use", folder) for _ in range(4)]
     # constants of the loops are compiled in: another folder for each; in turn, as speeds change
     settings = {"kernel": {}, "C library": C_LIBRARY, "scalar": SCALAR}
-    runs = [{n: answer("draws", folder / n, **s) for n, s in settings.items()} for _ in range(3)]
+    runs = [
+        {n: answer("draws", folder / n, **s) for n, s in settings.items()}
+        for _ in range(3)
+    ]
     measured = {
         "machine": machine(),
         "imports_seconds": min(each["imports"] for each in cached),

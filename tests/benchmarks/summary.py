@@ -14,7 +14,9 @@ import pandas as pd  # isort: skip
 from equal_bytes import CONTROL, OTHER
 
 VECTORISED = 1.3  # least ratio of the kernel's time without vectorised loops to its own
-SLOWER = 1.3  # greatest ratio of a cluster's time to the time of as many local processes
+SLOWER = (
+    1.3  # greatest ratio of a cluster's time to the time of as many local processes
+)
 SAME_QUALITY = 0.01  # greatest relative difference of a quality that counts as none
 STARTS = {  # what, and its limit in s
     "imports_seconds": ("imports of models and filter, numba included", 1.0),
@@ -25,7 +27,9 @@ STARTS = {  # what, and its limit in s
 
 def table(header: list[str], rows: list[list[str]]) -> str:
     """A table in Markdown."""
-    return "\n".join(f"| {' | '.join(cells)} |" for cells in [header, ["---"] * len(header), *rows])
+    return "\n".join(
+        f"| {' | '.join(cells)} |" for cells in [header, ["---"] * len(header), *rows]
+    )
 
 
 def verdict(met: bool) -> str:
@@ -41,13 +45,17 @@ def significant(value: float) -> str:
 def duration(seconds: float) -> str:
     """Three significant digits in the unit that suits."""
     units = ((1, "s"), (1e3, "ms"), (1e6, "µs"), (1e9, "ns"))
-    scale, unit = next(pair for pair in units if seconds * pair[0] >= 1 or pair[1] == "ns")
+    scale, unit = next(
+        pair for pair in units if seconds * pair[0] >= 1 or pair[1] == "ns"
+    )
     return f"{seconds * scale:.3g} {unit}"
 
 
 def an_item(benchmark: dict) -> list[float]:
     """Least time in s of each run for one of the items that a call treats."""
-    return [seconds / benchmark["extra_info"]["items"] for seconds in benchmark["least"]]
+    return [
+        seconds / benchmark["extra_info"]["items"] for seconds in benchmark["least"]
+    ]
 
 
 def contest_rows(benchmarks: list[dict]) -> Iterator[list[str]]:
@@ -55,8 +63,12 @@ def contest_rows(benchmarks: list[dict]) -> Iterator[list[str]]:
     ordered = sorted(benchmarks, key=lambda benchmark: benchmark["group"])
     for contest, group in groupby(ordered, key=lambda benchmark: benchmark["group"]):
         members = sorted(group, key=lambda benchmark: median(an_item(benchmark)))
-        (ours,) = (member for member in members if member["extra_info"]["role"] == "ours")
-        yield from ([contest, *against(ours, other)] for other in members if other is not ours)
+        (ours,) = (
+            member for member in members if member["extra_info"]["role"] == "ours"
+        )
+        yield from (
+            [contest, *against(ours, other)] for other in members if other is not ours
+        )
 
 
 def against(ours: dict, other: dict) -> list[str]:
@@ -80,10 +92,20 @@ def against(ours: dict, other: dict) -> list[str]:
 
 def contests(machine_info: dict, benchmarks: list[dict]) -> dict[str, object]:
     """Ratios to other libraries."""
-    header = ["contest", "against", "ratio (range over the runs), times an item", "target", ""]
+    header = [
+        "contest",
+        "against",
+        "ratio (range over the runs), times an item",
+        "target",
+        "",
+    ]
     header.append("quality (less is better)")
-    peers = [one["extra_info"] for one in benchmarks if "configuration" in one["extra_info"]]
-    stated = dict.fromkeys(f"- {one['against']}: {one['configuration']}" for one in peers)
+    peers = [
+        one["extra_info"] for one in benchmarks if "configuration" in one["extra_info"]
+    ]
+    stated = dict.fromkeys(
+        f"- {one['against']}: {one['configuration']}" for one in peers
+    )
     versions = (f"{name} {number}" for name, number in machine_info["versions"].items())
     return {
         "machine": machine_info["machine"],
@@ -97,7 +119,12 @@ def contests(machine_info: dict, benchmarks: list[dict]) -> dict[str, object]:
 def start(nanoseconds: dict, **measured: float) -> dict[str, str]:
     """First use, and the speed of a step of every law."""
     rows = [
-        [what, duration(measured[key]), f"≤ {limit:g} s", verdict(measured[key] <= limit)]
+        [
+            what,
+            duration(measured[key]),
+            f"≤ {limit:g} s",
+            verdict(measured[key] <= limit),
+        ]
         for key, (what, limit) in STARTS.items()
     ]
     speeds = []
@@ -105,7 +132,11 @@ def start(nanoseconds: dict, **measured: float) -> dict[str, str]:
         ratio = each["scalar"] / each["kernel"]
         met = f"{ratio:.1f} times (≥ {VECTORISED:g}: {verdict(ratio >= VECTORISED)})"
         speeds.append([name, *(f"{ns:.0f}" for ns in each.values()), met])
-    header = ["draws of a step, ns a particle", "kernel", "with the C library's functions"]
+    header = [
+        "draws of a step, ns a particle",
+        "kernel",
+        "with the C library's functions",
+    ]
     header += ["loops that are not vectorised", "vectorised, so many times as fast"]
     starts = table(["processor time", "", "limit", ""], rows)
     return {"starts": starts, "speeds": table(header, speeds)}
@@ -118,7 +149,14 @@ def growth(file: Path) -> str:
         slope, limit = row["time_slope"], row["time_limit"]
         bound = "" if pd.isna(limit) else f" (≤ {limit:g}: {verdict(slope <= limit)})"
         memory = "–" if pd.isna(row["memory_slope"]) else f"{row['memory_slope']:z.2f}"
-        rows.append([row["over"], f"{row['from']} to {row['to']}", f"{slope:.2f}{bound}", memory])
+        rows.append(
+            [
+                row["over"],
+                f"{row['from']} to {row['to']}",
+                f"{slope:.2f}{bound}",
+                memory,
+            ]
+        )
     return table(["over", "sizes", "slope of time", "slope of memory"], rows)
 
 
@@ -160,9 +198,13 @@ def equal_bytes(machine: str, skipped: list[str], hashes: dict) -> dict[str, str
 
 def page(folder: Path) -> str:
     """Text of reports/benchmarks.md from the files in ``folder``."""
-    measured = {file.stem: json.loads(file.read_text()) for file in folder.glob("*.json")}
+    measured = {
+        file.stem: json.loads(file.read_text()) for file in folder.glob("*.json")
+    }
     fields = contests(**measured["contests"]) | start(**measured["start"])
-    fields |= equal_bytes(**measured["equal_bytes"]) | {"growth": growth(folder / "growth.csv")}
+    fields |= equal_bytes(**measured["equal_bytes"]) | {
+        "growth": growth(folder / "growth.csv")
+    }
     at_scale = "Not measured: `make bench-scale`."
     fields["scale"] = scale(**measured["scale"]) if "scale" in measured else at_scale
     fields |= {"CALLS": CALLS, "SECONDS": SECONDS, "OTHER": OTHER}

@@ -31,7 +31,9 @@ MARKERS = 8e-4  # rad, noise of a measured angle
 def density(size) -> tuple[np.ndarray, ...]:
     """Correlated normal samples (N, 2), a grid over all of them, x and y, and the bandwidth."""
     covariance, count = [[5.0, -2.0], [-2.0, 2.0]], size(1_000_000, 1000)
-    samples = np.random.default_rng(28).multivariate_normal([3.0, 5.0], covariance, count)
+    samples = np.random.default_rng(28).multivariate_normal(
+        [3.0, 5.0], covariance, count
+    )
     bandwidth = normal_reference_bandwidth(samples)
     low, high = samples.min(axis=0) - 3 * bandwidth, samples.max(axis=0) + 3 * bandwidth
     return samples, *np.linspace(low, high, size(256, 64)).T, bandwidth
@@ -42,7 +44,9 @@ def error_of(values: np.ndarray, samples, x, y, bandwidth) -> float:
     greatest value.
     """
     along = norm.pdf(x[::SHOWN, None], samples[:, 0], bandwidth[0])
-    exact = along @ norm.pdf(y[::SHOWN, None], samples[:, 1], bandwidth[1]).T / len(samples)
+    exact = (
+        along @ norm.pdf(y[::SHOWN, None], samples[:, 1], bandwidth[1]).T / len(samples)
+    )
     return float(np.abs(values - exact).max() / exact.max())
 
 
@@ -58,7 +62,9 @@ def test_our_density(benchmark, density):
 def test_kdepy(benchmark, peer, density, tmp_path):
     samples, x, y, bandwidth = density
     np.save(file := tmp_path / "samples.npy", samples)
-    run = peer("densities", samples=str(file), x=x, y=y, bandwidth=bandwidth, shown=SHOWN)
+    run = peer(
+        "densities", samples=str(file), x=x, y=y, bandwidth=bandwidth, shown=SHOWN
+    )
     error = error_of(np.array(benchmark(run)), *density)
     stated = {"role": "peer", "against": "KDEpy", "target": 5, "error": error}
     benchmark.extra_info |= stated | {"items": len(samples)}
@@ -99,10 +105,14 @@ def problems(benchmark, request, size) -> Problems:
     noise, m = end - start - chain.nominal_step(start, commands), a.shape[-1]
     # at rest two measurements differ by their noise alone
     weights = objective_weights(np.sqrt(2 * m) * MARKERS, m)
-    return Problems(noise.reshape(-1, m), a.reshape(-1, m), back.reshape(-1, m, m), weights)
+    return Problems(
+        noise.reshape(-1, m), a.reshape(-1, m), back.reshape(-1, m, m), weights
+    )
 
 
-def parametrised(weights: tuple[float, float], m: int) -> Callable[[Problems], list[float]]:
+def parametrised(
+    weights: tuple[float, float], m: int
+) -> Callable[[Problems], list[float]]:
     """(BsampOpt) as printed, with the data as parameters: compiled once."""
     noise, matrix = cp.Parameter(m), cp.Parameter((m, m * m))
     s = cp.Variable((m, m), symmetric=True)
@@ -124,7 +134,11 @@ def parametrised(weights: tuple[float, float], m: int) -> Callable[[Problems], l
 def test_our_fits(benchmark, problems, size):
     fits = benchmark(problems.fits)
     objective = float(problems.some(size(60, 4)).fits().objective.mean())
-    benchmark.extra_info |= {"role": "ours", "items": len(problems.noise), "objective": objective}
+    benchmark.extra_info |= {
+        "role": "ours",
+        "items": len(problems.noise),
+        "objective": objective,
+    }
     assert fits.bound.any()
 
 

@@ -43,7 +43,9 @@ def test_ours(benchmark, problem):
     benchmark.extra_info["role"] = "ours"
     posterior_of(motion, particles)  # loads compiled code
     posterior = benchmark(posterior_of, motion, particles)
-    assert posterior.resampled.any() and posterior.measured.sum() == len(motion.measurements.t)
+    assert posterior.resampled.any() and posterior.measured.sum() == len(
+        motion.measurements.t
+    )
 
 
 @pytest.mark.parametrize("library", ["particles", "stonesoup"])

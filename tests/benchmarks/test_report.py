@@ -16,15 +16,25 @@ from summary import contest_rows, page, scale
     ("quality", "target", "verdict"),
     [(1.0, 5, "met"), (1.0, 7, "**met in 1 of 2 runs**"), (0.9, 5, "**missed**")],
 )
-def test_a_ratio_is_met_in_every_run_and_not_at_the_cost_of_quality(quality, target, verdict):
+def test_a_ratio_is_met_in_every_run_and_not_at_the_cost_of_quality(
+    quality, target, verdict
+):
     ours = {"role": "ours", "items": 10, "objective": 1.0}
-    peer = {"role": "peer", "items": 10, "objective": quality, "target": target, "against": "P"}
+    peer = {
+        "role": "peer",
+        "items": 10,
+        "objective": quality,
+        "target": target,
+        "against": "P",
+    }
     benchmarks = [
         {"group": "a", "extra_info": info, "least": seconds}
         for info, seconds in ((ours, [1e-6, 2e-6]), (peer, [1e-5, 1.2e-5]))
     ]
     ((_, name, ratio, _, found, _),) = contest_rows(benchmarks)
-    assert (name, found) == ("P", verdict) and ratio.startswith("8 (6 to 10) times as fast")
+    assert (name, found) == ("P", verdict) and ratio.startswith(
+        "8 (6 to 10) times as fast"
+    )
 
 
 def test_a_cluster_is_held_against_as_many_local_processes():
@@ -32,7 +42,10 @@ def test_a_cluster_is_held_against_as_many_local_processes():
     seconds = {"processes": 10.0, "all workers": 12.0, "one killed": 14.0}
     text = scale(**measured | {"cluster": measured["cluster"] | {"seconds": seconds}})
     assert "1.20 times as long as local processes with all workers (≤ 1.3: met)" in text
-    assert "1.40 times as long as local processes with one killed (≤ 1.3: **missed**)" in text
+    assert (
+        "1.40 times as long as local processes with one killed (≤ 1.3: **missed**)"
+        in text
+    )
 
 
 def test_the_slope_is_the_power_of_the_larger_sizes():
@@ -47,7 +60,9 @@ def test_an_arm_of_many_joints_keeps_clear_of_singular_poses(joints):
     assert len(posterior.mean) == 41 and not posterior.outside.any()
 
 
-def test_every_measurement_has_its_place_on_the_page_and_a_missed_limit_is_seen(tmp_path):
+def test_every_measurement_has_its_place_on_the_page_and_a_missed_limit_is_seen(
+    tmp_path,
+):
     measured = {name: json.loads((RESULTS / f"{name}.json").read_text())
                 for name in ("contests", "equal_bytes", "start")}  # fmt: skip
     measured["equal_bytes"]["hashes"][[*SETTINGS][2]]["density"] = "another"

@@ -39,7 +39,10 @@ def test_every_option_composes(compose, number):
     models = config.option_names("model")
     chosen = {group: options[number % len(options)] for group, options in names.items()}
     composed = compose(**chosen, models=f"[{models[number % len(models)]}]")
-    assert composed.dataset.name == chosen["dataset"] and composed.scale.name == chosen["scale"]
+    assert (
+        composed.dataset.name == chosen["dataset"]
+        and composed.scale.name == chosen["scale"]
+    )
     assert list(composed.models) == [models[number % len(models)]]
 
 
@@ -70,16 +73,32 @@ def test_a_wrong_line_of_params_yaml_is_refused_in_one_line(compose, choices, wo
         ("filter.partcles", "5", "unknown key 'partcles'; .*; did you mean particles"),
         ("filter.particles", "0", "greater than or equal to 1, got 0"),
         ("filter.particles", "1000000000000", "less than or equal to 10000000"),
-        ("dataset.recordings", "../../../etc", "in the project, beside it .* or an absolute path"),
+        (
+            "dataset.recordings",
+            "../../../etc",
+            "in the project, beside it .* or an absolute path",
+        ),
         ("dataset.recordings", "data/../../etc", "in the project, beside it"),
         ("filter.scheme", "systemtic", "'systematic', .* did you mean systematic"),
         ("dataset.motion", "null", "requires a robot and its motion"),
         ("dataset", NOTHING, "a dataset needs a robot or a force transducer"),
         ("dataset.robot.task", "[x, phi]", "by commanded x and z; keep both rows"),
         ("dataset.mocap.markers", "{link1: {a: [x, 0, 0]}}", "valid number.*got 'x'"),
-        ("dataset.force.configurations.C9", "{file: C9.csv}", "no value for dataset.force"),
-        ("dataset.laboratory.nonsense", "3", "unknown key 'nonsense'; there are trajectory"),
-        ("dataset.laboratory.mocap", "{noise_std: -1.0}", "noise_std.*greater than or equal to 0"),
+        (
+            "dataset.force.configurations.C9",
+            "{file: C9.csv}",
+            "no value for dataset.force",
+        ),
+        (
+            "dataset.laboratory.nonsense",
+            "3",
+            "unknown key 'nonsense'; there are trajectory",
+        ),
+        (
+            "dataset.laboratory.mocap",
+            "{noise_std: -1.0}",
+            "noise_std.*greater than or equal to 0",
+        ),
         ("models.wishart", "{kind: laplace}", "no kind 'laplace'; there are additive"),
         ("models.wishart.left", "[[1.0]]", "given"),
         ("models.gaussian_ml", "{kind: gaussian}", "no model gaussian_ml is chosen"),
@@ -92,7 +111,10 @@ def test_a_wrong_value_is_refused_with_its_key(compose, path, value, words):
     with pytest.raises(ConfigError, match=words) as refused:
         compose(overrides=nested)
     key = str(refused.value.evidence["key"])
-    assert key.startswith(path.rpartition(".")[0].partition(".")[0]) or key == "overrides.models"
+    assert (
+        key.startswith(path.rpartition(".")[0].partition(".")[0])
+        or key == "overrides.models"
+    )
     # a part that the null leaves alone is named in the file that states it
     names = ("params.yaml", "dataset.yaml", "youbot.yaml")
     assert refused.value.evidence["file"].name in names
@@ -101,7 +123,12 @@ def test_a_wrong_value_is_refused_with_its_key(compose, path, value, words):
 @pytest.mark.parametrize(
     ("file", "old", "new", "key"),
     [
-        ("filter/systematic.yaml", "threshold: 0.5", "threshold: 5", "filter.threshold"),
+        (
+            "filter/systematic.yaml",
+            "threshold: 0.5",
+            "threshold: 5",
+            "filter.threshold",
+        ),
         ("dataset/youbot.yaml", "gate: 0.012", "gate: far", "dataset.mocap.gate"),
         ("model/wishart.yaml", "kind: wishart", "kind: wishrat", "models.wishart.kind"),
         ("scale/paper.yaml", "test_takes: 50", "test_takes: 0", "scale.test_takes"),
@@ -124,13 +151,17 @@ def test_a_wrong_value_of_an_option_file_is_refused_with_the_file(
 def test_all_faults_are_in_one_message(compose):
     with pytest.raises(ConfigError, match="2 faults") as refused:
         compose(overrides="{filter: {particles: 0}, wrench: {grd: 3}}")
-    assert "filter.particles: " in str(refused.value) and "did you mean grid" in str(refused.value)
+    assert "filter.particles: " in str(refused.value) and "did you mean grid" in str(
+        refused.value
+    )
     with pytest.raises(ConfigError, match=r"filter\.9: keys should be strings, got 9"):
         validated(Filter, {9: 4}, "filter")
 
 
 def test_an_override_changes_its_value_and_nothing_else(compose):
-    laboratory = "{laboratory: {kinect: {scene: {tool_width: 0.07}}}, mocap: {gate: 1e-3}}"
+    laboratory = (
+        "{laboratory: {kinect: {scene: {tool_width: 0.07}}}, mocap: {gate: 1e-3}}"
+    )
     before = compose()
     after = compose(overrides=f"{{dataset: {laboratory}, filter: {{particles: 7}}}}")
     assert after.dataset.laboratory["kinect"].scene.tool_width == 0.07
@@ -158,7 +189,9 @@ def test_comments_leave_the_written_configuration_as_it_is_and_a_refusal_too(tmp
 def written(**choices: str) -> bytes:
     """The composed configuration as the stage configure writes it."""
     with TemporaryDirectory() as folder:
-        config.write_config(parameters(Path(folder), **choices), Path(folder) / "config.yaml")
+        config.write_config(
+            parameters(Path(folder), **choices), Path(folder) / "config.yaml"
+        )
         return (Path(folder) / "config.yaml").read_bytes()
 
 
@@ -186,7 +219,15 @@ def test_a_stage_gets_the_sections_that_it_declares_and_no_others(sections):
     assert vars(settings.dataset).keys() == {"robot"}
     assert vars(settings.scale).keys() == {"particles"}
     # an instrument that the dataset lacks is None
-    names = ["mocap", "depth", "force", "joint_log", "encoders", "laboratory", "trajectory"]
+    names = [
+        "mocap",
+        "depth",
+        "force",
+        "joint_log",
+        "encoders",
+        "laboratory",
+        "trajectory",
+    ]
     lacking = ", ".join(f"{name}: null" for name in names)
     declared = (f"dataset.{name}" for name in names)
     dataset = sections(*declared, overrides=f"{{dataset: {{{lacking}}}}}").dataset
@@ -207,7 +248,9 @@ def test_a_study_of_motion_is_refused_without_a_robot_and_the_papers_stage_is_no
 
 
 def test_models_and_the_laboratory_have_their_own_types(sections):
-    models = sections("models", models="[additive, wishart, gaussian, joint_error]").models
+    models = sections(
+        "models", models="[additive, wishart, gaussian, joint_error]"
+    ).models
     assert {name: type(model) for name, model in models.items()} == {
         kind: options_type(kind) for kind in kinds()
     }
@@ -220,14 +263,18 @@ def test_models_and_the_laboratory_have_their_own_types(sections):
     for item in ("student", None):
         with pytest.raises(ConfigError, match=f"there is no models.{item}"):
             sections("models.${item.model}", item=item)
-    assert vars(sections("dataset.${item.part}", item="depth").dataset).keys() == {"depth"}
+    assert vars(sections("dataset.${item.part}", item="depth").dataset).keys() == {
+        "depth"
+    }
 
 
 def test_a_stage_that_there_is_not_and_a_stale_configuration_are_refused(sections):
     sections("seed")
     with pytest.raises(ConfigError, match="no stage 'nonsense'; there are stage"):
         config.sections("nonsense")
-    config.COMPOSED.write_text(config.COMPOSED.read_text().replace("particles:", "swarm:"))
+    config.COMPOSED.write_text(
+        config.COMPOSED.read_text().replace("particles:", "swarm:")
+    )
     with pytest.raises(ConfigError, match="'swarm'"):
         config.sections("stage")
 
@@ -242,7 +289,9 @@ class StudyOptions:
 
 def test_a_study_gets_its_options_for_the_scale_of_the_run(sections, tmp_path):
     file = tmp_path / "params.yaml"
-    text = "paper: {takes: 20, estimators: [a, b]}\nsmoke: {takes: 3, estimators: [a]}\n"
+    text = (
+        "paper: {takes: 20, estimators: [a, b]}\nsmoke: {takes: 3, estimators: [a]}\n"
+    )
     for scale, expected in (("paper", (20, ["a", "b"])), ("smoke", (3, ["a"]))):
         sections("seed", scale=scale)
         file.write_text(text)
@@ -292,10 +341,22 @@ def test_values_of_both_files_are_in_the_configuration(sheet, compose):
     [
         *(
             (key, value, f"also in youbot.yaml: dataset.{key}; keep each in one file")
-            for key, value in (("mocap.gate", 0.1), ("name", "a"), ("depth.workspace", None))
+            for key, value in (
+                ("mocap.gate", 0.1),
+                ("name", "a"),
+                ("depth.workspace", None),
+            )
         ),
-        ("mocap.base.position", ["???", 0.0, 0.0], "fill in mocap.base.position[0]: the value"),
-        ("mocap.markers.link2.link2_a", "???", "fill in mocap.markers.link2.link2_a: the value"),
+        (
+            "mocap.base.position",
+            ["???", 0.0, 0.0],
+            "fill in mocap.base.position[0]: the value",
+        ),
+        (
+            "mocap.markers.link2.link2_a",
+            "???",
+            "fill in mocap.markers.link2.link2_a: the value",
+        ),
         ("about.licence", "???", "fill in about.licence: "),
         ("about", None, "needs about"),
         ("about.page", "1", "'page'"),
@@ -303,13 +364,17 @@ def test_values_of_both_files_are_in_the_configuration(sheet, compose):
         ("mocap.markrs", {}, "did you mean markers"),
     ],
 )
-def test_a_wrong_value_or_key_is_named_with_the_datasheet(sheet, compose, key, value, words):
+def test_a_wrong_value_or_key_is_named_with_the_datasheet(
+    sheet, compose, key, value, words
+):
     edit(sheet, key, value)
     with pytest.raises(ConfigError) as refused:
         compose()
     error = refused.value
     assert words in error.message and "\n" not in str(error)
-    assert error.evidence["file"] == sheet and key.split(".")[0] in error.evidence["key"]
+    assert (
+        error.evidence["file"] == sheet and key.split(".")[0] in error.evidence["key"]
+    )
 
 
 def test_every_dataset_has_a_datasheet_with_nothing_to_fill_in():

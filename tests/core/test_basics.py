@@ -31,10 +31,15 @@ from pipeline.tools.audit.command import agree
 
 @pytest.mark.parametrize("kind", [PipelineError, *PipelineError.__subclasses__()])
 def test_an_error_keeps_its_evidence_in_the_message_and_across_processes(kind):
-    error = pickle.loads(pickle.dumps(kind("the column is torn", file="a.csv", line=7, take=None)))
+    error = pickle.loads(
+        pickle.dumps(kind("the column is torn", file="a.csv", line=7, take=None))
+    )
     assert type(error) is kind and issubclass(kind, errors.PipelineError)
     assert str(error) == "the column is torn [file a.csv, line 7]"
-    assert (error.message, error.evidence) == ("the column is torn", {"file": "a.csv", "line": 7})
+    assert (error.message, error.evidence) == (
+        "the column is torn",
+        {"file": "a.csv", "line": 7},
+    )
     assert str(kind("no evidence")) == "no evidence"
 
 
@@ -55,9 +60,19 @@ def test_equal_arguments_give_equal_streams_in_every_process():
     # strings hash differently in every process; the streams must not
     code = "from pipeline.core.rng import stream; print(stream(7, 'filter', 3).random(5).tolist())"
     first = stream(7, "filter", 3).random(5).tolist()
-    assert json.loads(elsewhere(code)) == first == stream(7, "filter", 3).random(5).tolist()
+    assert (
+        json.loads(elsewhere(code))
+        == first
+        == stream(7, "filter", 3).random(5).tolist()
+    )
     # those that differ in seed, stage or trial are others
-    keys = [(7, "filter"), (8, "filter"), (7, "record"), (7, "filter", 0), (7, "filter", 1)]
+    keys = [
+        (7, "filter"),
+        (8, "filter"),
+        (7, "record"),
+        (7, "filter", 0),
+        (7, "filter", 1),
+    ]
     keys += [(7, "filter", 0, 1), (7, "filter", 1, 0)]
     assert len({stream(*key).random() for key in keys}) == len(keys)
 
@@ -77,9 +92,18 @@ def test_values_of_yaml_are_those_that_omegaconf_reads(tmp_path):
 
 @pytest.mark.parametrize(
     "content",
-    [b"a: 1\na: 2\n", b"a: [1, 2\n", b"- 1\n", b"text", b"a: \xff\n", b"a: !!python/object:a.b x"],
+    [
+        b"a: 1\na: 2\n",
+        b"a: [1, 2\n",
+        b"- 1\n",
+        b"text",
+        b"a: \xff\n",
+        b"a: !!python/object:a.b x",
+    ],
 )
-def test_yaml_that_is_ambiguous_or_holds_no_keys_is_refused_with_its_file(tmp_path, content):
+def test_yaml_that_is_ambiguous_or_holds_no_keys_is_refused_with_its_file(
+    tmp_path, content
+):
     file = tmp_path / "a.yaml"
     file.write_bytes(content)
     with pytest.raises(ConfigError) as caught:
@@ -88,7 +112,10 @@ def test_yaml_that_is_ambiguous_or_holds_no_keys_is_refused_with_its_file(tmp_pa
 
 
 def test_a_users_own_setting_is_overwritten_by_the_command():
-    code = "import pipeline.__main__, os; print(*map(os.environ.get, %r), sep=chr(10))" % [*BOUNDS]
+    code = (
+        "import pipeline.__main__, os; print(*map(os.environ.get, %r), sep=chr(10))"
+        % [*BOUNDS]
+    )
     found = elsewhere(code, OMP_NUM_THREADS="4", OPENBLAS_CORETYPE="Prescott")
     assert found.splitlines() == [*BOUNDS.values()]
 
@@ -177,17 +204,27 @@ def _outcome(sandbox: Sandbox, function, *arguments: object) -> object:
         (_crash, (signal.SIGSEGV,), r"ends the process \(SIGSEGV\)"),
         (_crash, (signal.SIGKILL,), "was killed, as where a machine lacks memory"),
         (_fill, (), "no space left on device at .*: free some space, or set TMPDIR"),
-        (import_module, ("pipeline.absent",), r"a package is missing \(No module named"),
+        (
+            import_module,
+            ("pipeline.absent",),
+            r"a package is missing \(No module named",
+        ),
         (os.listdir, ("/absent",), r"cannot be read \(No such file"),
         (time.sleep, (60,), r"not read within 1 s.*dataset\.reading\.seconds"),
-        (np.ones, (1 << 29,), r"more than 256 MiB of memory.*dataset\.reading\.memory_mib"),
+        (
+            np.ones,
+            (1 << 29,),
+            r"more than 256 MiB of memory.*dataset\.reading\.memory_mib",
+        ),
         (_recurse, (), "nests too deeply"),
         (_refuse, (), r"^no marker \[file a.csv, line 3\]$"),
         (int, ("1" * 5000,), "its reader fails on it .ValueError: Exceeds"),
         (sys.exit, (3,), r"ends the process \(exit code 3\)"),
     ],
 )
-def test_what_ends_badly_is_refused_and_the_next_call_is_made(function, arguments, words):
+def test_what_ends_badly_is_refused_and_the_next_call_is_made(
+    function, arguments, words
+):
     with Sandbox() as sandbox:
         with pytest.raises(RecordingError, match=words):
             _outcome(sandbox, function, *arguments)

@@ -30,7 +30,9 @@ def units(function, exact, x: np.ndarray) -> float:
     """Greatest error in units in the last place, against the library's in extended precision."""
     result = np.array([function(each) for each in x])
     right = exact(x.astype(np.longdouble))
-    return float(np.max(np.abs(result - right) / np.spacing(np.maximum(np.abs(result), 1e-300))))
+    return float(
+        np.max(np.abs(result - right) / np.spacing(np.maximum(np.abs(result), 1e-300)))
+    )
 
 
 def test_sine_and_cosine_are_right_to_two_units_in_the_last_place_of_one():
@@ -70,7 +72,9 @@ def test_sums_and_the_greatest_are_numpys(count):
         lanes[:, 0] += [x[k] * y[k], x[k]]
     while lanes.shape[1] > 1:
         lanes = np.add(*np.split(lanes, 2, axis=1))
-    assert [from_python(inner_product)(x, y), from_python(total)(x)] == lanes[:, 0].tolist()
+    assert [from_python(inner_product)(x, y), from_python(total)(x)] == lanes[
+        :, 0
+    ].tolist()
 
 
 INNER = """
@@ -153,8 +157,14 @@ def test_machine_code_depends_on_the_compiled_modules_and_their_imports_alone(
 ):
     needed, waiting = set(), []
     for module in MODULES:
-        every = (one for node in tree(module).body for one in getattr(node, "decorator_list", []))
-        if {"compiled", "inner", "inlined"} & {getattr(one, "id", None) for one in every}:
+        every = (
+            one
+            for node in tree(module).body
+            for one in getattr(node, "decorator_list", [])
+        )
+        if {"compiled", "inner", "inlined"} & {
+            getattr(one, "id", None) for one in every
+        }:
             waiting.append(module)
     assert len(waiting) > 10
     while waiting:
@@ -172,4 +182,6 @@ def test_machine_code_depends_on_the_compiled_modules_and_their_imports_alone(
         before = sources.sources_hash(compiled.compiled_sources())
         with (folder / file).open("a") as text:
             text.write("# comment\n")
-        assert (sources.sources_hash(compiled.compiled_sources()) != before) == recompiled
+        assert (
+            sources.sources_hash(compiled.compiled_sources()) != before
+        ) == recompiled

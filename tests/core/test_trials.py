@@ -30,7 +30,9 @@ from pipeline.core.rng import stream
 ROOT = Path(__file__).parents[2]
 WAIT = 60.0  # s, until a process counts as not starting
 SERIAL, TWO = Compute(1), Compute(2)
-each_way = pytest.mark.parametrize("compute", [SERIAL, TWO], ids=["serial", "processes"])
+each_way = pytest.mark.parametrize(
+    "compute", [SERIAL, TWO], ids=["serial", "processes"]
+)
 # trials, which workers import from this module
 
 
@@ -67,7 +69,9 @@ def begin(number: int, folder: Path) -> None:
     time.sleep(0.02)
 
 
-def results(function: Callable, trials: Iterable, compute: Compute, label: str = "trials") -> list:
+def results(
+    function: Callable, trials: Iterable, compute: Compute, label: str = "trials"
+) -> list:
     return list(run_trials(function, trials, compute=compute, label=label))
 
 
@@ -77,15 +81,21 @@ def at_once(monkeypatch):
     monkeypatch.setattr(module, "START", 0.0)
 
 
-def test_results_and_their_order_do_not_depend_on_the_workers_and_a_log_sees_one_line(capsys):
-    drawn = [each.random() for each in results(partial(stream, 7, "test"), range(6), SERIAL)]
+def test_results_and_their_order_do_not_depend_on_the_workers_and_a_log_sees_one_line(
+    capsys,
+):
+    drawn = [
+        each.random() for each in results(partial(stream, 7, "test"), range(6), SERIAL)
+    ]
     assert drawn == [stream(7, "test", trial).random() for trial in range(6)]
     assert capsys.readouterr() == ("trials: 6 done\n", "")
     assert results(operator.neg, [], TWO) == []
 
 
 @each_way
-def test_a_trials_error_arrives_with_its_evidence_and_stops_the_rest(compute, tmp_path, at_once):
+def test_a_trials_error_arrives_with_its_evidence_and_stops_the_rest(
+    compute, tmp_path, at_once
+):
     with pytest.raises(ConfigError, match="refused") as raised:
         results(partial(begin, folder=tmp_path), range(400), compute)
     assert raised.value.evidence == {"key": "a"}
@@ -130,7 +140,9 @@ def scheduler(folder: Path) -> Iterator[tuple[subprocess.Popen, str]]:
     with process(*words, PATH=os.environ["PATH"]) as started:
         # the file is there before it is written to its end
         while not (file.exists() and file.read_text().endswith("}")):
-            assert started.poll() is None and time.monotonic() < end, "no scheduler starts"
+            assert started.poll() is None and time.monotonic() < end, (
+                "no scheduler starts"
+            )
             time.sleep(0.05)
         yield started, json.loads(file.read_text())["address"]
 
@@ -146,13 +158,23 @@ def test_trials_go_out_in_blocks_that_the_dashboard_shows_by_name(tmp_path):
         return {task.prefix.name for task in dask_scheduler.tasks.values()}
 
     # the worker is a thread of this process
-    here = {"processes": False, "protocol": "tcp", "host": "127.0.0.1", "dashboard_address": None}
+    here = {
+        "processes": False,
+        "protocol": "tcp",
+        "host": "127.0.0.1",
+        "dashboard_address": None,
+    }
     with LocalCluster(n_workers=1, threads_per_worker=1, **here) as cluster:
         compute = on(cluster.scheduler_address)
-        taken = run_trials(operator.neg, iter(range(3000)), compute=compute, label=label)
+        taken = run_trials(
+            operator.neg, iter(range(3000)), compute=compute, label=label
+        )
         first = next(taken)
         with Client(compute.dask.address, set_as_default=False) as client:
-            assert client.run_on_scheduler(tasks) >= {label, f"{label}, what they share"}
+            assert client.run_on_scheduler(tasks) >= {
+                label,
+                f"{label}, what they share",
+            }
             assert [first, *taken] == [-number for number in range(3000)]
             assert not client.run_on_scheduler(tasks)
         numbers = iter(range(2000))
@@ -163,13 +185,20 @@ def test_trials_go_out_in_blocks_that_the_dashboard_shows_by_name(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_cluster_gives_the_bytes_of_this_process_and_a_killed_worker_costs_time_alone(tmp_path):
+def test_a_cluster_gives_the_bytes_of_this_process_and_a_killed_worker_costs_time_alone(
+    tmp_path,
+):
     # as pipeline/conf/compute/dask.yaml says, of a person who has set none of our variables
     words = "--nthreads 1 --nworkers 2 --preload pipeline.core.environment".split()
     path = {"PATH": os.environ["PATH"], "PYTHONPATH": "."}
-    with scheduler(tmp_path) as (_, address), process("worker", address, *words, **path):
+    with (
+        scheduler(tmp_path) as (_, address),
+        process("worker", address, *words, **path),
+    ):
         compute = on(address)
-        assert results(computed, range(6), compute) == results(computed, range(6), SERIAL)
+        assert results(computed, range(6), compute) == results(
+            computed, range(6), SERIAL
+        )
         taken = run_trials(late, range(150), compute=compute, label="trials")
         first = list(islice(taken, 10))
         lost = first[-1][1]
@@ -193,7 +222,9 @@ def test_a_scheduler_that_is_lost_or_silent_is_named(tmp_path, end):
         stack.enter_context(process(*words, **os.environ | {"PYTHONPATH": "."}))
         with Client(address, timeout=WAIT, set_as_default=False) as client:
             client.wait_for_workers(1, timeout=WAIT)
-        taken = run_trials(pause, [0.05] * 400, compute=on(address, 5.0), label="trials")
+        taken = run_trials(
+            pause, [0.05] * 400, compute=on(address, 5.0), label="trials"
+        )
         next(taken)
         started.send_signal(end)
         before = time.monotonic()
@@ -204,9 +235,13 @@ def test_a_scheduler_that_is_lost_or_silent_is_named(tmp_path, end):
         assert time.monotonic() - before < 18
 
 
-def test_what_is_no_address_of_a_scheduler_is_refused_and_its_client_closed(monkeypatch):
+def test_what_is_no_address_of_a_scheduler_is_refused_and_its_client_closed(
+    monkeypatch,
+):
     closed, close = [], Client.close
-    monkeypatch.setattr(Client, "close", lambda client: (closed.append(client), close(client)))
+    monkeypatch.setattr(
+        Client, "close", lambda client: (closed.append(client), close(client))
+    )
     for address in ("tcp://127.0.0.1:9", "nowhere"):
         with pytest.raises(ComputeError, match="no Dask scheduler answers"):
             results(operator.neg, [1], on(address, 1.0))
@@ -223,7 +258,9 @@ def test_a_client_that_does_not_begin_is_refused(monkeypatch):
         results(operator.neg, [1], on("tcp://127.0.0.1:9", 1.0))
 
 
-def test_a_result_that_does_not_arrive_in_time_is_waited_for_while_there_are_workers(monkeypatch):
+def test_a_result_that_does_not_arrive_in_time_is_waited_for_while_there_are_workers(
+    monkeypatch,
+):
     answers = iter([TimeoutError, TimeoutError])
 
     def result(timeout: float) -> None:
@@ -234,18 +271,24 @@ def test_a_result_that_does_not_arrive_in_time_is_waited_for_while_there_are_wor
 
     monkeypatch.setattr(cluster, "workers_of", lost)
     with pytest.raises(ComputeError, match="lost"):
-        cluster.result_of(SimpleNamespace(status="finished", result=result), None, "", 1.0)
+        cluster.result_of(
+            SimpleNamespace(status="finished", result=result), None, "", 1.0
+        )
     assert [*answers] == [TimeoutError]
 
 
 @pytest.mark.slow
-def test_a_cluster_without_workers_or_with_one_of_other_bytes_is_refused_with_the_reason(tmp_path):
+def test_a_cluster_without_workers_or_with_one_of_other_bytes_is_refused_with_the_reason(
+    tmp_path,
+):
     with scheduler(tmp_path) as (_, address):
         with pytest.raises(ComputeError, match="without workers for 1 s"):
             results(operator.neg, [1], on(address, 1.0))
         here, empty = ({"PYTHONPATH": place} for place in (".", str(tmp_path)))
         other = here | {"OPENBLAS_CORETYPE": "Prescott"}
-        (tmp_path / "pipeline").mkdir()  # a package of this name without the project's modules
+        (
+            tmp_path / "pipeline"
+        ).mkdir()  # a package of this name without the project's modules
         (tmp_path / "pipeline/__init__.py").touch()
         for threads, variables, reason in (
             ("2", here, "threads is 2 there and 1 here"),

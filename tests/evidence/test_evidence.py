@@ -20,7 +20,10 @@ def by(table: pd.DataFrame, *keys: str) -> pd.Series:
 
 
 def test_a_row_has_empty_keys_where_it_needs_none_and_no_row_has_an_infinite_value():
-    rows = [evidence_row("std", 1, model="a", low=-np.inf), evidence_row("std", np.inf, model="b")]
+    rows = [
+        evidence_row("std", 1, model="a", low=-np.inf),
+        evidence_row("std", np.inf, model="b"),
+    ]
     rows += [evidence_row("u", np.nan), evidence_row("u", 2, rival="a_closed")]
     table = evidence_table(rows)
     assert table[[*KEYS]].to_numpy().tolist() == [
@@ -58,14 +61,20 @@ def test_a_bias_that_is_nothing_is_about_one_standard_error_and_a_real_one_is_ma
     errors = evidence.query("quantity == 'camera_std_variation'")["standard_error"]
     assert errors.tolist() == pytest.approx([jackknifed] * 2)
     slope = evidence.query("quantity == 'depth_error_slope'").iloc[0]
-    assert (slope["joint"], slope["value"], slope["standard_error"]) == ("hip", 0.5, 0.1)
+    assert (slope["joint"], slope["value"], slope["standard_error"]) == (
+        "hip",
+        0.5,
+        0.1,
+    )
 
 
 def test_a_bound_that_follows_the_ramps_alone_does_not_follow_at_constant_speed():
     steps = np.arange(61)
     ramp, steady = np.minimum(steps, 20.0), steps[1:] > 20
     ramp[20] = 300.0  # the last step of the ramp
-    error, bound = (np.stack([(1 + ramp + sign * np.sin(steps))[:, None]] * 3) for sign in (1, -1))
+    error, bound = (
+        np.stack([(1 + ramp + sign * np.sin(steps))[:, None]] * 3) for sign in (1, -1)
+    )
     law = Filtered(error, bound[..., None] ** 2, np.zeros((1, 1)))
     filters, rng = {NONE: law, "m": law}, np.random.default_rng(1)
     evidence, _, _ = filter_evidence(filters, ["hip"], steady, rng)
@@ -76,14 +85,23 @@ def test_a_bound_that_follows_the_ramps_alone_does_not_follow_at_constant_speed(
 
 
 def test_an_error_varies_only_beyond_what_as_many_takes_reach_by_chance():
-    rng, wave = np.random.default_rng(4), 1 + 0.9 * np.sin(np.linspace(0, 6, 80))[:, None]
+    rng, wave = (
+        np.random.default_rng(4),
+        1 + 0.9 * np.sin(np.linspace(0, 6, 80))[:, None],
+    )
     for takes, width, varies in ((6, 1.0, False), (40, wave, True)):
         error = width * rng.normal(size=(takes, 80, 2))
         law = Filtered(error, np.tile(np.eye(2), (takes, 80, 1, 1)), np.zeros((2, 2)))
-        filters, none = dict.fromkeys([NONE, MEMORY, "m", closed("m")], law), np.full(79, False)
+        filters, none = (
+            dict.fromkeys([NONE, MEMORY, "m", closed("m")], law),
+            np.full(79, False),
+        )
         evidence, against, refusals = filter_evidence(filters, JOINTS, none, rng)
         rows = evidence[evidence["model"] == "m"].set_index(["quantity", "joint"])
-        limits, values = rows.loc["error_variation_limits"], rows.loc["error_variation", "value"]
+        limits, values = (
+            rows.loc["error_variation_limits"],
+            rows.loc["error_variation", "value"],
+        )
         assert (values > 0.25).all()  # control: a limit without draws
         assert (values > limits["high"]).all() == varies
         inside = (np.abs(error) <= 1).mean(axis=1)  # of each take
@@ -112,21 +130,38 @@ def test_the_study_of_the_wrench_has_rows_by_number_of_cables_and_no_force_witho
     assert (greatest["low"], greatest["high"]) == (0.2, 0.4)
     errors = evidence.query("quantity == 'mean_error_of_variances'")["standard_error"]
     assert errors.tolist() == pytest.approx([0.1, 0.01])
-    assert {*evidence["quantity"]} == {name for name, _ in values.index} and len(evidence) == 8
-    force = {"configuration": "C1", "source": ["measured", "modelled"], "fx": [3.1, 3], "fy": 5}
-    tables["force_moments"] = pd.DataFrame(force | {"var_fx": [4.0, 9.0], "var_fy": 1.0})
+    assert {*evidence["quantity"]} == {name for name, _ in values.index} and len(
+        evidence
+    ) == 8
+    force = {
+        "configuration": "C1",
+        "source": ["measured", "modelled"],
+        "fx": [3.1, 3],
+        "fy": 5,
+    }
+    tables["force_moments"] = pd.DataFrame(
+        force | {"var_fx": [4.0, 9.0], "var_fy": 1.0}
+    )
     test = {"configuration": ["C1"], "form": "none", "effective_samples": 100.0}
     test |= {"two_sample_p_value": 0.5, "matrix_share_fx": 0.0}
     tables["force_test"] = pd.DataFrame(test)
     names = ["expectation", "expectation_error", "mean", "expected_standard_error"]
     numbers = dict(zip(names, (0.5, 0.1, 0.6, 0.2), strict=True))
-    keys = {"system_class": ["C1", "study"], "form": ["diagonal", "full"], "entry": ["11", "22"]}
-    classes = pd.MultiIndex.from_product(keys.values(), names=keys).to_frame(index=False)
+    keys = {
+        "system_class": ["C1", "study"],
+        "form": ["diagonal", "full"],
+        "entry": ["11", "22"],
+    }
+    classes = pd.MultiIndex.from_product(keys.values(), names=keys).to_frame(
+        index=False
+    )
     tables["sigma_s"] = classes.assign(**numbers)
     both = wrench_evidence(tables).query("estimator == 'diagonal'")
     columns = ["quantity", "configuration", "entry", "value", "standard_error"]
     expected = [("sigma_s", 0.5, 0.1), ("mean_of_sigma_s", 0.6, 0.2)]
-    rows = [[name, "C1", entry, *two] for entry in ("11", "22") for name, *two in expected]
+    rows = [
+        [name, "C1", entry, *two] for entry in ("11", "22") for name, *two in expected
+    ]
     assert both[columns].to_numpy().tolist() == rows
     means = wrench_evidence(tables).query("quantity == 'mean_force'").set_index("entry")
     assert means[["value", "standard_error"]].T.to_dict("list") == {

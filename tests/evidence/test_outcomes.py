@@ -16,7 +16,12 @@ from pipeline.core.columns import PLANE, spread, triangle
 from pipeline.core.filters import NONE, closed
 from pipeline.evidence.case import KINDS, Camera, Choices, Recordings, Takes, readings
 from pipeline.evidence.motion import motion_evidence
-from pipeline.evidence.outcomes import all_filters, case_evidence, outcome, pose_covariances
+from pipeline.evidence.outcomes import (
+    all_filters,
+    case_evidence,
+    outcome,
+    pose_covariances,
+)
 from pipeline.evidence.table import evidence_row, evidence_table
 from pipeline.filtering.particle_filter import Posterior
 from pipeline.models.kinds import options_type
@@ -28,7 +33,10 @@ from pipeline.verdicts.run import ArmNames, Run
 ROOT = Path(__file__).parents[2]
 JOINTS = ("a", "b", "c")
 ARM = ArmNames(JOINTS, PLANE)
-CLAIMS = ("pipeline/verdicts/claims.yaml", "pipeline/studies/robustness/conclusions.yaml")
+CLAIMS = (
+    "pipeline/verdicts/claims.yaml",
+    "pipeline/studies/robustness/conclusions.yaml",
+)
 # claims of the wrench, the closed loop and the linear filter, which these takes lack
 WRENCH = ("wrench", "sigma-s", "force", "closed-loop", "memory")
 READINGS = ["pivoted LU", "QR of J", "QR of Jᵀ (control)"]
@@ -48,7 +56,9 @@ def takes(chain) -> Takes:
     poses[:, 0] = [0.3, 1.5, 0.2]
     for k in range(STEPS):
         noise = rng.normal(0.0, STD * (1.0 if moving[k] else 0.1), (16, 3))
-        poses[:, k + 1] = poses[:, k] + np.matvec(chain.inverse_jacobian(poses[:, k]), v[k]) + noise
+        poses[:, k + 1] = (
+            poses[:, k] + np.matvec(chain.inverse_jacobian(poses[:, k]), v[k]) + noise
+        )
     noise = process_noise(chain, poses[:12], v)
     recorded = Recorded(chain, poses[:12, :-1], v, noise, JOINTS)
     names = tuple(f"train_{n}" for n in range(12))
@@ -60,13 +70,18 @@ def takes(chain) -> Takes:
 def base() -> Choices:
     further = {"additive": {}, "gaussian": {"beta": 0.5}}
     further["wishart"] = {"decomposition": "by_shape", "floor": 0.2}
-    models = {kind: options_type(kind)(kind, estimator="paper", **further[kind]) for kind in KINDS}
+    models = {
+        kind: options_type(kind)(kind, estimator="paper", **further[kind])
+        for kind in KINDS
+    }
     return Choices(models, filter_options(60), "one_step")
 
 
 def posterior(mean: np.ndarray, covariance: np.ndarray) -> Posterior:
     none = np.zeros(len(mean), dtype=int)
-    return Posterior(mean, covariance, none + 1.0, none > 0, none > 0, none, none, 0, 0.0)
+    return Posterior(
+        mean, covariance, none + 1.0, none > 0, none > 0, none, none, 0, 0.0
+    )
 
 
 def outcome_of(case, kind: str, takes):
@@ -79,7 +94,9 @@ def posteriors(base, takes) -> dict[str, dict[str, Posterior | str]]:
     spread_of_step = 1e-4 * np.exp(rng.standard_normal((STEPS + 1, 1, 1))) * np.eye(3)
     return {
         kind: {
-            name: posterior(take + 0.01 * rng.standard_normal(take.shape), spread_of_step)
+            name: posterior(
+                take + 0.01 * rng.standard_normal(take.shape), spread_of_step
+            )
             for name, take in takes.test.items()
         }
         for kind in base.models
@@ -98,20 +115,26 @@ def camera_noise(takes) -> pd.DataFrame:
     return pd.DataFrame({"take": takes} | noise | triangle("r", JOINTS, covariance))
 
 
-def test_a_filter_has_the_noise_of_a_pose_by_its_loop_and_the_training_mean_its_own(takes):
+def test_a_filter_has_the_noise_of_a_pose_by_its_loop_and_the_training_mean_its_own(
+    takes,
+):
     truth, training = np.stack(list(takes.test.values())), takes.training
     law = (truth + 0.02, np.zeros((*truth.shape, 3)))
     posteriors = {"additive": law, closed("additive"): law}
     filters = all_filters(takes, truth, posteriors, None, 100.0, factor=2.0)
     noise = pose_covariances(training, takes.poses)
-    for name, expected in zip((*posteriors, NONE), (*2 * noise, np.zeros((3, 3))), strict=True):
+    for name, expected in zip(
+        (*posteriors, NONE), (*2 * noise, np.zeros((3, 3))), strict=True
+    ):
         np.testing.assert_array_equal(filters[name].measurement, expected)
     np.testing.assert_allclose(filters["additive"].error, 0.02)
     # an open loop has half the noise of ω at rest, which is of two poses
     np.testing.assert_allclose(2 * noise[0], training.measurement)
     assert not np.allclose(*noise)
     known = replace(training, known_measurement=np.eye(3))
-    np.testing.assert_array_equal(pose_covariances(known, takes.poses), [np.eye(3) / 2] * 2)
+    np.testing.assert_array_equal(
+        pose_covariances(known, takes.poses), [np.eye(3) / 2] * 2
+    )
     np.testing.assert_allclose(takes.start.covariance, np.cov(takes.poses[:, 0].T))
 
 
@@ -120,17 +143,31 @@ def test_claims_have_the_numbers_of_the_outcomes_and_a_difference_is_value_minus
 ):
     outcomes = {kind: outcome_of(base, kind, takes) for kind in base.models}
     camera = Camera(camera_noise(np.repeat(["none", "a", "b"], 5)), {})
-    evidence, refusals = case_evidence(base, recordings_of(takes, camera), outcomes, posteriors)
-    claims = [c for file in CLAIMS for c in parse_claims(config.read_yaml(ROOT / file)["claims"])]
+    evidence, refusals = case_evidence(
+        base, recordings_of(takes, camera), outcomes, posteriors
+    )
+    claims = [
+        c
+        for file in CLAIMS
+        for c in parse_claims(config.read_yaml(ROOT / file)["claims"])
+    ]
     asked = [claim for claim in claims if not claim.id.startswith(WRENCH)]
     verdicts = decide(asked, evidence, "paper", ARM)
-    without = {v.claim.id for v in verdicts if any(case.value is None for case in v.cases)}
+    without = {
+        v.claim.id for v in verdicts if any(case.value is None for case in v.cases)
+    }
     assert refusals == [] and len(verdicts) > 20
     assert without <= {"u", "alpha"}  # an unbounded û and its α̂ have no number
     rows = evidence["rival"] == ""
-    values = evidence[rows].set_index(["quantity", "model", "joint", "steps"])["value"].sort_index()
+    values = (
+        evidence[rows]
+        .set_index(["quantity", "model", "joint", "steps"])["value"]
+        .sort_index()
+    )
     for own in evidence[~rows].itertuples():
-        other = (own.model, own.rival) if own.rival in JOINTS else (own.rival, own.joint)
+        other = (
+            (own.model, own.rival) if own.rival in JOINTS else (own.rival, own.joint)
+        )
         rival = values[own.quantity, *other, own.steps]
         mine = values[own.quantity, own.model, own.joint, own.steps]
         assert own.value == pytest.approx(mine - rival, abs=1e-12), own
@@ -162,7 +199,9 @@ def test_a_model_or_filter_without_outcome_leaves_the_others_theirs_and_says_why
     assert len(refused.refusals) == 1 and "rest" in refused.refusals[0]
     outcomes = {"additive": outcome_of(base, "additive", takes), "wishart": refused}
     camera = Camera(camera_noise(["none", "a"]), {})
-    evidence, refusals = case_evidence(base, recordings_of(takes, camera), outcomes, posteriors)
+    evidence, refusals = case_evidence(
+        base, recordings_of(takes, camera), outcomes, posteriors
+    )
     assert {"gaussian: all weights vanished"} < {*refusals}
     models = {name: {*rows["model"]} for name, rows in evidence.groupby("quantity")}
     assert models["rms_error_rad"] == {"additive", "wishart"}
@@ -173,16 +212,22 @@ def test_a_model_or_filter_without_outcome_leaves_the_others_theirs_and_says_why
 @pytest.mark.parametrize("factor", [0.5, 2.0])
 def test_the_log_score_has_the_measurement_noise_times_its_factor(base, takes, factor):
     scores = outcome_of(replace(base, measurement=factor), "additive", takes).log_score
-    covariance = mean_covariance(takes.training.noise) + factor * takes.training.measurement
+    covariance = (
+        mean_covariance(takes.training.noise) + factor * takes.training.measurement
+    )
     test, training = np.stack(list(takes.test.values())), takes.training
     nominal = np.matvec(training.chain.inverse_jacobian(test[:, :-1]), training.v)
-    expected = multivariate_normal(np.zeros(3), covariance).logpdf(np.diff(test, axis=1) - nominal)
+    expected = multivariate_normal(np.zeros(3), covariance).logpdf(
+        np.diff(test, axis=1) - nominal
+    )
     moving = np.any(training.v, axis=1)
     for steps, own in (("all", expected), ("moving", expected[:, moving])):
         np.testing.assert_allclose(scores[steps], own.mean(axis=1), rtol=1e-10)
 
 
-def test_without_noise_at_rest_moving_steps_alone_are_scored_and_modes_differ(base, takes):
+def test_without_noise_at_rest_moving_steps_alone_are_scored_and_modes_differ(
+    base, takes
+):
     scores = outcome_of(replace(base, measurement=0.0), "gaussian", takes).log_score
     assert set(scores) == {"moving"} and np.all(np.isfinite(scores["moving"]))
     modes = (replace(base, mode=mode) for mode in ("one_step", "free_running"))
@@ -190,7 +235,9 @@ def test_without_noise_at_rest_moving_steps_alone_are_scored_and_modes_differ(ba
     assert np.all(free[-1] > 2 * step[-1])
 
 
-def test_without_test_takes_each_training_take_is_predicted_by_a_fit_to_the_others(base, takes):
+def test_without_test_takes_each_training_take_is_predicted_by_a_fit_to_the_others(
+    base, takes
+):
     alone = replace(takes, test={})
     scores = outcome_of(base, "additive", alone).log_score["all"]
     training = takes.training
@@ -204,36 +251,59 @@ def test_without_test_takes_each_training_take_is_predicted_by_a_fit_to_the_othe
 def test_the_runs_own_reading_is_first_and_every_other_comes_once(base):
     assert list(readings(base)) == READINGS
     assert readings(base)[READINGS[0]] == base
-    for case in readings(base.with_wishart(ratio_factor=3.0)).values():  # that alone changes
+    for case in readings(
+        base.with_wishart(ratio_factor=3.0)
+    ).values():  # that alone changes
         assert case.models["wishart"].ratio_factor == 3.0
         assert case.models["gaussian"] == base.models["gaussian"]
     redundant = readings(base, ["x", "z"])
-    assert list(redundant) == [READINGS[n] for n in (1, 0, 2)] and redundant[READINGS[1]] == base
+    assert (
+        list(redundant) == [READINGS[n] for n in (1, 0, 2)]
+        and redundant[READINGS[1]] == base
+    )
     constant = base.with_wishart(decomposition="given", left=np.eye(3).tolist())
     assert list(readings(constant)) == ["given", *READINGS]
 
 
 VALUE = {"quantity": "std", "model": "{model}"}
 SMALL = {key: key for key in ("where", "statement", "quantity", "reason")}
-SMALL |= {"id": "small", "about": "method", "rule": "below", "limit": 1.0, "value": VALUE}
+SMALL |= {
+    "id": "small",
+    "about": "method",
+    "rule": "below",
+    "limit": 1.0,
+    "value": VALUE,
+}
 SMALL |= {"each": {"model": ["wishart", "gaussian"]}}
 
 
 @pytest.mark.parametrize(
     ("values", "expected"),
     [
-        ({"wishart": 0.4, "gaussian": 0.2}, ("holds", "wishart: 0.4; gaussian: 0.2", "")),
-        ({"wishart": 1.4, "gaussian": 0.2}, ("fails", "wishart: 1.4 ✗; gaussian: 0.2", "")),
+        (
+            {"wishart": 0.4, "gaussian": 0.2},
+            ("holds", "wishart: 0.4; gaussian: 0.2", ""),
+        ),
+        (
+            {"wishart": 1.4, "gaussian": 0.2},
+            ("fails", "wishart: 1.4 ✗; gaussian: 0.2", ""),
+        ),
         ({"gaussian": 0.2}, ("no evidence", "gaussian: 0.2", "no noise")),
     ],
 )
-def test_a_claim_holds_where_its_rule_does_in_every_case_and_lacks_none(values, expected):
+def test_a_claim_holds_where_its_rule_does_in_every_case_and_lacks_none(
+    values, expected
+):
     own, other = (
-        evidence_table(evidence_row("std", value, model=model) for model, value in sizes.items())
+        evidence_table(
+            evidence_row("std", value, model=model) for model, value in sizes.items()
+        )
         for sizes in ({"wishart": 0.5, "gaussian": values["gaussian"]}, values)
     )
     other = other[other["model"] == "wishart"].assign(reading="other")
-    reasons = pd.DataFrame({"reading": ["own", "other"], "refused": [np.nan, "no noise"]})
+    reasons = pd.DataFrame(
+        {"reading": ["own", "other"], "refused": [np.nan, "no noise"]}
+    )
     tables = {"evidence": own, "readings": other, "reading_refusals": reasons}
     run = Run("lab", "paper", True, ["a"], ["x"], {}, {}, tables)
     table = reading_verdicts(parse_claims([SMALL]), run)

@@ -16,12 +16,16 @@ from pipeline.statistics.pose_effect import pose_effect, windows_of
 MOTIONS, STEPS = 8, 400
 
 
-def motions(exponent: float, swing: float, rng: np.random.Generator, tails: float = np.inf):
+def motions(
+    exponent: float, swing: float, rng: np.random.Generator, tails: float = np.inf
+):
     """Noise proportional to the speed and to a power of a pose quantity."""
     listed = []
     for number in range(MOTIONS):
         t = np.linspace(0, 2 * np.pi, STEPS)
-        dq = 1e-3 * np.stack([np.sin(t + number), np.sin(2 * t) + 1.2, np.zeros(STEPS)], axis=1)
+        dq = 1e-3 * np.stack(
+            [np.sin(t + number), np.sin(2 * t) + 1.2, np.zeros(STEPS)], axis=1
+        )
         x = np.exp(swing * np.sin(3 * t + 0.7 * number))[:, None] * np.ones(3)
         unit = rng.standard_normal((STEPS, 3))
         if np.isfinite(tails):
@@ -56,19 +60,30 @@ def test_a_motion_through_equal_poses_cannot_tell_and_names_the_range_that_would
 
 def test_blocks_stand_for_motions_where_there_is_one_and_too_few_windows_tell_nothing():
     rng = np.random.default_rng(3)
-    noise, dq, x = (np.concatenate(each) for each in zip(*motions(1.0, 0.5, rng), strict=True))
+    noise, dq, x = (
+        np.concatenate(each) for each in zip(*motions(1.0, 0.5, rng), strict=True)
+    )
     found = pose_effect(windows_of([(noise, dq, x)]), rng)
     assert found.groups == 8 and found.exponent.low > 0
     assert pose_effect(windows_of([(noise[:50], dq[:50], x[:50])]), rng) is None
 
 
-def test_the_table_has_the_exponent_of_noise_that_grows_with_the_norm_but_for_singular_poses(chain):
+def test_the_table_has_the_exponent_of_noise_that_grows_with_the_norm_but_for_singular_poses(
+    chain,
+):
     rng, t, runs = np.random.default_rng(5), np.linspace(0, 2 * np.pi, 801), []
     for number in range(4):
         phase = number * np.pi / 4  # the elbow is straight where its sine is −1
-        moves = [0.5 * np.sin(t + phase), 1.5 * np.sin(3 * t + phase), 0.4 * np.sin(2 * t + phase)]
+        moves = [
+            0.5 * np.sin(t + phase),
+            1.5 * np.sin(3 * t + phase),
+            0.4 * np.sin(2 * t + phase),
+        ]
         command = np.array([0.3, 1.5, -0.4]) + np.transpose(moves)
-        dq, q = np.diff(command, axis=0), np.where(chain.singular(command)[:, None], 1.5, command)
+        dq, q = (
+            np.diff(command, axis=0),
+            np.where(chain.singular(command)[:, None], 1.5, command),
+        )
         size = 1e-4 * np.abs(dq) * frobenius(chain.inverse_jacobian(q[:-1]))[:, None]
         drift = np.cumsum(size * rng.standard_normal(dq.shape), axis=0)
         measured = command + np.vstack([np.zeros(3), drift])

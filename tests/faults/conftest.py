@@ -41,7 +41,10 @@ GRID = np.arange(STEPS + 1) / RATE
 # s into the dataset's motion, shortly before the arm starts: its speeding up gives the clock offset
 START = 0.1
 FRAMES, FRAME_RATE = 27, 15.0  # of the depth camera
-SIZE, COARSER = (141, 170), 3.0  # px, and how many of a Kinect's pixels one of these is wide
+SIZE, COARSER = (
+    (141, 170),
+    3.0,
+)  # px, and how many of a Kinect's pixels one of these is wide
 
 
 class Recovered(NamedTuple):
@@ -57,10 +60,14 @@ class Bench:
 
     def __init__(self, folder: Path, recover: Callable[[Path], Recovered]) -> None:
         files = (file for file in sorted(folder.rglob("*")) if file.is_file())
-        self.files = {str(file.relative_to(folder)): file.read_bytes() for file in files}
+        self.files = {
+            str(file.relative_to(folder)): file.read_bytes() for file in files
+        }
         self.recover, self.clean = recover, recover(folder)
 
-    def outcome(self, files: dict[str, bytes], counted: tuple[str, ...] = ()) -> tuple[str, object]:
+    def outcome(
+        self, files: dict[str, bytes], counted: tuple[str, ...] = ()
+    ) -> tuple[str, object]:
         """``refused`` with the error, or one of ``repaired``, ``unharmed`` and ``unnoticed`` with
         the recovered values. A repair changes one of the counts ``counted``, an estimate by more
         than three of its standard errors. Any other exception passes through.
@@ -109,7 +116,9 @@ def motion(dataset) -> Callable[[np.ndarray], np.ndarray]:
 
 def take_bench(folder: Path, dataset: Dataset, arm: Arm, motion) -> Bench:
     """One take of motion capture."""
-    template = np.array([list(link.values()) for link in dataset.mocap.markers.values()])
+    template = np.array(
+        [list(link.values()) for link in dataset.mocap.markers.values()]
+    )
     base, rng = dataset.mocap.base, np.random.default_rng(1)
     turn = Rotation.from_euler("xyz", base.rpy).as_matrix()
     places = arm.to_base(marker_places(motion(GRID), template, arm.chain)) @ turn.T
@@ -118,8 +127,12 @@ def take_bench(folder: Path, dataset: Dataset, arm: Arm, motion) -> Bench:
     names = [name for link in dataset.mocap.markers.values() for name in link]
     markers = dict(zip(names, np.moveaxis(places, 1, 0), strict=True))
     (folder / "optitrack").mkdir()
-    take = MotionTake("test_001", "1.23", RATE, np.arange(STEPS + 1), GRID, markers, {}, {})
-    write_motive(folder / "optitrack/test_001.csv", take, start="2017-05-02 10.00.00.000 AM")
+    take = MotionTake(
+        "test_001", "1.23", RATE, np.arange(STEPS + 1), GRID, markers, {}, {}
+    )
+    write_motive(
+        folder / "optitrack/test_001.csv", take, start="2017-05-02 10.00.00.000 AM"
+    )
 
     def recover(raw: Path) -> Recovered:
         take, *_ = motion_capture.find_takes(raw, dataset.mocap)
@@ -134,10 +147,17 @@ def take_bench(folder: Path, dataset: Dataset, arm: Arm, motion) -> Bench:
 def depth_bench(folder: Path, dataset: Dataset, arm: Arm, motion) -> Bench:
     """One take of the depth camera, whose clock is set by the markers of a take."""
     kinect, rng = dataset.laboratory["kinect"], np.random.default_rng(2)
-    coarse = {name: getattr(kinect, name) / COARSER for name in ("fx", "fy", "cx", "cy")}
+    coarse = {
+        name: getattr(kinect, name) / COARSER for name in ("fx", "fy", "cx", "cy")
+    }
     # few pixels, so quiet ones
     quiet = {"axial": (5e-4, 0.0, 0.0, 0.0), "lateral": (0.0, 0.0), "edge_lost": 0.0}
-    quiet |= {"edge_mixed": 0.0, "bias_offset_std": 0.0, "height": SIZE[0], "width": SIZE[1]}
+    quiet |= {
+        "edge_mixed": 0.0,
+        "bias_offset_std": 0.0,
+        "height": SIZE[0],
+        "width": SIZE[1],
+    }
     options = KinectOptions(**{**vars(kinect), **coarse, **quiet})
     camera = DepthCamera(arm, options, draw_bias(options, rng))
     time, take = np.arange(FRAMES) / FRAME_RATE, folder / "kinect/test_001"
@@ -152,9 +172,13 @@ def depth_bench(folder: Path, dataset: Dataset, arm: Arm, motion) -> Bench:
     shifted = table.iloc[round(START * RATE) :][: STEPS + 1].assign(t=GRID)
     write_trajectory(folder / "trajectory.csv", shifted)
     nodes = arm.chain.points(motion(GRID))[:, 1:]
-    places = arm.to_base(np.stack([nodes[..., 0], 0 * nodes[..., 0], nodes[..., 1]], axis=-1))
+    places = arm.to_base(
+        np.stack([nodes[..., 0], 0 * nodes[..., 0], nodes[..., 1]], axis=-1)
+    )
     k = np.repeat(np.arange(len(GRID)), nodes.shape[1])
-    markers = pd.DataFrame({"take": "test_001", "part": "test", "k": k, "t": GRID[k], "link": 1})
+    markers = pd.DataFrame(
+        {"take": "test_001", "part": "test", "k": k, "t": GRID[k], "link": 1}
+    )
     markers[["x", "y", "z"]] = places.reshape(-1, 3)
     section = made(ArticulationSection, minimum_points=80)
 
@@ -163,10 +187,14 @@ def depth_bench(folder: Path, dataset: Dataset, arm: Arm, motion) -> Bench:
         take = next(iter(depth.take_paths(raw, dataset.depth).items()))
         frames, quality = depth.frame_rows(take, dataset.depth, arm, raw, raw)
         clouds = arm_points(frames, raw)
-        frames, clock = on_motion_clock(CameraTake(frames, markers, []), dataset.depth, arm)
+        frames, clock = on_motion_clock(
+            CameraTake(frames, markers, []), dataset.depth, arm
+        )
         known = arm, dataset.robot.joints, trajectory, section, motion(0.0)
         angles = articulate_rows(frames, clouds, *known)
-        counts = counts_of([*quality, *clock]) | {"valid": float(frames["valid"].mean())}
+        counts = counts_of([*quality, *clock]) | {
+            "valid": float(frames["valid"].mean())
+        }
         counts["frames_without_fit"] = len(frames) - len(angles)
         return Recovered(angles["t"].to_numpy(), values(angles, "q"), counts)
 

@@ -30,14 +30,20 @@ class Fault(NamedTuple):
         rng = np.random.default_rng(seed)
         if not self.pattern:
             return self.change(files, severity, rng)
-        (name,) = d.some([name for name in files if fnmatchcase(name, self.pattern)], 1, rng)
+        (name,) = d.some(
+            [name for name in files if fnmatchcase(name, self.pattern)], 1, rng
+        )
         return {**files, name: self.change(files[name], severity, rng)}
 
 
 TAKE, INDEX = "optitrack/*.csv", "kinect/*/depth.txt"
 CLOCK = ("clock_offset", "clock_drift")
 ANY, FIXED, COUNTED = (REPAIRED, REFUSED), (REFUSED,), (REPAIRED,)
-SEEN = (REPAIRED, REFUSED, UNNOTICED)  # within three standard errors a change is not seen
+SEEN = (
+    REPAIRED,
+    REFUSED,
+    UNNOTICED,
+)  # within three standard errors a change is not seen
 offset = d.retimed(lambda t, share, s: t + s)
 drift = d.retimed(lambda t, share, s: t * (1 + s))
 jump = d.retimed(lambda t, share, s: t + s * (share > 0.5))
@@ -104,7 +110,9 @@ def test_a_fault_is_repaired_and_counted_or_refused_with_its_place(benches, name
         (f"{INDEX}: clock offset", 0.1, 1.5),
     ],
 )
-def test_a_repaired_recording_has_the_error_of_a_clean_one(benches, motion, name, severity, times):
+def test_a_repaired_recording_has_the_error_of_a_clean_one(
+    benches, motion, name, severity, times
+):
     fault = FAULTS[name]
     bench = benches[fault.instrument]
 
@@ -117,7 +125,9 @@ def test_a_repaired_recording_has_the_error_of_a_clean_one(benches, motion, name
         assert kind == REPAIRED and error(found) <= times * error(bench.clean)
 
 
-def test_a_number_changed_in_silence_is_unnoticed_and_other_line_ends_are_unharmed(benches):
+def test_a_number_changed_in_silence_is_unnoticed_and_other_line_ends_are_unharmed(
+    benches,
+):
     bench, name = benches["take"], "optitrack/test_001.csv"
     row = bench.files[name].splitlines()[60]
     head, y, z = row.rsplit(b",", 2)  # the marker's z is normal to the plane of the arm

@@ -35,9 +35,13 @@ def folder(benches, dataset, tmp_path):
     source.write_bytes(benches["take"].files["optitrack/test_001.csv"])
     take, rng = read_motive(source), np.random.default_rng(4)
     for name in (TRAIN, TEST):
-        markers = {n: xyz + rng.normal(0, 5e-5, xyz.shape) for n, xyz in take.markers.items()}
+        markers = {
+            n: xyz + rng.normal(0, 5e-5, xyz.shape) for n, xyz in take.markers.items()
+        }
         own = replace(take, name=name, markers=markers)
-        write_motive(tmp_path / f"optitrack/{name}.csv", own, start="2017-05-02 10.00.00.000 AM")
+        write_motive(
+            tmp_path / f"optitrack/{name}.csv", own, start="2017-05-02 10.00.00.000 AM"
+        )
     mocap = replace(dataset.mocap, training="optitrack/train*", test="optitrack/test*")
     sections = {"trajectory": None, "depth": None, "force": None, "mocap": mocap}
     return replace(dataset, recordings=str(tmp_path), **sections)
@@ -48,7 +52,9 @@ def ingest(dataset, tmp_path) -> dict[str, dict[str, float]]:
     (tmp_path / "out").mkdir()
     quality = read_part("motion", dataset, SimpleNamespace(), tmp_path / "out")
     takes = {row["take"] for row in quality}
-    return {t: {r["quantity"]: r["value"] for r in quality if r["take"] == t} for t in takes}
+    return {
+        t: {r["quantity"]: r["value"] for r in quality if r["take"] == t} for t in takes
+    }
 
 
 def exported_again(content: bytes) -> bytes:
@@ -61,7 +67,9 @@ def test_a_copy_of_a_take_is_refused_with_both_names(folder, tmp_path, change, c
     content = (tmp_path / f"optitrack/{TRAIN}.csv").read_bytes()
     renamed = change(content).replace(TRAIN.encode(), copy.encode())
     (tmp_path / f"optitrack/{copy}.csv").write_bytes(renamed)
-    with pytest.raises(RecordingError, match="have equal samples: one is a copy") as refused:
+    with pytest.raises(
+        RecordingError, match="have equal samples: one is a copy"
+    ) as refused:
         ingest(folder, tmp_path)
     assert TRAIN in refused.value.message and copy in refused.value.message
 
@@ -75,12 +83,16 @@ def test_rounded_samples_are_equal_and_noise_is_not():
         require_distinct("takes", {"a": one, "c": other, "b": one.round(6)})
 
 
-def test_a_header_that_names_another_take_is_counted_or_refused(folder, tmp_path, capsys):
+def test_a_header_that_names_another_take_is_counted_or_refused(
+    folder, tmp_path, capsys
+):
     file = tmp_path / f"optitrack/{TRAIN}.csv"
     content = file.read_bytes()
     file.write_bytes(content.replace(TRAIN.encode(), b"Take 2017-05-02"))
     counts = ingest(folder, tmp_path)
-    assert counts[TRAIN]["named_otherwise"] == 1 and "named_otherwise" not in counts[TEST]
+    assert (
+        counts[TRAIN]["named_otherwise"] == 1 and "named_otherwise" not in counts[TEST]
+    )
     assert "the take is 'Take 2017-05-02' by its header" in capsys.readouterr().out
     file.write_bytes(content.replace(TRAIN.encode(), TEST.encode()))
     (tmp_path / "out").rename(tmp_path / "before")
@@ -91,7 +103,10 @@ def test_a_header_that_names_another_take_is_counted_or_refused(folder, tmp_path
 
 def test_a_late_take_has_a_lag_beyond_the_limit_and_others_have_not(motion):
     rng, time = np.random.default_rng(2), np.arange(160) / 100
-    drawn = [motion(time + rng.normal(0, 0.0015)) + rng.normal(0, 1e-3, (160, 3)) for _ in range(8)]
+    drawn = [
+        motion(time + rng.normal(0, 0.0015)) + rng.normal(0, 1e-3, (160, 3))
+        for _ in range(8)
+    ]
     lags = lags_beside_others(np.array(drawn), 100.0)
     assert np.abs(lags).max() < Limits().lag_beside_others / 2
     late = np.array([*drawn[:-1], motion(time - 0.08)])
@@ -102,7 +117,9 @@ def test_a_late_take_has_a_lag_beyond_the_limit_and_others_have_not(motion):
 
 
 SHIFTS = {
-    "scale and drift": lambda q, rng: 1.01 * q + np.linspace(0.01, 0.02, len(q))[:, None],
+    "scale and drift": lambda q, rng: (
+        1.01 * q + np.linspace(0.01, 0.02, len(q))[:, None]
+    ),
     "one joint": lambda q, rng: q,
     "noise of a quantum": lambda q, rng: q + rng.uniform(-2e-4, 2e-4, q.shape),
     "between rows": lambda q, rng: np.concatenate([(q[1:] + q[:-1]) / 2, q[-1:]]),
@@ -133,7 +150,9 @@ def test_a_copied_take_is_beyond_the_limit_also_disguised_and_sound_takes_are_no
     assert likeness(copied[:2]).tolist() == [1, 1]
 
 
-@pytest.mark.parametrize(("factor", "warned"), [(1.0, False), (1.05, True), (0.95, True)])
+@pytest.mark.parametrize(
+    ("factor", "warned"), [(1.0, False), (1.05, True), (0.95, True)]
+)
 def test_a_wrong_focal_length_gives_a_warning_with_its_mean_error(
     benches, dataset, motion, factor, warned
 ):
@@ -145,7 +164,9 @@ def test_a_wrong_focal_length_gives_a_warning_with_its_mean_error(
     warning = bias_warning(pd.DataFrame(errors))
     assert bool(warning) == warned == ("rad off the motion capture" in warning)
     with pytest.raises(RecordingError, match="mirrored"):
-        bias_warning(pd.DataFrame(errors) - 0.45)  # rad, the least of the joints' for such images
+        bias_warning(
+            pd.DataFrame(errors) - 0.45
+        )  # rad, the least of the joints' for such images
 
 
 def test_images_of_another_take_have_a_share_beyond_the_limit(motion, dataset):
@@ -160,7 +181,9 @@ def test_images_of_another_take_have_a_share_beyond_the_limit(motion, dataset):
     seen_at = np.arange(5, 175, 3) / 100
 
     def share(images: int, name: int, noise: float) -> float:
-        nodes = arm.chain.points(joints[images].filter(like="q").to_numpy())[:, 1:].mean(axis=1)
+        nodes = arm.chain.points(joints[images].filter(like="q").to_numpy())[
+            :, 1:
+        ].mean(axis=1)
         seen = np.stack([np.interp(seen_at, time, x) for x in nodes.T], axis=1)
         seen = np.ascontiguousarray(seen + rng.normal(0, noise, seen.shape))
         order = [joints[name], *joints[:name], *joints[name + 1 :]]
@@ -170,7 +193,9 @@ def test_images_of_another_take_have_a_share_beyond_the_limit(motion, dataset):
     limit = Limits().camera_residual_share
     assert max(share(n, n, 3e-4) for n in range(6)) < limit
     foreign = np.array([share(n, n + 1, 3e-4) for n in range(6)])
-    assert foreign.min() > 0.65 and np.mean(foreign > limit) > 0.8  # 24 of 24 in the laboratory
+    assert (
+        foreign.min() > 0.65 and np.mean(foreign > limit) > 0.8
+    )  # 24 of 24 in the laboratory
     # takes that differ by less than the noise cannot be told apart, and are kept
     assert share(0, 1, 0.02) < limit
 
@@ -219,8 +244,13 @@ def test_a_record_of_another_configuration_is_refused_by_its_name():
     for name, one in FORCE.configurations.items():
         robots = len(one.direction)
         turns = np.array(one.direction) + rng.normal(0, 600**-0.5, (3000, robots))
-        pulls = np.array(one.tension) + rng.normal(size=(3000, robots)) * FORCE.tension_std[:robots]
-        records[name] = np.stack([(pulls * f(turns)).sum(axis=1) for f in (np.cos, np.sin)], axis=1)
+        pulls = (
+            np.array(one.tension)
+            + rng.normal(size=(3000, robots)) * FORCE.tension_std[:robots]
+        )
+        records[name] = np.stack(
+            [(pulls * f(turns)).sum(axis=1) for f in (np.cos, np.sin)], axis=1
+        )
 
     def check(records):
         tables = [
@@ -231,5 +261,7 @@ def test_a_record_of_another_configuration_is_refused_by_its_name():
 
     check(records)
     for a, b in (("C1", "C2"), ("C2", "C3")):  # the first two have equal means
-        with pytest.raises(RecordingError, match=f"nats from {a} .* from {b}.*exchanged"):
+        with pytest.raises(
+            RecordingError, match=f"nats from {a} .* from {b}.*exchanged"
+        ):
             check({**records, a: records[b]})

@@ -20,7 +20,14 @@ from pipeline.verdicts.wording import plain_page, table
 
 TURNED = "a\u202eb"  # the rest of its line is shown from right to left
 MARKUP = ["[l](http://x.org)", "**a**", "`a`"]  # of a name that is not shown as it is
-NAMES = ["a|b", "<img src=x onerror=1>", "<script>x</script>", "$x^{$", "a\x1b[2Jb", "c\x9b1md"]
+NAMES = [
+    "a|b",
+    "<img src=x onerror=1>",
+    "<script>x</script>",
+    "$x^{$",
+    "a\x1b[2Jb",
+    "c\x9b1md",
+]
 
 
 class Tags(HTMLParser):
@@ -51,8 +58,12 @@ def shown(name: str) -> str:
 def test_a_name_on_a_page_adds_no_tag_column_or_control_character(name, tmp_path):
     def tags(word: str) -> list[str]:
         rows = table([word, "value"], [[word, 1.0]])
-        text = plain_page(f"# Results of {word}\n\nJoint {word} moves.\n\n## Rows\n{rows}\n")
-        assert not any(words in text for words in ("\x1b", "\x9b", "\u202e", "<img", "<script"))
+        text = plain_page(
+            f"# Results of {word}\n\nJoint {word} moves.\n\n## Rows\n{rows}\n"
+        )
+        assert not any(
+            words in text for words in ("\x1b", "\x9b", "\u202e", "<img", "<script")
+        )
         (tmp_path / "report.md").write_text(text, encoding="utf-8")
         return Tags(html_page("Results", [tmp_path / "report.md"], tmp_path)).names
 
@@ -71,7 +82,9 @@ def test_a_name_in_a_figure_is_no_formula(name, tmp_path):
 
 
 @pytest.mark.parametrize("name", ["a\x1b[2Jb", "c\x9b1md", TURNED])
-def test_a_name_on_the_terminal_has_no_control_character(name, tmp_path, monkeypatch, capsys):
+def test_a_name_on_the_terminal_has_no_control_character(
+    name, tmp_path, monkeypatch, capsys
+):
     rows = [f"frame,{k},{k / 100:.6f},1,1,{k},0,1,0,0,0,1,0,0,0,0" for k in range(9)]
     rows_file(tmp_path, f"rigidbody,{name},1,0", *rows)
     for words in ([], ["--json"]):

@@ -22,7 +22,15 @@ from pipeline.core.options.analysis import Compute
 from pipeline.figures import drawing, motion, perception, wrench
 from pipeline.figures.drawing import draw_all, figures_in
 from pipeline.figures.mean_error import mean_error
-from pipeline.figures.style import BLACK, BLUE, RECORDED, VERMILLION, joint_lines, model_lines, save
+from pipeline.figures.style import (
+    BLACK,
+    BLUE,
+    RECORDED,
+    VERMILLION,
+    joint_lines,
+    model_lines,
+    save,
+)
 
 MODELS, JOINTS = ["additive", "wishart", "gaussian"], ["arm_1", "arm_2", "arm_3"]
 OUT = Path("data/figures")
@@ -47,14 +55,23 @@ def each(numbers: list[str], **keys) -> pd.DataFrame:
 def tables() -> dict[str, pd.DataFrame]:
     """One table of each kind that a figure shows."""
     q, w, e, s, b = (columns(family, JOINTS) for family in "qwesb")
-    train, test = [f"training_{n:03d}" for n in range(1, 6)], [f"test_{n:03d}" for n in (1, 2, 3)]
+    train, test = (
+        [f"training_{n:03d}" for n in range(1, 6)],
+        [f"test_{n:03d}" for n in (1, 2, 3)],
+    )
     u, grid = np.linspace(17.0, 20.0, 4), np.linspace(-4, 4, 21)
-    points = each(["sigma_b"], source=["recorded", "drawn"], point=["curve", "moments", "used"])
+    points = each(
+        ["sigma_b"], source=["recorded", "drawn"], point=["curve", "moments", "used"]
+    )
     models = ["none", *MODELS, "wishart_closed"]
     joints = each(q, take=train + test, k=STEPS).assign(residual=0.0)
     spatial = {"configuration": ["T3", "T4"], "source": SOURCES}
-    judged = pd.DataFrame({"take": ["train_001", "train_002", "test_001"]}).assign(beyond=False)
-    judged = judged.assign(left_out=[False, True, False], part=["training", "training", "test"])
+    judged = pd.DataFrame({"take": ["train_001", "train_002", "test_001"]}).assign(
+        beyond=False
+    )
+    judged = judged.assign(
+        left_out=[False, True, False], part=["training", "training", "test"]
+    )
     measures = [
         ("residual_rms", "m", [2e-4, 2e-3, 3e-4], 1e-3),
         ("clock_drift", "s/s", [-1e-3, 2e-3, 0.0], 0.02),
@@ -69,7 +86,9 @@ def tables() -> dict[str, pd.DataFrame]:
     return {
         "joints": joints.assign(part=joints["take"].str.partition("_")[0]),
         "process_noise": each(w, take=train, k=STEPS[1:]).assign(part="training"),
-        "filter_error": each(e + s, model=models, take=test, k=STEPS).assign(part="test"),
+        "filter_error": each(e + s, model=models, take=test, k=STEPS).assign(
+            part="test"
+        ),
         "deviation": each(["error", "bias", *s], source=["recorded", *MODELS], k=STEPS),
         "kinect_noise": each(
             [*b, *pairs("r", JOINTS), "t"], take=["test_001", "none"], frame=range(6)
@@ -79,7 +98,9 @@ def tables() -> dict[str, pd.DataFrame]:
         "ridges": each([], model=["gaussian"], level=[1.0], u=u).assign(
             alpha=2 / u, excess=(u - 18.0) ** 2
         ),
-        "sigma_b_weights": points.assign(model="wishart", ratio=np.geomspace(1e-5, 0.1, 6)),
+        "sigma_b_weights": points.assign(
+            model="wishart", ratio=np.geomspace(1e-5, 0.1, 6)
+        ),
         "noise_quantiles": each(
             ["noise"], model=list(motion.LAWS), joint=JOINTS, normal=np.arange(-3, 4.0)
         ),
@@ -96,9 +117,16 @@ def tables() -> dict[str, pd.DataFrame]:
 def options() -> dict[str, object]:
     """The options of all figures, with two arrangements of robots, of three and of four cables."""
     first = SimpleNamespace(direction=[0.0, np.pi / 2, np.pi], tension=[5.0, 4.0, 2.0])
-    second = SimpleNamespace(direction=[0.3, 1.9, 3.0, 5.0], tension=[5.0, 4.0, 2.0, 1.0])
+    second = SimpleNamespace(
+        direction=[0.3, 1.9, 3.0, 5.0], tension=[5.0, 4.0, 2.0, 1.0]
+    )
     configurations = {"configurations": {"C1": first, "C2": second}}
-    named = {"models": MODELS, "joints": JOINTS, "mode": "one_step", "recordings": SIMULATED}
+    named = {
+        "models": MODELS,
+        "joints": JOINTS,
+        "mode": "one_step",
+        "recordings": SIMULATED,
+    }
     return named | configurations
 
 
@@ -124,14 +152,21 @@ def test_a_figure_has_units_a_complete_legend_all_glyphs_and_the_same_bytes(
             assert one.read_bytes() == two.read_bytes()
     assert "dc:date" not in (tmp_path / "one.svg").read_text()
     image = Image.open(tmp_path / "one.png")
-    assert (np.asarray(image.convert("L"))[:, :2] == 255).all()  # no label is cut at the edge
+    assert (
+        np.asarray(image.convert("L"))[:, :2] == 255
+    ).all()  # no label is cut at the edge
     shown = [axes for axes in figure.axes if axes.axison]
     assert bool(shown) == (name not in BARE)
     for axes in shown:
         # a strip's or a panel's quantity with its unit, but for counts
         for label in (axes.get_xlabel(), axes.get_ylabel()):
-            assert not label or any(mark in label for mark in ("(", "number of", "frames", "take:"))
-    legends = [*figure.legends, *(axes.get_legend() for axes in shown if axes.get_legend())]
+            assert not label or any(
+                mark in label for mark in ("(", "number of", "frames", "take:")
+            )
+    legends = [
+        *figure.legends,
+        *(axes.get_legend() for axes in shown if axes.get_legend()),
+    ]
     entries = [text.get_text() for each in legends for text in each.get_texts()]
     assert len(entries) == len({*entries})
     labels = [line.get_label() for axes in shown for line in axes.lines]
@@ -149,7 +184,9 @@ def test_figures_are_drawn_with_captions_or_left_out_by_name_and_all_or_none(
     Path("data/score").mkdir(parents=True)
     contracts.write(tables["deviation"], "deviation", Path("data/score"))
     draw_all(OUT, options, Compute(workers=1))
-    lines = {line for line in capsys.readouterr().out.splitlines() if "left out" in line}
+    lines = {
+        line for line in capsys.readouterr().out.splitlines() if "left out" in line
+    }
     assert len(lines) == len(FIGURES) - len(kept)
     assert "figures: filter_errors left out: the dataset has no depth camera" in lines
     assert {file.stem for file in OUT.iterdir()} == kept | {"captions"}
@@ -186,29 +223,42 @@ def of_color(axes, color):
     return [line for line in axes.lines if line.get_color() == color]
 
 
-def test_joint_realizations_shows_every_training_take_their_mean_and_the_noise_on_the_right(tables):
+def test_joint_realizations_shows_every_training_take_their_mean_and_the_noise_on_the_right(
+    tables,
+):
     figure = motion.joint_realizations(tables["joints"], tables["process_noise"])
     training = tables["joints"].query("part == 'training'")
     steps = tables["process_noise"].groupby("k")
-    for j, (left, right) in enumerate(zip(figure.axes[:3], figure.axes[3:], strict=True), start=1):
-        takes, own = of_color(left, RECORDED["color"]), training.set_index("take")[f"q:arm_{j}"]
+    for j, (left, right) in enumerate(
+        zip(figure.axes[:3], figure.axes[3:], strict=True), start=1
+    ):
+        takes, own = (
+            of_color(left, RECORDED["color"]),
+            training.set_index("take")[f"q:arm_{j}"],
+        )
         assert len(takes) == 5
         np.testing.assert_array_equal(takes[1].get_ydata(), own["training_002"])
         (mean,) = (line for line in left.lines if line.get_linestyle() == "--")
-        np.testing.assert_allclose(mean.get_ydata(), training.groupby("k")[f"q:arm_{j}"].mean())
+        np.testing.assert_allclose(
+            mean.get_ydata(), training.groupby("k")[f"q:arm_{j}"].mean()
+        )
         (noise,) = right.lines
         assert noise.get_linestyle() == "-."
         np.testing.assert_allclose(noise.get_ydata(), steps[f"w:arm_{j}"].std())
 
 
-def test_joint_std_and_mean_error_have_a_line_a_model_readable_beside_an_outlying_one(tables):
+def test_joint_std_and_mean_error_have_a_line_a_model_readable_beside_an_outlying_one(
+    tables,
+):
     deviation, by_source = tables["deviation"], tables["deviation"].set_index("source")
     figure = motion.joint_std(deviation, MODELS, JOINTS, "one_step", SIMULATED)
     assert len(legend(figure)) == 4 and legend(figure)[0] == SIMULATED
     for axes, joint in zip(figure.axes, JOINTS, strict=True):
         assert [line.get_linestyle() for line in axes.lines] == ["-", ":", "--", "-."]
         for line, source in zip(axes.lines, ["recorded", *MODELS], strict=True):
-            np.testing.assert_array_equal(line.get_ydata(), by_source.loc[source, f"s:{joint}"])
+            np.testing.assert_array_equal(
+                line.get_ydata(), by_source.loc[source, f"s:{joint}"]
+            )
     wide, own = deviation.copy(), [f"s:{joint}" for joint in JOINTS]
     outlying = deviation["source"] == "wishart"
     wide.loc[outlying, own] *= 50
@@ -218,7 +268,9 @@ def test_joint_std_and_mean_error_have_a_line_a_model_readable_beside_an_outlyin
     panels = mean_error(deviation, ["gaussian", "additive"]).axes
     for axes, quantity in zip(panels, ("error", "bias"), strict=True):
         for line, model in zip(axes.lines, ["gaussian", "additive"], strict=True):
-            np.testing.assert_array_equal(line.get_ydata(), by_source.loc[model, quantity])
+            np.testing.assert_array_equal(
+                line.get_ydata(), by_source.loc[model, quantity]
+            )
 
 
 def test_articulation_draws_the_segments_through_their_named_nodes_on_one_scale(tables):
@@ -232,19 +284,30 @@ def test_articulation_draws_the_segments_through_their_named_nodes_on_one_scale(
         np.testing.assert_array_equal([text.xy for text in axes.texts], nodes)
 
 
-def test_kinect_noise_shows_the_estimate_from_all_takes_as_mean_and_standard_deviation(tables):
+def test_kinect_noise_shows_the_estimate_from_all_takes_as_mean_and_standard_deviation(
+    tables,
+):
     mean, std = perception.kinect_noise(tables["kinect_noise"]).axes
     rows = tables["kinect_noise"].query("take == 'none'")
     for j in (1, 2, 3):
         np.testing.assert_array_equal(mean.lines[j - 1].get_ydata(), rows[f"b:arm_{j}"])
-        np.testing.assert_allclose(std.lines[j - 1].get_ydata() ** 2, rows[f"r:arm_{j}:arm_{j}"])
+        np.testing.assert_allclose(
+            std.lines[j - 1].get_ydata() ** 2, rows[f"r:arm_{j}:arm_{j}"]
+        )
 
 
-def test_filter_errors_has_a_row_per_model_with_one_take_its_bound_and_the_others(tables):
+def test_filter_errors_has_a_row_per_model_with_one_take_its_bound_and_the_others(
+    tables,
+):
     errors = tables["filter_error"]
-    alone, mean = errors.query("take == 'test_001'"), errors.query("model == 'none'").groupby("t")
+    alone, mean = (
+        errors.query("take == 'test_001'"),
+        errors.query("model == 'none'").groupby("t"),
+    )
     figure = perception.filter_errors(errors, MODELS, JOINTS)
-    for row, model in zip(np.reshape(figure.axes, (len(MODELS), 3)), MODELS, strict=True):
+    for row, model in zip(
+        np.reshape(figure.axes, (len(MODELS), 3)), MODELS, strict=True
+    ):
         take = alone.set_index("model").loc[model]
         for axes, joint in zip(row, JOINTS, strict=True):
             rms = np.sqrt(mean[f"e:{joint}"].apply(lambda e: (e**2).mean()))
@@ -256,7 +319,10 @@ def test_filter_errors_has_a_row_per_model_with_one_take_its_bound_and_the_other
             assert len(axes.lines) == 2 + 2 + 3  # two other takes
     assert len({axes.get_ylim() for axes in figure.axes}) == 1
     assert legend(figure)[-1] == "errors of the other takes"
-    assert len(legend(perception.filter_errors(alone, MODELS, JOINTS))) == len(legend(figure)) - 1
+    assert (
+        len(legend(perception.filter_errors(alone, MODELS, JOINTS)))
+        == len(legend(figure)) - 1
+    )
 
 
 def test_histograms_count_every_system_and_state_mean_and_greatest_error(tables):
@@ -266,7 +332,10 @@ def test_histograms_count_every_system_and_state_mean_and_greatest_error(tables)
     labels = [text.get_text() for text in axes.get_legend().get_texts()]
     for m, patch, label in zip((3, 10), axes.patches, labels, strict=True):
         errors = percent.loc[m]
-        assert label == f"$m$ = {m}: mean {errors.mean():.1f}, greatest {errors.max():.1f} %"
+        assert (
+            label
+            == f"$m$ = {m}: mean {errors.mean():.1f}, greatest {errors.max():.1f} %"
+        )
         counts = patch.get_xy()[1 : 2 * len(edges) - 1, 1][::2]
         np.testing.assert_allclose(counts, np.histogram(errors, edges)[0])
 
@@ -275,17 +344,25 @@ def test_densities_are_drawn_as_measured_and_modelled_on_one_range_and_one_colou
     tables, options
 ):
     configurations = options["configurations"]
-    *panels, _ = wrench.wrench_density(tables["force_density"], configurations, SIMULATED).axes
+    *panels, _ = wrench.wrench_density(
+        tables["force_density"], configurations, SIMULATED
+    ).axes
     grid, images = np.reshape(panels, (2, 3)), []
     by_place = tables["force_density"].set_index(["configuration", "source"])
     for row, name in zip(grid, configurations, strict=True):
         for axes, source in zip(row[1:], ("measured", "modelled"), strict=True):
             (image,) = (c for c in axes.collections if isinstance(c, QuadMesh))
-            density = by_place.loc[(name, source)].pivot(index="fy", columns="fx", values="density")
+            density = by_place.loc[(name, source)].pivot(
+                index="fy", columns="fx", values="density"
+            )
             np.testing.assert_array_equal(image.get_array(), density)
             images.append(image)
-    assert {image.get_clim() for image in images} == {(0, tables["force_density"]["density"].max())}
-    assert len({(axes.get_xlim(), axes.get_ylim()) for axes in grid[:, 1:].ravel()}) == 1
+    assert {image.get_clim() for image in images} == {
+        (0, tables["force_density"]["density"].max())
+    }
+    assert (
+        len({(axes.get_xlim(), axes.get_ylim()) for axes in grid[:, 1:].ravel()}) == 1
+    )
 
 
 def test_the_schematic_names_all_that_the_paper_names_and_an_arc_spans_the_angle_of_its_cable():

@@ -41,12 +41,17 @@ def measured_path(t: np.ndarray) -> Measurements:
     """Measurements of one path of the linear model, each frame with its own bias and covariance."""
     rng = np.random.default_rng(11)
     moves = STEPS @ INVERSE.T + rng.multivariate_normal(np.zeros(3), NOISE, len(STEPS))
-    path, grid = START.mean + np.cumsum(moves, axis=0), DT * np.arange(1, len(STEPS) + 1)
+    path, grid = (
+        START.mean + np.cumsum(moves, axis=0),
+        DT * np.arange(1, len(STEPS) + 1),
+    )
     truth = np.stack([np.interp(t, grid, path[:, j]) for j in range(3)], axis=1)
     bias = 0.05 * np.sin(np.outer(t, [3.0, 5.0, 7.0]))
     root = 0.02 * (np.eye(3) + 0.3 * rng.standard_normal((len(t), 3, 3)))
     noise = np.matvec(root, rng.standard_normal((len(t), 3)))
-    return Measurements("test01", t, truth + bias + noise, bias, root @ np.swapaxes(root, 1, 2))
+    return Measurements(
+        "test01", t, truth + bias + noise, bias, root @ np.swapaxes(root, 1, 2)
+    )
 
 
 FRAMES = measured_path(np.arange(18) / 30 + 0.004)
@@ -72,7 +77,10 @@ def kalman(measurements: Measurements) -> tuple[np.ndarray, np.ndarray, float]:
             spread = looks @ covariance @ looks.T + measurements.covariance[frame]
             surprise = measurements.y[frame] - measurements.bias[frame] - looks @ mean
             gain = np.linalg.solve(spread, looks @ covariance).T
-            mean, covariance = mean + gain @ surprise, covariance - gain @ looks @ covariance
+            mean, covariance = (
+                mean + gain @ surprise,
+                covariance - gain @ looks @ covariance,
+            )
             evidence += multivariate_normal.logpdf(surprise, np.zeros(3), spread)
         means.append(mean[3:])
         covariances.append(covariance[3:, 3:])
@@ -94,13 +102,17 @@ def distance(runs: list[Posterior], *known: np.ndarray | float) -> np.ndarray:
     return np.array(deviations)
 
 
-def runs_of(model, chain, steps, start, measurements, options, seeds=range(16)) -> list[Posterior]:
+def runs_of(
+    model, chain, steps, start, measurements, options, seeds=range(16)
+) -> list[Posterior]:
     problem = model, chain, open_loop(steps), DT, start, measurements, options
     return [particle_filter(*problem, np.random.default_rng(seed)) for seed in seeds]
 
 
 @pytest.mark.parametrize("scheme", [name for name in SCHEMES if name != "none"])
-def test_with_a_linear_model_and_normal_noise_the_posterior_is_the_kalman_filters(scheme):
+def test_with_a_linear_model_and_normal_noise_the_posterior_is_the_kalman_filters(
+    scheme,
+):
     options = filter_options(2000, scheme)
     runs = runs_of(AdditiveModel(NOISE), LINEAR, STEPS, START, FRAMES, options)
     exact = kalman(FRAMES)
@@ -116,7 +128,9 @@ class Remembering:
     """The error e about the commanded pose follows e + ω: ω = ``decay``·(e − e₋₁) + N(0, NOISE)."""
 
     decay: float
-    traits: ClassVar = Traits(noisy_at_rest=True, needs_jacobian=False, compiled=False, memory=True)
+    traits: ClassVar = Traits(
+        noisy_at_rest=True, needs_jacobian=False, compiled=False, memory=True
+    )
 
     def first_memory(self, q, commanded, rng) -> np.ndarray:
         return np.zeros(q.shape)  # e − e₋₁
@@ -133,7 +147,9 @@ def remembered(decay: float) -> tuple[np.ndarray, np.ndarray]:
     mean = START.mean + np.vstack([np.zeros(3), np.cumsum(STEPS @ INVERSE.T, axis=0)])
     # response of pose k to the noise of step l: 1 + decay + … + decay^(k − l)
     lags = np.arange(grid)[:, None] - np.arange(1, grid)
-    response = np.where(lags >= 0, (1 - decay ** (lags.clip(0) + 1.0)) / (1 - decay), 0.0)
+    response = np.where(
+        lags >= 0, (1 - decay ** (lags.clip(0) + 1.0)) / (1 - decay), 0.0
+    )
     covariance = np.einsum("kl,ml,ij->kimj", response, response, NOISE)
     return mean, covariance + START.covariance[:, None]
 
@@ -195,8 +211,14 @@ def walled_runs() -> list[Posterior]:
     ends = *np.array(WALLS)[:, None], np.ones(1)
     arm = SerialChain(("y",), 1.0, placements, np.zeros(1, dtype=bool), *ends)
     runs = runs_of(model, arm, FAST, AT_WALL, WALL_FRAMES, filter_options(8000))
-    assert all(run.outside[0] > 0 and run.outside[1:].any() and run.left_out == 1 for run in runs)
-    return [replace(run, mean=run.mean[:, 0], covariance=run.covariance[:, 0, 0]) for run in runs]
+    assert all(
+        run.outside[0] > 0 and run.outside[1:].any() and run.left_out == 1
+        for run in runs
+    )
+    return [
+        replace(run, mean=run.mean[:, 0], covariance=run.covariance[:, 0, 0])
+        for run in runs
+    ]
 
 
 def test_a_nonlinear_model_within_joint_limits_has_the_posterior_of_a_direct_integration(
@@ -205,7 +227,9 @@ def test_a_nonlinear_model_within_joint_limits_has_the_posterior_of_a_direct_int
     assert np.all(distance(walled_runs, *integrated(WALL_FRAMES)) < BAND)
 
 
-def test_the_integration_tells_frames_within_a_step_from_frames_moved_to_its_end(walled_runs):
+def test_the_integration_tells_frames_within_a_step_from_frames_moved_to_its_end(
+    walled_runs,
+):
     rounded = replace(WALL_FRAMES, t=np.ceil(np.round(WALL_FRAMES.t / DT, 6)) * DT)
     assert np.all(distance(walled_runs, *integrated(rounded)) > 2 * BAND)
 
@@ -239,11 +263,17 @@ def test_the_filter_of_a_closed_loop_is_calibrated_and_the_open_loops_wanders(
 
     def filtered(commands: Commands) -> tuple[np.ndarray, np.ndarray]:
         options, arguments = filter_options(400), (model, chain, commands, DT, start)
-        posteriors = [particle_filter(*arguments, each, options, rng) for each in measured]
+        posteriors = [
+            particle_filter(*arguments, each, options, rng) for each in measured
+        ]
         error = np.stack([each.mean for each in posteriors]) - takes
-        std = np.sqrt([np.diagonal(each.covariance, axis1=1, axis2=2) for each in posteriors])
+        std = np.sqrt(
+            [np.diagonal(each.covariance, axis1=1, axis2=2) for each in posteriors]
+        )
         of_mean = np.mean((takes - poses) ** 2, axis=(0, 1))
-        return np.sqrt(np.mean(error**2, axis=(0, 1)) / of_mean), np.mean(np.abs(error) <= std)
+        return np.sqrt(np.mean(error**2, axis=(0, 1)) / of_mean), np.mean(
+            np.abs(error) <= std
+        )
 
     closed, covered = filtered(path.commands(share))
     assert np.all(closed < rms) and covered == pytest.approx(0.683, abs=coverage)

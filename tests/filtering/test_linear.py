@@ -82,18 +82,30 @@ def test_the_autocorrelated_law_is_the_one_that_takes_were_drawn_with(poses):
     roots, lags = linear.deviation_roots(poses, NOISE), np.arange(1, 8)
     correlation = linear.autocorrelation(poses, NOISE)
     for k in (0, 50, 119):
-        np.testing.assert_allclose(roots[k] @ roots[k], np.cov(poses[:, k].T) - NOISE, rtol=1e-9)
+        np.testing.assert_allclose(
+            roots[k] @ roots[k], np.cov(poses[:, k].T) - NOISE, rtol=1e-9
+        )
     expected = KEEP**lags * (1 - lags / STEPS)
     np.testing.assert_allclose(correlation[lags], expected, atol=0.02)
     # control: the measurement taken for deviation
-    assert np.all(linear.autocorrelation(poses, 0 * NOISE)[lags] < correlation[lags] - 0.005)
+    assert np.all(
+        linear.autocorrelation(poses, 0 * NOISE)[lags] < correlation[lags] - 0.005
+    )
 
 
-def test_the_autocorrelated_filter_is_calibrated_and_without_measurements_the_training_mean(poses):
-    true, k, rng = measured(100, 6, 0 * NOISE), np.arange(0, STEPS, 3), np.random.default_rng(5)
+def test_the_autocorrelated_filter_is_calibrated_and_without_measurements_the_training_mean(
+    poses,
+):
+    true, k, rng = (
+        measured(100, 6, 0 * NOISE),
+        np.arange(0, STEPS, 3),
+        np.random.default_rng(5),
+    )
 
     def filtered(noise):
-        y = true[:, k] + rng.multivariate_normal(np.zeros(2), noise, (len(true), len(k)))
+        y = true[:, k] + rng.multivariate_normal(
+            np.zeros(2), noise, (len(true), len(k))
+        )
         zero, covariance = np.zeros((len(k), 2)), np.tile(noise, (len(k), 1, 1))
         frames = [Measurements("take", DT * k, each, zero, covariance) for each in y]
         return linear.autocorrelated_filter(poses, NOISE, frames, DT)
@@ -101,7 +113,9 @@ def test_the_autocorrelated_filter_is_calibrated_and_without_measurements_the_tr
     means, covariances = filtered(NOISE)
     assert covariances.shape == (*true.shape, 2)
     error, variances = means - true, np.diagonal(covariances, axis1=2, axis2=3)
-    assert np.mean(np.abs(error) <= np.sqrt(variances)) == pytest.approx(0.683, abs=0.02)
+    assert np.mean(np.abs(error) <= np.sqrt(variances)) == pytest.approx(
+        0.683, abs=0.02
+    )
     assert np.mean(error**2) == pytest.approx(variances.mean(), rel=0.06)
     assert np.mean(error**2) < 0.4 * np.mean((poses.mean(axis=0) - true) ** 2)
     # control: frames of no information leave the training mean and covariance
@@ -113,7 +127,9 @@ def test_the_autocorrelated_filter_is_calibrated_and_without_measurements_the_tr
 @pytest.mark.parametrize("keep", [0.0, 0.95])
 def test_baselines_predict_as_well_as_the_law_allows(keep):
     noise = 4e-6 * np.eye(2)
-    predicted = linear.baseline_predictions(*(measured(300, s, noise, keep) for s in (1, 2)), noise)
+    predicted = linear.baseline_predictions(
+        *(measured(300, s, noise, keep) for s in (1, 2)), noise
+    )
     # variance less the part that the measured pose before tells
     gain = keep**2 * SPREAD @ np.linalg.solve(SPREAD + noise, SPREAD)
     for name, expected in (("none", SPREAD + noise), ("memory", SPREAD + noise - gain)):

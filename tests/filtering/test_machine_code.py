@@ -44,10 +44,14 @@ def test_levels_of_processors_and_numbers_of_threads_give_the_same_bits():
     """The host's own level in two threads, and the next below it that it has in one."""
 
     def run(level: str, threads: int) -> str:
-        places = [str(ROOT / name) for name in (".", "tests/helpers", "tests/filtering")]
+        places = [
+            str(ROOT / name) for name in (".", "tests/helpers", "tests/filtering")
+        ]
         setting = {"NUMBA_CPU_NAME": level, "PYTHONPATH": os.pathsep.join(places)}
         command = [sys.executable, "-c", PROGRAM, str(threads)]
-        return subprocess.check_output(command, cwd=ROOT, env=os.environ | setting, text=True)
+        return subprocess.check_output(
+            command, cwd=ROOT, env=os.environ | setting, text=True
+        )
 
     newest = " avx512vl" in Path("/proc/cpuinfo").read_text(encoding="utf-8")
     below = "x86-64-v3" if newest else "x86-64-v2"
@@ -68,7 +72,11 @@ def wide(function, *arguments) -> bool:
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 def test_the_loops_of_a_step_take_several_poses_at_once(chain):
     spatial, places = revolute_arm(7), block_rows(7, 6)
-    flat, block, first = compiled_arm(chain)[2], compiled_arm(spatial)[2], places.jacobian
+    flat, block, first = (
+        compiled_arm(chain)[2],
+        compiled_arm(spatial)[2],
+        places.jacobian,
+    )
     q, arm, space = np.zeros((7, 256)), chain.numbers(), spatial.numbers()
     loops = {
         "planar Jacobian": (planar.planar_jacobian, arm, q[:3], 0, 256, flat),

@@ -35,8 +35,14 @@ def test_a_frame_enters_at_the_step_during_which_it_was_taken():
     assert (frame.tolist(), step.tolist()) == ([3, 0, 1, 2], [0, 1, 2, 2])
     np.testing.assert_allclose(share, [1.0, 0.4, 0.51, 0.9])
     # those before the start and after the end of the motion do not enter
-    frame, step, share = measurements_at([-0.02, -1e-4, 0.0, 0.05, 0.0501]).schedule(5, 0.01)
-    assert (frame.tolist(), step.tolist(), share.tolist()) == ([2, 3], [0, 5], [1.0, 1.0])
+    frame, step, share = measurements_at([-0.02, -1e-4, 0.0, 0.05, 0.0501]).schedule(
+        5, 0.01
+    )
+    assert (frame.tolist(), step.tolist(), share.tolist()) == (
+        [2, 3],
+        [0, 5],
+        [1.0, 1.0],
+    )
     assert measurements_at([]).frames(5, 0.01).first.tolist() == [0] * 7
 
 
@@ -44,13 +50,19 @@ def test_a_frame_on_the_grid_enters_at_that_very_step_whatever_the_rounding_of_i
     t, steps = np.arange(321) / 100, np.arange(321)
     for times in (t, steps * 0.01, np.nextafter(t, 9.0), np.nextafter(t, -9.0)):
         frame, step, share = measurements_at(times).schedule(320, 0.01)
-        assert np.array_equal(frame, steps) and np.array_equal(step, steps) and np.all(share == 1)
+        assert (
+            np.array_equal(frame, steps)
+            and np.array_equal(step, steps)
+            and np.all(share == 1)
+        )
 
 
 @pytest.mark.parametrize(
     "covariance", [np.diag([1.0, 1.0, 0.0]), np.diag([1.0, -1.0, 1.0]), np.ones((3, 3))]
 )
-def test_a_covariance_that_is_not_positive_definite_is_refused_with_its_frame(covariance):
+def test_a_covariance_that_is_not_positive_definite_is_refused_with_its_frame(
+    covariance,
+):
     covariances = np.stack([np.eye(3), covariance])
     with pytest.raises(ModelDomainError, match="frame 1") as caught:
         _ = measurements_at([0.0, 0.1], covariance=covariances).whitening
@@ -58,9 +70,13 @@ def test_a_covariance_that_is_not_positive_definite_is_refused_with_its_frame(co
 
 
 def test_every_take_of_the_camera_goes_with_the_noise_that_was_estimated_without_it():
-    angles = pd.DataFrame({"take": ["b", "b", "a", "a"], "frame": [1, 2, 1, 2], "t": [1, 2, 1, 2]})
+    angles = pd.DataFrame(
+        {"take": ["b", "b", "a", "a"], "frame": [1, 2, 1, 2], "t": [1, 2, 1, 2]}
+    )
     angles = angles.assign(**{"q:a": 1.0, "q:b": 2.0, "q:c": 3.0})
-    noise = pd.DataFrame({"take": ["a", "a", "b", "none"], "frame": [1, 2, 1, 1], "t": 0.1})
+    noise = pd.DataFrame(
+        {"take": ["a", "a", "b", "none"], "frame": [1, 2, 1, 1], "t": 0.1}
+    )
     noise = noise.assign(**{"b:a": [0.1, 0.2, 0.3, 0.4], "b:b": 0.0, "b:c": 0.0})
     entries = [[1.0, 2.0, 3.0, 4.0], 0.1, 0.2, 5.0, 0.3, 6.0]
     noise = noise.assign(**dict(zip(pairs("r", ("a", "b", "c")), entries, strict=True)))
@@ -94,7 +110,9 @@ def test_bias_covariance_and_duration_of_encoder_errors_are_those_drawn(keep):
     errors = encoder_errors(keep)
     noise = encoder_noise(errors, DT)
     np.testing.assert_allclose(noise.bias[:, 0], BIAS, atol=5e-4)
-    np.testing.assert_allclose(noise.covariance, np.tile(SPREAD, (STEPS, 1, 1)), atol=6e-7)
+    np.testing.assert_allclose(
+        noise.covariance, np.tile(SPREAD, (STEPS, 1, 1)), atol=6e-7
+    )
     # the correlations of both signs of lag; a sum over 800 sequences has a standard error of 5 %
     assert noise.lasts / DT == pytest.approx((1 + keep) / (1 - keep), rel=0.15)
     # readings taken for independent tell as much of a constant as they know, however dense

@@ -54,12 +54,16 @@ def scene(arm: PlanarChain, steps: int = 60) -> tuple[np.ndarray, Start, Measure
     """
     rng = np.random.default_rng(3)
     progress = np.clip((np.arange(steps + 1) - 5) / (steps - 10), 0, 1)
-    path = PATH_START + 0.25 * np.sin(np.pi * progress)[:, None] ** 2 * np.array([1.0, -0.8, 0.6])
+    path = PATH_START + 0.25 * np.sin(np.pi * progress)[:, None] ** 2 * np.array(
+        [1.0, -0.8, 0.6]
+    )
     v = np.matvec(arm.jacobian(path[:-1]), np.diff(path, axis=0))
     t = np.arange(-0.02, DT * steps + 0.04, 1 / 30)
     root = 0.02 * (np.eye(3) + 0.3 * rng.standard_normal((len(t), 3, 3)))
     bias = 0.01 * rng.standard_normal((len(t), 3))
-    y = np.stack([np.interp(t, DT * np.arange(steps + 1), path[:, j]) for j in range(3)], axis=1)
+    y = np.stack(
+        [np.interp(t, DT * np.arange(steps + 1), path[:, j]) for j in range(3)], axis=1
+    )
     y = y + bias + np.matvec(root, rng.standard_normal((len(t), 3)))
     first = 1e-4 * np.array([[20.0, 3.0, 0.0], [3.0, 30.0, -5.0], [0.0, -5.0, 20.0]])
     observed = Measurements("test01", t, y, bias, root @ np.swapaxes(root, 1, 2))
@@ -86,7 +90,9 @@ def on_the_scene(run, model, arm, options: Filter, share: float, stream) -> Post
     return run(model, arm, commands, DT, start, observed, options, stream)
 
 
-def both(model, arm, options: Filter, share: float = 0.0) -> tuple[Posterior, Posterior]:
+def both(
+    model, arm, options: Filter, share: float = 0.0
+) -> tuple[Posterior, Posterior]:
     """Compiled and plain."""
     streams = [RNG(5) for _ in range(2)]
     results = [
@@ -97,7 +103,9 @@ def both(model, arm, options: Filter, share: float = 0.0) -> tuple[Posterior, Po
     return tuple(results)
 
 
-@pytest.mark.parametrize("share, band", [(0.0, 1e-12), (0.4, 1e-11)], ids=["open", "closed"])
+@pytest.mark.parametrize(
+    "share, band", [(0.0, 1e-12), (0.4, 1e-11)], ids=["open", "closed"]
+)
 @pytest.mark.parametrize("kind", MODELS)
 def test_the_compiled_filter_is_the_plain_one_for_every_model(kind, share, band):
     """The poses' own rounding enters the commands of a closed loop."""
@@ -124,13 +132,16 @@ class Sampled:
 @pytest.mark.parametrize("kind", ["additive", "wishart qr"])
 def test_a_law_without_compiled_code_is_filtered_by_its_samples(kind, share):
     sampled, compiled = (
-        on_the_scene(particle_filter, law, ARM, filter_options(PARTICLES), share, RNG(5))
+        on_the_scene(
+            particle_filter, law, ARM, filter_options(PARTICLES), share, RNG(5)
+        )
         for law in (Sampled(MODELS[kind]), MODELS[kind])
     )
     assert greatest_difference(sampled, compiled) < 1e-11 and compiled.resampled.any()
     q, v = np.tile(PATH_START, (4, 1)), np.full(3, 1e-3)
     one, other = (
-        draw_steps(law, ARM, q, v, RNG(3))[0] for law in (Sampled(MODELS[kind]), MODELS[kind])
+        draw_steps(law, ARM, q, v, RNG(3))[0]
+        for law in (Sampled(MODELS[kind]), MODELS[kind])
     )
     np.testing.assert_allclose(one, other, atol=1e-12)
 
@@ -149,14 +160,20 @@ def test_the_compiled_filter_is_the_plain_one_for_every_scheme(scheme, threshold
 @pytest.mark.parametrize("particles", [1, 2, WIDTH - 1, WIDTH, WIDTH + 1])
 def test_blocks_of_any_filling_are_filtered(particles):
     roomy = replace(ARM, lower=ARM.lower - 2.0, upper=ARM.upper + 2.0)
-    compiled, plain = both(MODELS["wishart pivoted_lu"], roomy, filter_options(particles))
+    compiled, plain = both(
+        MODELS["wishart pivoted_lu"], roomy, filter_options(particles)
+    )
     assert greatest_difference(compiled, plain) < 1e-12
 
 
 def test_a_deviation_of_a_billionth_and_another_resampling_and_loop_are_noticed():
     compiled, plain = both(MODELS["additive"], ARM, filter_options(PARTICLES))
-    off, _ = both(AdditiveModel((1 + 1e-9) * COVARIANCE), ARM, filter_options(PARTICLES))
-    assert greatest_difference(off, plain) > 1e-12 > greatest_difference(compiled, plain)
+    off, _ = both(
+        AdditiveModel((1 + 1e-9) * COVARIANCE), ARM, filter_options(PARTICLES)
+    )
+    assert (
+        greatest_difference(off, plain) > 1e-12 > greatest_difference(compiled, plain)
+    )
     others = (filter_options(PARTICLES, threshold=0.6), 0.0), (filter_options(), 0.4)
     for options, share in others:
         other, _ = both(MODELS["additive"], ARM, options, share)
@@ -167,16 +184,22 @@ def test_a_deviation_of_a_billionth_and_another_resampling_and_loop_are_noticed(
 FREE = sliding_arm(np.eye(3), np.full(3, -50.0), np.full(3, 50.0))
 # its elbow is at a right angle where the joints are at zero
 BENT = np.array([[0.0, 0.155], [0.135, 0.0], [0.0, 0.17]])
-ELBOW = PlanarChain(np.zeros(2), BENT, np.ones(3), np.full(3, -50.0), np.full(3, 50.0), np.ones(3))
+ELBOW = PlanarChain(
+    np.zeros(2), BENT, np.ones(3), np.full(3, -50.0), np.full(3, 50.0), np.ones(3)
+)
 STILL = Start(np.array([0.3, -0.2, 0.5]), np.zeros((3, 3)))
-START = replace(STILL, covariance=1e-4 * np.array([[4.0, 1, 0], [1, 3, -1], [0, -1, 2]]))
+START = replace(
+    STILL, covariance=1e-4 * np.array([[4.0, 1, 0], [1, 3, -1], [0, -1, 2]])
+)
 DIFFUSING, EXACT = AdditiveModel(0.005**2 * np.eye(3)), AdditiveModel(np.zeros((3, 3)))
 STEPS = np.tile([0.01, -0.005, 0.0], (320, 1))
 
 
 def seen(t, y, bias: float = 0.0, std: float = 0.02) -> Measurements:
     covariance = np.tile(std**2 * np.eye(3), (len(t), 1, 1))
-    return Measurements("test01", np.array(t), y, np.full((len(t), 3), bias), covariance)
+    return Measurements(
+        "test01", np.array(t), y, np.full((len(t), 3), bias), covariance
+    )
 
 
 UNSEEN = seen([], np.empty((0, 3)))
@@ -185,12 +208,16 @@ UNSEEN = seen([], np.empty((0, 3)))
 def filtered(model, chain, steps, start, measurements=UNSEEN, **options) -> Posterior:
     commands, rng = open_loop(steps), np.random.default_rng(1)
     options = filter_options(**options)
-    return particle_filter(model, chain, commands, DT, start, measurements, options, rng)
+    return particle_filter(
+        model, chain, commands, DT, start, measurements, options, rng
+    )
 
 
 def along(t: np.ndarray, steps: np.ndarray) -> np.ndarray:
     path = STILL.mean + np.vstack([np.zeros(3), np.cumsum(steps, axis=0)])
-    return np.stack([np.interp(t, DT * np.arange(len(path)), q) for q in path.T], axis=1)
+    return np.stack(
+        [np.interp(t, DT * np.arange(len(path)), q) for q in path.T], axis=1
+    )
 
 
 def test_without_resampling_the_weights_degenerate_and_with_it_they_do_not():
@@ -216,10 +243,18 @@ def test_particles_that_leave_the_domain_or_are_no_numbers_end_the_filter_by_nam
         (FREE, np.full((3, 3), np.nan), 1),
         (ELBOW, stretching(1.0), 3),
     ):
-        with pytest.raises(DegenerateFilterError, match="every particle has left") as caught:
+        with pytest.raises(
+            DegenerateFilterError, match="every particle has left"
+        ) as caught:
             filtered(EXACT, arm, steps, STILL, particles=20)
-        assert caught.value.evidence == {"take": "test01", "step": step, "time": DT * step}
-    assert filtered(EXACT, ELBOW, stretching(0.9), STILL, particles=5).outside.sum() == 0
+        assert caught.value.evidence == {
+            "take": "test01",
+            "step": step,
+            "time": DT * step,
+        }
+    assert (
+        filtered(EXACT, ELBOW, stretching(0.9), STILL, particles=5).outside.sum() == 0
+    )
 
 
 def test_a_particle_outside_the_domain_loses_its_weight_and_is_moved_back():
@@ -227,7 +262,10 @@ def test_a_particle_outside_the_domain_loses_its_weight_and_is_moved_back():
     before = np.array([[0.1, 0.2, 0.3, 0.4], [1.0, 1.1, 1.2, 1.3]])
     q = before + 0.05
     q[0, 1], q[1, 2], q[:, 3] = 9.0, np.nan, -9.0
-    moved, log_weights = q.copy(), np.array([np.log(0.4), np.log(0.3), np.log(0.3), -np.inf])
+    moved, log_weights = (
+        q.copy(),
+        np.array([np.log(0.4), np.log(0.3), np.log(0.3), -np.inf]),
+    )
     domain = np.full(2, -2.0), np.full(2, 2.0), 0.0, 0.0
     lost = from_python(keep_inside)(domain, before, moved, log_weights, np.empty(4))
     assert lost == 2  # the fourth had no weight
@@ -238,11 +276,21 @@ def test_a_particle_outside_the_domain_loses_its_weight_and_is_moved_back():
 @pytest.mark.parametrize(
     "start, error, words",
     [
-        (replace(STILL, covariance=np.full((3, 3), np.nan)), ModelDomainError, "is not finite"),
-        (replace(STILL, mean=np.full(3, 60.0)), DegenerateFilterError, "start poses lies within"),
+        (
+            replace(STILL, covariance=np.full((3, 3), np.nan)),
+            ModelDomainError,
+            "is not finite",
+        ),
+        (
+            replace(STILL, mean=np.full(3, 60.0)),
+            DegenerateFilterError,
+            "start poses lies within",
+        ),
     ],
 )
-def test_a_start_that_no_normal_law_has_or_beyond_the_limits_is_refused(start, error, words):
+def test_a_start_that_no_normal_law_has_or_beyond_the_limits_is_refused(
+    start, error, words
+):
     with pytest.raises(error, match=words):
         filtered(EXACT, FREE, STEPS, start, particles=5)
 
@@ -286,7 +334,9 @@ def off(values: np.ndarray, mean: np.ndarray) -> float:
 
 
 @pytest.mark.parametrize("name", DRAWING)
-def test_counts_have_the_mean_and_the_variance_of_their_scheme_and_of_no_other(name, weights):
+def test_counts_have_the_mean_and_the_variance_of_their_scheme_and_of_no_other(
+    name, weights
+):
     rng, count = np.random.default_rng(1), len(weights)
     drawn = [chosen_by(name, weights, rng) for _ in range(REPEATS)]
     counts = np.array([np.bincount(chosen, minlength=count) for chosen in drawn])

@@ -17,7 +17,16 @@ from pipeline.tools.inspect.command import inspect
 IMAGE, INFO = "sensor_msgs/msg/Image", "sensor_msgs/msg/CameraInfo"
 PIXELS = np.arange(12, dtype=np.uint16).reshape(3, 4)
 START = 1700000000.0
-FORMS = ("ros1", "ros1_lz4", "ros1_bz2", "sqlite3", "zstd", "zstd_file", "mcap", "mcap_zstd")
+FORMS = (
+    "ros1",
+    "ros1_lz4",
+    "ros1_bz2",
+    "sqlite3",
+    "zstd",
+    "zstd_file",
+    "mcap",
+    "mcap_zstd",
+)
 
 
 def first(message: object) -> tuple[float, int]:
@@ -45,7 +54,9 @@ def test_messages_come_in_order_with_the_time_of_their_headers_and_a_cut_bag_is_
     stamps, pixels = zip(*messages(bag, "/depth", first), strict=True)
     np.testing.assert_allclose(stamps, START + 0.04 * np.arange(5), rtol=0, atol=1e-6)
     assert pixels == (0, 1, 2, 3, 4)
-    inside = bag if bag.is_file() else next(f for f in bag.iterdir() if f.suffix != ".yaml")
+    inside = (
+        bag if bag.is_file() else next(f for f in bag.iterdir() if f.suffix != ".yaml")
+    )
     content = inside.read_bytes()
     for share in (0.0, 0.3, 0.6):
         inside.write_bytes(content[: int(share * len(content))])
@@ -56,7 +67,12 @@ def test_a_topic_is_the_only_one_or_the_chosen_one(tmp_path):
     bag = recorded(tmp_path, "ros1")
     assert choose_topic(bag, (IMAGE,), "/depth") == "/depth"
     there = r"there are /colour \(Image\), /depth \(Image\)"
-    for kind, chosen in ((IMAGE, None), (INFO, None), (IMAGE, "/elsewhere"), (INFO, "/depth")):
+    for kind, chosen in (
+        (IMAGE, None),
+        (INFO, None),
+        (IMAGE, "/elsewhere"),
+        (INFO, "/depth"),
+    ):
         with pytest.raises(RecordingError, match=there) as refused:
             choose_topic(bag, (kind,), chosen)
         assert refused.value.evidence["file"] == bag
@@ -65,9 +81,19 @@ def test_a_topic_is_the_only_one_or_the_chosen_one(tmp_path):
 
 
 def test_files_that_are_no_bags_are_refused(tmp_path):
-    for name, text in (("empty.bag", ""), ("a.bag", "no"), ("a.mcap", "no"), ("a.db3", "no")):
+    for name, text in (
+        ("empty.bag", ""),
+        ("a.bag", "no"),
+        ("a.mcap", "no"),
+        ("a.db3", "no"),
+    ):
         (tmp_path / name).write_text(text)
-    for name, text in (("folder", "a: 1\n"), ("list", "- 1\n"), ("broken", "a: [\n"), ("n", "")):
+    for name, text in (
+        ("folder", "a: 1\n"),
+        ("list", "- 1\n"),
+        ("broken", "a: [\n"),
+        ("n", ""),
+    ):
         (tmp_path / name).mkdir()
         (tmp_path / name / "metadata.yaml").write_text(text)
     for bag in [*tmp_path.iterdir(), tmp_path / "absent.bag"]:
@@ -91,7 +117,11 @@ AB = LogOptions(joints=2, names=("a", "b"))
 
 
 def state(
-    stamp: float, *, names: tuple[str, ...] = ("a", "b"), turned: float = 0.0, **fields: np.ndarray
+    stamp: float,
+    *,
+    names: tuple[str, ...] = ("a", "b"),
+    turned: float = 0.0,
+    **fields: np.ndarray,
 ) -> Message:
     """Angles that grow by 1 and 2 rad a second; of ``names``, a then b, in their order."""
     angle = {"a": stamp - 1 + turned, "b": 2 * (stamp - 1) + turned, "finger": 0.02}
@@ -107,16 +137,23 @@ def states(late: float = 0.0, **fields: object) -> list[tuple[float, Message]]:
 
 @pytest.mark.parametrize("form", ["ros1", "sqlite3", "mcap"])
 def test_commands_are_interpolated_at_the_times_of_the_measured_angles(tmp_path, form):
-    recorded = {"/joint_states": states(), "/joint_commands": states(0.004, names=("b", "a"))}
+    recorded = {
+        "/joint_states": states(),
+        "/joint_commands": states(0.004, names=("b", "a")),
+    }
     bag = write_bag(tmp_path, form, recorded)
     angles, counts = read_movement({bag: AB}, 100.0)
     # the first measured angles come before the first command
     np.testing.assert_allclose(angles["actual"], angles["target"], atol=1e-12)
-    np.testing.assert_allclose(angles["actual"][:, 1], 0.02 * np.arange(1, 6), atol=1e-12)
+    np.testing.assert_allclose(
+        angles["actual"][:, 1], 0.02 * np.arange(1, 6), atol=1e-12
+    )
     assert (counts["interpolated_rows"], counts["rows_without_command"]) == (5, 1)
 
 
-FINGER = [(stamp - 0.001, state(stamp - 0.001, names=("finger",))) for stamp, _ in states()]
+FINGER = [
+    (stamp - 0.001, state(stamp - 0.001, names=("finger",))) for stamp, _ in states()
+]
 TURNS = [(t, state(t, names=("ab", "ba")[k % 2])) for k, (t, _) in enumerate(states())]
 BETWEEN = sorted([*FINGER, *states(0.002)], key=lambda message: message[0])
 TWICE = sorted([*states(), *states()[2:4]], key=lambda message: message[0])
@@ -139,7 +176,9 @@ def test_what_other_publishers_send_is_passed_over_and_repeated_messages_are_dro
     bag = write_bag(tmp_path, "ros1", recorded)
     log = read_joint_bag(bag, options)
     assert log.joints == ("a", "b")
-    np.testing.assert_allclose(log.signals["actual"][:, 1], 2 * log.signals["actual"][:, 0])
+    np.testing.assert_allclose(
+        log.signals["actual"][:, 1], 2 * log.signals["actual"][:, 0]
+    )
     names = ("messages_of_other_joints", "doubled_rows")
     assert {name: log.counts[name] for name in names if name in log.counts} == counted
 
@@ -147,7 +186,9 @@ def test_what_other_publishers_send_is_passed_over_and_repeated_messages_are_dro
 def test_efforts_and_velocities_are_read_as_what_they_are(tmp_path):
     fields = {"velocity": np.array([1.0, 2.0]), "effort": np.array([5.0, 6.0])}
     bag = write_bag(tmp_path, "ros1", {"/joint_states": states(**fields)})
-    options = LogOptions(signals={k: ["/joint_states"] for k in ("actual", "speed", "torque")})
+    options = LogOptions(
+        signals={k: ["/joint_states"] for k in ("actual", "speed", "torque")}
+    )
     log = read_joint_bag(bag, options)
     assert log.signals["speed"].tolist() == [[1, 2]] * 6
     assert log.signals["torque"].tolist() == [[5, 6]] * 6
@@ -162,7 +203,9 @@ def test_a_wrapped_command_is_unwrapped_before_it_is_interpolated(tmp_path):
         angles = message.fields["position"] + 3.1
         message.fields["position"] = (angles + np.pi) % (2 * np.pi) - np.pi
     bag = write_bag(
-        tmp_path, "ros1", {"/joint_states": states(turned=3.1), "/joint_commands": wrapped}
+        tmp_path,
+        "ros1",
+        {"/joint_states": states(turned=3.1), "/joint_commands": wrapped},
     )
     signals, counts = read_movement({bag: AB}, 100.0)
     np.testing.assert_allclose(signals["actual"], signals["target"], atol=1e-9)
@@ -170,13 +213,33 @@ def test_a_wrapped_command_is_unwrapped_before_it_is_interpolated(tmp_path):
 
 
 REFUSED = [
-    ({"/joint_states": states(), "/arm/joint_states": states()}, AB, "2 topics could hold"),
+    (
+        {"/joint_states": states(), "/arm/joint_states": states()},
+        AB,
+        "2 topics could hold",
+    ),
     ({"/joint_states": [], "/arm/joint_states": []}, AB, "the bag has none"),
     ({"/joint_states": [*states(), states()[0]]}, AB, "does not increase"),
-    ({"/joint_states": [*states(), (1.05, state(1.05, turned=0.1))]}, AB, "does not increase"),
-    ({"/joint_states": [*states(), (2.0, state(2.0, names=("a",)))]}, AB, "no position of b"),
-    ({"/joint_states": states()}, LogOptions(names=("c",)), "joints c; the joints are a, b"),
-    ({"/joint_states": states(), "/joint_commands": states(9.0)}, AB, "no measured angle"),
+    (
+        {"/joint_states": [*states(), (1.05, state(1.05, turned=0.1))]},
+        AB,
+        "does not increase",
+    ),
+    (
+        {"/joint_states": [*states(), (2.0, state(2.0, names=("a",)))]},
+        AB,
+        "no position of b",
+    ),
+    (
+        {"/joint_states": states()},
+        LogOptions(names=("c",)),
+        "joints c; the joints are a, b",
+    ),
+    (
+        {"/joint_states": states(), "/joint_commands": states(9.0)},
+        AB,
+        "no measured angle",
+    ),
 ]
 
 
@@ -184,13 +247,19 @@ REFUSED = [
 def test_what_does_not_fit_is_refused(tmp_path, recorded, options, words):
     for number, (topic, held) in enumerate(recorded.items()):
         # messages are read in the order of their recording
-        recorded[topic] = [(1 + number + k / 100, message) for k, (_, message) in enumerate(held)]
-    bag = write_bag(tmp_path, "ros1", recorded, kinds=dict.fromkeys(recorded, JOINT_STATE))
+        recorded[topic] = [
+            (1 + number + k / 100, message) for k, (_, message) in enumerate(held)
+        ]
+    bag = write_bag(
+        tmp_path, "ros1", recorded, kinds=dict.fromkeys(recorded, JOINT_STATE)
+    )
     with pytest.raises(RecordingError, match=words):
         read_joint_bag(bag, options)
 
 
-def test_inspect_takes_a_bag_for_a_joint_log_where_nothing_else_in_it_is_analysed(tmp_path):
+def test_inspect_takes_a_bag_for_a_joint_log_where_nothing_else_in_it_is_analysed(
+    tmp_path,
+):
     recorded = {"/joint_states": states(), "/joint_commands": states()}
     for _, message in recorded["/joint_states"]:  # of a mobile robot
         message.fields["name"] = [*message.fields["name"], "wheel"]

@@ -37,14 +37,33 @@ def urdf(link: str) -> str:
 
 
 PAIRED = {"time": TIME, "q": Q, "q_target": Q}
-COLUMNS = pd.DataFrame({f"{n}_{j}": PAIRED[n][:, j] for n in ("q", "q_target") for j in (0, 1)})
+COLUMNS = pd.DataFrame(
+    {f"{n}_{j}": PAIRED[n][:, j] for n in ("q", "q_target") for j in (0, 1)}
+)
 BOTH = "joints 2; signals actual, target"
-TRC, FRAMES = "PathFileType\t4\t(X/Y/Z)\ta.trc\nDataRate\n100\n", "Frame,Sub Frame,X\n1,0,1\n"
+TRC, FRAMES = (
+    "PathFileType\t4\t(X/Y/Z)\ta.trc\nDataRate\n100\n",
+    "Frame,Sub Frame,X\n1,0,1\n",
+)
 QUALISYS = "FILE_VERSION\t2.0\nNO_OF_FRAMES\t2\nFrame\tTime\tA X\n1\t0\t5\n"
 VICON = "ASCII export of Vicon is not read: export C3D"
 # words about a file that is refused
-STOPS = ("xacro", "separated", "increase", "Inches", "quaternions", "is not read", "convert it")
-STOPS += ("echo -p", "take ost.yaml", "cam0", "pairs two images", "no time in its header")
+STOPS = (
+    "xacro",
+    "separated",
+    "increase",
+    "Inches",
+    "quaternions",
+    "is not read",
+    "convert it",
+)
+STOPS += (
+    "echo -p",
+    "take ost.yaml",
+    "cam0",
+    "pairs two images",
+    "no time in its header",
+)
 UNUSUAL = {  # file, what is in it or writes it: what inspect says of it
     "v4.mat": (lambda file: savemat(file, PAIRED, format="4"), BOTH),
     "struct.mat": (
@@ -111,7 +130,11 @@ PUBLIC = {  # case, file: what inspect says of it
 
 def writes(name: str, content: object) -> Callable[[Path], object]:
     """A function that writes the file ``name`` of the ``content``, or calls it with the file."""
-    call = content if callable(content) else partial(Path.write_text, data=content, newline="")
+    call = (
+        content
+        if callable(content)
+        else partial(Path.write_text, data=content, newline="")
+    )
     return lambda folder: call(folder / name)
 
 
@@ -155,8 +178,12 @@ def test_the_tip_is_where_forward_kinematics_puts_it_whatever_names_are_shared(
 ):
     (tmp_path / "r.urdf").write_text(urdf(link))
     joints = [joint for joint in ("shoulder", "elbow", "wrist") if joint not in locked]
-    chain = chain_of(Robot(str(tmp_path / "r.urdf"), joints, "tip", locked=locked, task=["x", "z"]))
+    chain = chain_of(
+        Robot(str(tmp_path / "r.urdf"), joints, "tip", locked=locked, task=["x", "z"])
+    )
     q, lengths = np.array([0.3, -0.7, 0.4]), np.array([0.2, 0.3, 0.4])
     x, z = lengths @ np.sin(np.cumsum(q)), 0.1 + lengths @ np.cos(np.cumsum(q))
-    np.testing.assert_allclose(chain.pose(q[None, : len(joints)])[0, :3], [x, 0, z], atol=1e-12)
+    np.testing.assert_allclose(
+        chain.pose(q[None, : len(joints)])[0, :3], [x, 0, z], atol=1e-12
+    )
     assert "joints revolute (shoulder, elbow, wrist)" in seen(tmp_path / "r.urdf")

@@ -30,7 +30,11 @@ from pipeline.core.validation import validated
 from pipeline.formats.depth import intrinsics
 from pipeline.formats.depth.cloud import read_cloud
 from pipeline.formats.depth.image import read_depth, read_index, write_index
-from pipeline.formats.depth.intrinsics import Intrinsics, read_intrinsics, write_intrinsics
+from pipeline.formats.depth.intrinsics import (
+    Intrinsics,
+    read_intrinsics,
+    write_intrinsics,
+)
 from pipeline.formats.force.calibration import read_calibration
 from pipeline.formats.force.daqft import read_daqft, read_netft, write_daqft
 from pipeline.formats.force.record import ForceRecord
@@ -43,7 +47,9 @@ from pipeline.formats.rosbag import image_pixels, messages
 from pipeline.formats.trajectory import read_trajectory, write_trajectory
 
 SAMPLES = np.random.default_rng(5).normal(size=(5, 6)).round(4)
-RECORD = ForceRecord(np.arange(5) / 500, SAMPLES[:, :3], SAMPLES[:, 3:], 500.0, "", "4/2/13", {})
+RECORD = ForceRecord(
+    np.arange(5) / 500, SAMPLES[:, :3], SAMPLES[:, 3:], 500.0, "", "4/2/13", {}
+)
 JOINTS = JointLog(np.arange(5) / 125, {"actual": SAMPLES}, {})
 POSES = pd.DataFrame(
     np.c_[np.arange(5) / 100, SAMPLES],
@@ -76,7 +82,9 @@ def write_typed_rows(file: Path) -> None:
 
 
 def samples(take: MotionTake) -> np.ndarray:
-    poses = [np.hstack([body.position, body.quaternion]) for body in take.bodies.values()]
+    poses = [
+        np.hstack([body.position, body.quaternion]) for body in take.bodies.values()
+    ]
     return np.hstack([*take.markers.values(), *poses])
 
 
@@ -94,7 +102,9 @@ def content(held: bytes) -> Callable[[Path], object]:
 
 camera = partial(read_intrinsics, width=640, height=480)
 image = partial(read_depth, shape=SMALL.shape)
-joints = partial(read_joint_table, options=LogOptions(joints=6, signals={"actual": None}))
+joints = partial(
+    read_joint_table, options=LogOptions(joints=6, signals={"actual": None})
+)
 SOUND = {
     "Motive": Sound(write_take, read_motive, samples, 7),
     "Motive, typed rows": Sound(
@@ -135,7 +145,10 @@ def test_a_file_cut_at_any_byte_is_refused_or_holds_only_rows_that_were_whole(
     sound.write(file)
     whole, content = sound.rows(sound.read(file)), file.read_bytes()
     # all cuts in the last rows, where numbers can lose digits
-    for cut in [*range(0, len(content) - 40, 31), *range(len(content) - 40, len(content))]:
+    for cut in [
+        *range(0, len(content) - 40, 31),
+        *range(len(content) - 40, len(content)),
+    ]:
         file.write_bytes(content[:cut])
         try:
             result = sound.rows(sound.read(file))
@@ -152,19 +165,35 @@ def test_a_file_cut_at_any_byte_is_refused_or_holds_only_rows_that_were_whole(
     assert refused > 1
 
 
-OF_FIVE_ROWS = ["Motive", "Motive, typed rows", "DAQ F/T .", "DAQ F/T ,", "Net F/T, counts None"]
+OF_FIVE_ROWS = [
+    "Motive",
+    "Motive, typed rows",
+    "DAQ F/T .",
+    "DAQ F/T ,",
+    "Net F/T, counts None",
+]
 OF_FIVE_ROWS += ["joint table"]
 
 
 @pytest.mark.parametrize("name", OF_FIVE_ROWS)
 @settings(derandomize=True, max_examples=50, deadline=None)
 @given(picks=st.lists(st.integers(0, 4), min_size=3, max_size=9))
-def test_dropped_doubled_and_swapped_rows_are_counted_or_refused(tmp_path_factory, name, picks):
+def test_dropped_doubled_and_swapped_rows_are_counted_or_refused(
+    tmp_path_factory, name, picks
+):
     sound, file = SOUND[name], tmp_path_factory.getbasetemp() / "rows.csv"
     sound.write(file)
-    whole, lines = sound.rows(sound.read(file)), file.read_bytes().splitlines(keepends=True)
-    file.write_bytes(b"".join([*lines[: sound.above], *(lines[sound.above + k] for k in picks)]))
-    kept, counted = sorted({*picks}), "repeated_rows" if "Motive" in name else "doubled_rows"
+    whole, lines = (
+        sound.rows(sound.read(file)),
+        file.read_bytes().splitlines(keepends=True),
+    )
+    file.write_bytes(
+        b"".join([*lines[: sound.above], *(lines[sound.above + k] for k in picks)])
+    )
+    kept, counted = (
+        sorted({*picks}),
+        "repeated_rows" if "Motive" in name else "doubled_rows",
+    )
     if name.startswith("DAQ"):  # without a time, doubled rows can only be counted
         kept, counted = picks, "repeated_rows"
     elif picks != sorted(picks) or (name == "Motive, typed rows" and len(kept) < 2):
@@ -257,7 +286,9 @@ def failures(sandbox: Sandbox, name: str, folder: Path) -> list[str]:
             within(BOUNDS, sandbox.call, _read, name, file)
         except PipelineError as error:
             failed = any(words in error.message for words in FAILURES)
-            found += [f"{kind}: {error.message}"] * (failed and "file" not in error.evidence)
+            found += [f"{kind}: {error.message}"] * (
+                failed and "file" not in error.evidence
+            )
     return found
 
 
@@ -270,4 +301,7 @@ def test_no_damage_ends_or_holds_up_a_reader(sandbox, tmp_path, name):
 def test_a_reader_that_takes_what_it_is_given_is_found_out(sandbox, tmp_path):
     """The control: float and split take every word for a number that they can."""
     found = failures(sandbox, "credulous", tmp_path)
-    assert any(failure.startswith("block zeroed: its reader fails on it (V") for failure in found)
+    assert any(
+        failure.startswith("block zeroed: its reader fails on it (V")
+        for failure in found
+    )

@@ -24,8 +24,18 @@ from pipeline.formats.trajectory import COLUMNS, read_trajectory
 
 FORCE, JOINTS = "dataset.force.log", "dataset.joint_log"
 VALUES = np.random.default_rng(1).normal(size=(12, 6))
-WRENCHES = ForceRecord(np.arange(12) / 500, VALUES[:, :3], VALUES[:, 3:], 500.0, "FT7", "4/2", {})
-TABLE = {"t": "time", "fx": "F1", "fy": "F2", "fz": "F3", "tx": "M1", "ty": "M2", "tz": "M3"}
+WRENCHES = ForceRecord(
+    np.arange(12) / 500, VALUES[:, :3], VALUES[:, 3:], 500.0, "FT7", "4/2", {}
+)
+TABLE = {
+    "t": "time",
+    "fx": "F1",
+    "fy": "F2",
+    "fz": "F3",
+    "tx": "M1",
+    "ty": "M2",
+    "tz": "M3",
+}
 FORCES = ForceLogOptions(TABLE, force_unit="N", torque_unit="N-m", time_unit="s")
 TWO = LogOptions(joints=2, signals={"actual": None})
 BY_NAME = LogOptions(joints=2, signals={"actual": ["q1", "q2"]})
@@ -220,7 +230,9 @@ def as_bytes(text: bytes | str) -> bytes:
     return text if isinstance(text, bytes) else text.encode()
 
 
-CASES = [(name, n) for name, sound in FORMATS.items() for n in range(len(sound.changes))]
+CASES = [
+    (name, n) for name, sound in FORMATS.items() for n in range(len(sound.changes))
+]
 
 
 @pytest.mark.parametrize(("name", "number"), CASES)

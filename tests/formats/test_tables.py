@@ -19,7 +19,10 @@ SIGNALS = {"actual": ["q_0", "q_1"], "target": ["q_target_0", "q_target_1"]}
 
 def table(*above: str, mark: str = ",", decimal: str = ".") -> str:
     """The rows and their labels under the lines ``above``."""
-    rows = [mark.join(f"{cell:.6f}" for cell in row).replace(".", decimal) for row in ROWS.tolist()]
+    rows = [
+        mark.join(f"{cell:.6f}" for cell in row).replace(".", decimal)
+        for row in ROWS.tolist()
+    ]
     return "\n".join([*above, mark.join(LABELS), *rows, ""])
 
 
@@ -34,13 +37,19 @@ def beside(column: str, at: int, cell: str) -> str:
 TABLES = {
     "plain": (table(), {}),
     "settings": (table("Sensor,Rokubi", "Sampling rate,125"), {}),
-    "settings, semicolons and decimal commas": (table("Rate;125", mark=";", decimal=","), {}),
+    "settings, semicolons and decimal commas": (
+        table("Rate;125", mark=";", decimal=","),
+        {},
+    ),
     "settings, tabs": (table("Rate\t125", "Operator\tA. B.", mark="\t"), {}),
     "separator of Excel": (table("sep=;", mark=";", decimal=","), {}),
     "blanks": (table(mark=" "), {}),
     "comment": (table("# recorded on Monday", mark=" "), {}),
     "title, padded": (table("Arm test of 5 March,,,,"), {}),
-    "byte-order mark and CRLF": ("\ufeff" + table("Rate,125").replace("\n", "\r\n"), {}),
+    "byte-order mark and CRLF": (
+        "\ufeff" + table("Rate,125").replace("\n", "\r\n"),
+        {},
+    ),
     "empty last column": (beside("note", 5, ""), {"note": "nothing"}),
     "words": (beside("mode", 1, "IDLE"), {"mode": "words"}),
     "quoted words with commas": (beside("mode", 1, '"a, b"'), {"mode": "words"}),
@@ -62,9 +71,14 @@ def test_a_table_is_recognised_labelled_and_read_whatever_is_above_and_beside_it
     (finding,) = inspect(tmp_path / "run.csv")
     assert (finding.format, finding.stops) == ("table of numbers", [])
     assert finding.facts["signals"] == SIGNALS and finding.facts["time"] == "time"
-    assert (finding.facts["step_of_time"], finding.suggested["time_unit"]) == (0.008, "s")
+    assert (finding.facts["step_of_time"], finding.suggested["time_unit"]) == (
+        0.008,
+        "s",
+    )
     assert finding.facts.get("columns_without_numbers", {}) == left_out
-    log = read_joint_table(tmp_path / "run.csv", LogOptions("time", joints=2, signals=SIGNALS))
+    log = read_joint_table(
+        tmp_path / "run.csv", LogOptions("time", joints=2, signals=SIGNALS)
+    )
     np.testing.assert_allclose(log.time, TIME, atol=1e-6)
     np.testing.assert_allclose(log.signals["target"], Q, atol=1e-6)
     assert (log.counts["cut_rows"] > 0) == (name == "footer")
@@ -125,14 +139,18 @@ MENDED = {  # name: content, rows that are read, counts, words of inspect
 
 
 @pytest.mark.parametrize("name", MENDED)
-def test_what_a_table_lacks_or_repeats_is_filled_or_left_out_and_counted(tmp_path, name):
+def test_what_a_table_lacks_or_repeats_is_filled_or_left_out_and_counted(
+    tmp_path, name
+):
     content, rows, counts, words = MENDED[name]
     file = tmp_path / "run.csv"
     file.write_bytes(content if isinstance(content, bytes) else content.encode())
     said = seen(file)
     assert words in said and "!" not in said
     assert "signals actual (q_0, q_1), target (q_target_0, q_target_1)" in said
-    assert all(f"{count} {key.replace('_', ' ')}" in said for key, count in counts.items())
+    assert all(
+        f"{count} {key.replace('_', ' ')}" in said for key, count in counts.items()
+    )
     log = read_joint_table(file, LogOptions(joints=2, signals=SIGNALS))
     np.testing.assert_allclose(log.time, TIME[rows], atol=1e-6)
     np.testing.assert_allclose(log.signals["target"], Q[rows], atol=1e-3)
@@ -141,7 +159,10 @@ def test_what_a_table_lacks_or_repeats_is_filled_or_left_out_and_counted(tmp_pat
 
 AXES = "p_RS_R_x [m],p_RS_R_y [m],p_RS_R_z [m],q_RS_w [],q_RS_x [],q_RS_y [],q_RS_z []"
 RATES = ",".join(
-    [*(f"w_RS_S_{a} [rad s^-1]" for a in "xyz"), *(f"a_RS_S_{a} [m s^-2]" for a in "xyz")]
+    [
+        *(f"w_RS_S_{a} [rad s^-1]" for a in "xyz"),
+        *(f"a_RS_S_{a} [m s^-2]" for a in "xyz"),
+    ]
 )
 CONTENTS = {  # labels: what inspect says of the table
     AXES: "of poses of a body (position and quaternion) 200 Hz; unit ns, m; columns timestamp",
@@ -152,10 +173,19 @@ CONTENTS = {  # labels: what inspect says of the table
 
 @pytest.mark.parametrize("labels", CONTENTS)
 def test_a_table_of_no_joints_is_named_by_its_labels_and_units(tmp_path, labels):
-    rows = (f"{1403636580838555648 + 5_000_000 * k}" + ",0.5" * labels.count("[") for k in range(9))
-    (tmp_path / "data.csv").write_text("\n".join([f"#timestamp [ns],{labels}", *rows, ""]))
+    rows = (
+        f"{1403636580838555648 + 5_000_000 * k}" + ",0.5" * labels.count("[")
+        for k in range(9)
+    )
+    (tmp_path / "data.csv").write_text(
+        "\n".join([f"#timestamp [ns],{labels}", *rows, ""])
+    )
     said = seen(tmp_path / "data.csv")
-    assert f"table of numbers {CONTENTS[labels]}" in said and "?" not in said and "!" not in said
+    assert (
+        f"table of numbers {CONTENTS[labels]}" in said
+        and "?" not in said
+        and "!" not in said
+    )
 
 
 def test_a_motion_of_opensim_is_read_in_the_unit_that_it_states(tmp_path):

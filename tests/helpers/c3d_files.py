@@ -60,7 +60,11 @@ def c3d(
     """
 
     def group(number: int, name: str) -> bytes:
-        return struct.pack("<bb", len(name), -number) + name.encode() + struct.pack("<HB", 3, 0)
+        return (
+            struct.pack("<bb", len(name), -number)
+            + name.encode()
+            + struct.pack("<HB", 3, 0)
+        )
 
     xyz = points(5) if xyz is None else xyz
     frames, count, _ = xyz.shape
@@ -71,7 +75,9 @@ def c3d(
     body += parameter(1, "FRAMES", 2, [], words(min(frames, 65535)))
     if long_frames is not None:
         body += parameter(1, "LONG_FRAMES", 4, [], numbers(long_frames, processor))
-    body += texts(1, "LABELS", labels[:255]) + parameter(1, "UNITS", -1, [len(unit)], unit.encode())
+    body += texts(1, "LABELS", labels[:255]) + parameter(
+        1, "UNITS", -1, [len(unit)], unit.encode()
+    )
     for name, items in {"LABELS2": labels[255:], **(groups or {})}.items():
         body += texts(1, name, items) if items else b""
     channels, ratio = [*(analogs or {})], max([*(analogs or {}).values(), 0])
@@ -100,5 +106,7 @@ def c3d(
     if residual is not None:
         data[residual][3] = -1
     parameters = (bytes([1, 80, blocks, processor]) + body).ljust(blocks * 512, b"\0")
-    data = np.hstack([data.reshape(frames, -1), np.zeros((frames, len(channels) * ratio))])
+    data = np.hstack(
+        [data.reshape(frames, -1), np.zeros((frames, len(channels) * ratio))]
+    )
     return head.ljust(512, b"\0") + parameters + numbers(data, processor)

@@ -12,7 +12,9 @@ def planar_cables(tension, angle, tension_sd, concentration) -> CableSystem:
     return CableSystem(tension, direction, tension_sd, concentration)
 
 
-def sample_wrench(system: CableSystem, samples: int, rng: np.random.Generator) -> np.ndarray:
+def sample_wrench(
+    system: CableSystem, samples: int, rng: np.random.Generator
+) -> np.ndarray:
     """``samples`` independent wrenches of one ``system``, (samples, n): Eq. (WrenchStatEq) in the
     plane, f and r × f in space; forces alone where the cables meet in one point.
     """
@@ -25,6 +27,10 @@ def sample_wrench(system: CableSystem, samples: int, rng: np.random.Generator) -
         if system.attachment is not None:
             r = system.attachment[i]
             planar = system.dimension == 2
-            turned = r[0] * pull[:, 1:] - r[1] * pull[:, :1] if planar else np.cross(r, pull)
+            turned = (
+                r[0] * pull[:, 1:] - r[1] * pull[:, :1] if planar else np.cross(r, pull)
+            )
             moment = moment + turned
-    return force if system.attachment is None else np.concatenate([force, moment], axis=-1)
+    return (
+        force if system.attachment is None else np.concatenate([force, moment], axis=-1)
+    )

@@ -36,7 +36,11 @@ def opencv(key: str, rows: int, columns: int, data: str) -> str:
 
 
 # one camera, of 640 × 480, as the tools write it
-K, D, ROWS = "525.5, 0., 319.5, 0., 524., 239.25, 0., 0., 1.", "[0.25, 0, 0, 0, 0]", "[0, 0, 1]"
+K, D, ROWS = (
+    "525.5, 0., 319.5, 0., 524., 239.25, 0., 0., 1.",
+    "[0.25, 0, 0, 0, 0]",
+    "[0, 0, 1]",
+)
 XML = "<{0} type_id='opencv-matrix'><rows>{1}</rows><cols>{2}</cols><data>{3}</data></{0}>\n"
 CALIBRATIONS = {
     "opencv.yaml": "%YAML:1.0\n---\n" + opencv("camera_matrix", 3, 3, K)
@@ -62,7 +66,13 @@ CALIBRATIONS = {
 FIELDS = "FIELDS rgb z _ x label y _\nSIZE 4 8 1 8 2 8 1\nTYPE U F U F I F U\nCOUNT 1 1 3 1 1 1 5\n"
 POINT = np.dtype(
     [
-        *(("rgb", "<u4"), ("z", "<f8"), ("pad", "u1", 3), ("x", "<f8"), ("label", "<i2")),
+        *(
+            ("rgb", "<u4"),
+            ("z", "<f8"),
+            ("pad", "u1", 3),
+            ("x", "<f8"),
+            ("label", "<i2"),
+        ),
         *(("y", "<f8"), ("tail", "u1", 5)),
     ]
 )
@@ -90,11 +100,15 @@ def pcd(form: str, table: np.ndarray) -> bytes:
     if form == "binary":
         return header + table.tobytes()
     if form == "binary_compressed":  # LZF of literal runs
-        data = b"".join(np.ascontiguousarray(table[name]).tobytes() for name in POINT.names)
+        data = b"".join(
+            np.ascontiguousarray(table[name]).tobytes() for name in POINT.names
+        )
         runs = [data[i : i + 32] for i in range(0, len(data), 32)]
         packed = b"".join(bytes([len(run) - 1]) + run for run in runs)
         return header + struct.pack("<II", len(packed), len(data)) + packed
-    rows = [f"1 {p['z']} 9 9 9 {p['x']} {p['label']} {p['y']} 0 0 0 0 0\n" for p in table]
+    rows = [
+        f"1 {p['z']} 9 9 9 {p['x']} {p['label']} {p['y']} 0 0 0 0 0\n" for p in table
+    ]
     return header + "".join(rows).encode()
 
 
@@ -109,14 +123,18 @@ def ply(form: str, table: np.ndarray) -> bytes:
         return header + rows.encode() + b"3 0 1 2\n"
     order = ">" if form == "binary_big_endian" else "<"
     vertices = np.zeros(
-        len(table), [("z", order + "f8"), ("red", "u1"), ("x", order + "f8"), ("y", order + "f8")]
+        len(table),
+        [("z", order + "f8"), ("red", "u1"), ("x", order + "f8"), ("y", order + "f8")],
     )
     for axis in "xyz":
         vertices[axis] = table[axis]
     return header + vertices.tobytes() + struct.pack(order + "Biii", 3, 0, 1, 2)
 
 
-PCDS = {f"{form}.pcd": pcd(form, records()) for form in ("ascii", "binary", "binary_compressed")}
+PCDS = {
+    f"{form}.pcd": pcd(form, records())
+    for form in ("ascii", "binary", "binary_compressed")
+}
 CLOUDS = PCDS | {
     f"{form}.ply": ply(form, records())
     for form in ("ascii", "binary_little_endian", "binary_big_endian")

@@ -43,7 +43,12 @@ def persistent_law(**changes) -> JointErrorModel:
 def sweep(number: int, samples: int = 600) -> np.ndarray:
     """(samples, 2) commanded angles in rad of the motion ``number``, at rest at both ends."""
     share = np.clip((np.arange(samples) - 20) / (samples - 40), 0, 1)
-    turn = 2 * np.pi * share[:, None] * np.array([1.0 + 0.37 * (number % 5), 2.0 + 0.23 * number])
+    turn = (
+        2
+        * np.pi
+        * share[:, None]
+        * np.array([1.0 + 0.37 * (number % 5), 2.0 + 0.23 * number])
+    )
     return 0.3 * np.sin(turn) * np.sin(np.pi * share[:, None]) ** 2
 
 
@@ -63,6 +68,16 @@ def runs_of_law(
         for take, measured in enumerate(np.stack(path, axis=1)):
             name, motion = f"{number}.{take}", str(number)
             runs.append(
-                JointRun(name, law.rate, command, measured, law.joints, zero, zero, None, motion)
+                JointRun(
+                    name,
+                    law.rate,
+                    command,
+                    measured,
+                    law.joints,
+                    zero,
+                    zero,
+                    None,
+                    motion,
+                )
             )
     return runs

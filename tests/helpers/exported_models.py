@@ -42,7 +42,10 @@ def write_model(
         "closed_loop_share": share,
         "ranges": {
             "pose": {name: ends(at, width, "rad") for name, at in poses.items()},
-            "speed": {name: ends(0.0, most * speed, unit) for name, (most, unit) in speeds.items()},
+            "speed": {
+                name: ends(0.0, most * speed, unit)
+                for name, (most, unit) in speeds.items()
+            },
         },
         "arm": chain_record(chain),
     }

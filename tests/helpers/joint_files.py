@@ -20,13 +20,19 @@ def log(samples: int = 100, joints: int = 6, seed: int = 1) -> JointLog:
 
 def read_joint_log(file: Path, *, joints: int, columns=None, options=PLAIN) -> JointLog:
     """The log of one signal in ``file``."""
-    return movement.read_log(file, replace(options, joints=joints, signals={"actual": columns}))
+    return movement.read_log(
+        file, replace(options, joints=joints, signals={"actual": columns})
+    )
 
 
-def read_movement(folder: Path, files: Sequence[str]) -> tuple[list[np.ndarray], dict[str, int]]:
+def read_movement(
+    folder: Path, files: Sequence[str]
+) -> tuple[list[np.ndarray], dict[str, int]]:
     """Values of the signals of six joints at 125 Hz, each in one of ``files``, and the counts."""
     names = dict(zip(files, SIGNALS, strict=False))
-    options = {folder / f: replace(PLAIN, joints=6, signals={names[f]: None}) for f in names}
+    options = {
+        folder / f: replace(PLAIN, joints=6, signals={names[f]: None}) for f in names
+    }
     signals, counts = movement.read_movement(options, 125.0)
     return list(signals.values()), counts
 

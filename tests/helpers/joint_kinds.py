@@ -21,21 +21,37 @@ def motion(rows: int = 400) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     share = (1 - np.cos(np.pi * np.clip(np.minimum(k - 60, 340 - k) / 90, 0, 1))) / 2
     target = HOME + share[:, None] * (AWAY - HOME)
     actual = np.vstack([target[:1], target[:-1]])
-    return k / RATE, actual + np.random.default_rng(3).normal(0, 1e-5, actual.shape), target
+    return (
+        k / RATE,
+        actual + np.random.default_rng(3).normal(0, 1e-5, actual.shape),
+        target,
+    )
 
 
 def cell_of(value: object) -> str:
     """A number with nine digits, an empty cell for NaN, or a word."""
-    return str(value) if isinstance(value, str) else "" if value != value else f"{value:.9g}"
+    return (
+        str(value)
+        if isinstance(value, str)
+        else ""
+        if value != value
+        else f"{value:.9g}"
+    )
 
 
-def write(file: Path, labels: Sequence[str], *columns: np.ndarray | Sequence[str]) -> None:
+def write(
+    file: Path, labels: Sequence[str], *columns: np.ndarray | Sequence[str]
+) -> None:
     """Write a table of ``columns``, numbers (N,) or (N, n) or words, below the ``labels``."""
     cells = []
     for column in columns:
         rows = column if isinstance(column, np.ndarray) else np.array(column, object)
         cells += rows.reshape(len(rows), -1).T.tolist()
-    lines = [labels, *zip(*cells, strict=True)] if len(labels) else [*zip(*cells, strict=True)]
+    lines = (
+        [labels, *zip(*cells, strict=True)]
+        if len(labels)
+        else [*zip(*cells, strict=True)]
+    )
     text = (",".join(map(cell_of, line)) for line in lines)
     file.write_text("\n".join(text) + "\n")
 
@@ -111,7 +127,10 @@ def in_turn(time, actual, target):
     """Columns of two topics whose rows alternate."""
     gaps = np.full_like(actual, np.nan)
     stamps = np.stack([time, time + 0.003], axis=1).ravel()
-    rows = [np.stack(pair, axis=1).reshape(-1, 6) for pair in ((actual, gaps), (gaps, target))]
+    rows = [
+        np.stack(pair, axis=1).reshape(-1, 6)
+        for pair in ((actual, gaps), (gaps, target))
+    ]
     return stamps, *rows
 
 
@@ -126,16 +145,23 @@ def arrays(name: str, **others: object) -> Callable[[Path], None]:
     def make(folder: Path) -> None:
         time, actual, target = motion()
         write_arrays = (
-            savemat if name.endswith("mat") else lambda file, data: np.savez(file, **data)
+            savemat
+            if name.endswith("mat")
+            else lambda file, data: np.savez(file, **data)
         )
-        write_arrays(folder / name, {"time": time, "q": actual.T, "q_target": target.T} | others)
+        write_arrays(
+            folder / name, {"time": time, "q": actual.T, "q_target": target.T} | others
+        )
 
     return make
 
 
 def counts(turn: int, zero: int) -> Callable[..., Sequence[object]]:
     """A change to counts of an encoder, ``turn`` per turn and ``zero`` at 0 rad."""
-    return lambda time, *angles: (time, *(np.rint(zero + q * turn / (2 * np.pi)) for q in angles))
+    return lambda time, *angles: (
+        time,
+        *(np.rint(zero + q * turn / (2 * np.pi)) for q in angles),
+    )
 
 
 JOINTS, FIELD = [f"{joint}_joint" for joint in UR], "field.joint_names"
@@ -144,7 +170,11 @@ CELLS = "joint names elbow_joint, shoulder_lift_joint, shoulder_pan_joint, wrist
 OFFERED = "suggested is {actual: [J"
 WHOLE = "whole numbers from "
 PAIRED = ("log_q_actual.csv: table of numbers", TRACKED)
-DEGREES = ("suggested is rad", "suggested is 0.017453292519943295", "command tracking error 0.0")
+DEGREES = (
+    "suggested is rad",
+    "suggested is 0.017453292519943295",
+    "command tracking error 0.0",
+)
 NO_CLOCK, NULL = "no column is a clock", "suggested is null: dataset.joint_log.time"
 RADIANS = "the greatest is 1.4; suggested is rad"
 KINDS = [

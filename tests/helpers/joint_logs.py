@@ -19,12 +19,16 @@ FILES = ("log_q_actual.csv", "log_q_target.csv", "log_qd_target.csv")
 def quality(name: str, take: str) -> float:
     """Sum of a measure of quality over the takes whose names hold ``take``, as ingest wrote it."""
     table = contracts.read("quality", Path("data/ingest/motion"))
-    return table.loc[(table["quantity"] == name) & table["take"].str.contains(take), "value"].sum()
+    return table.loc[
+        (table["quantity"] == name) & table["take"].str.contains(take), "value"
+    ].sum()
 
 
 def ingested() -> tuple[list[str], np.ndarray]:
     """Takes and joint angles (N, K, 3) in rad that ingest wrote."""
-    return contracts.stacked(contracts.read("joint_log", Path("data/ingest/motion")), "q")
+    return contracts.stacked(
+        contracts.read("joint_log", Path("data/ingest/motion")), "q"
+    )
 
 
 HOME = np.array([1.0, -2.1, -1.9, -0.4, 0.5, 0.0])

@@ -19,7 +19,9 @@ MARKER = (
 POSE = ("Rotation",) * 4 + ("Position",) * 3
 
 
-def columns(*assets: tuple[str, str, str], quantities: tuple[str, ...] = ("Position",) * 3) -> str:
+def columns(
+    *assets: tuple[str, str, str], quantities: tuple[str, ...] = ("Position",) * 3
+) -> str:
     """Rows of labels of assets of a type, name and ID, each with X, Y, Z (W) of the quantities."""
     cells = [asset for asset in assets for _ in quantities]
     rows = [
@@ -27,12 +29,20 @@ def columns(*assets: tuple[str, str, str], quantities: tuple[str, ...] = ("Posit
         for i, label in enumerate(("Type", "Name", "ID"))
     ]
     axes = "XYZ" if len(quantities) == 3 else "XYZWXYZ"
-    rows += [[",", *quantities * len(assets)], ["Frame,Time (Seconds)", *axes * len(assets)]]
+    rows += [
+        [",", *quantities * len(assets)],
+        ["Frame,Time (Seconds)", *axes * len(assets)],
+    ]
     return "".join(",".join(row) + "\n" for row in rows)
 
 
 def random_take(
-    frames: int = 321, markers: int = 9, seed: int = 1, *, body: bool = True, first: int = 0
+    frames: int = 321,
+    markers: int = 9,
+    seed: int = 1,
+    *,
+    body: bool = True,
+    first: int = 0,
 ) -> MotionTake:
     """Markers ``Link1:Marker1`` … of normal positions, and a body ``Base`` of random poses."""
     generator = np.random.default_rng(seed)
@@ -42,7 +52,9 @@ def random_take(
     turns = Rotation.random(frames, random_state=seed).as_quat()
     pose = RigidBody(generator.normal(size=(frames, 3)), turns)
     bodies = {"Base": pose} if body else {}
-    return MotionTake("Take 1", "1.23", 100.0, frame, np.arange(frames) / 100, points, bodies, {})
+    return MotionTake(
+        "Take 1", "1.23", 100.0, frame, np.arange(frames) / 100, points, bodies, {}
+    )
 
 
 def columns_file(
@@ -50,11 +62,15 @@ def columns_file(
 ) -> Path:
     """A file of the columnar grammar with ``body`` after its first two lines."""
     file = folder / "take.csv"
-    file.write_bytes((TOP.format(rotation=rotation, unit=unit) + "\n\n" + body).encode())
+    file.write_bytes(
+        (TOP.format(rotation=rotation, unit=unit) + "\n\n" + body).encode()
+    )
     return file
 
 
-def rows_file(folder: Path, *rows: str, head: str = "righthanded\ninfo,version,1.1\n") -> Path:
+def rows_file(
+    folder: Path, *rows: str, head: str = "righthanded\ninfo,version,1.1\n"
+) -> Path:
     """A file of the row-typed grammar."""
     file = folder / "rows.csv"
     file.write_bytes((head + "\n".join(rows) + "\n").encode())

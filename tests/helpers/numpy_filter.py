@@ -11,7 +11,9 @@ from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.particle_filter import Posterior, initial_particles
 
 
-def plain_filter(model, chain, commands, dt, start, measurements, options, rng) -> Posterior:
+def plain_filter(
+    model, chain, commands, dt, start, measurements, options, rng
+) -> Posterior:
     """Arguments and result of :func:`pipeline.filtering.particle_filter.particle_filter`."""
     grid, count = len(commands.v) + 1, options.particles
     frame, step, share = measurements.schedule(len(commands.v), dt)
@@ -58,7 +60,15 @@ def plain_filter(model, chain, commands, dt, start, measurements, options, rng) 
             weights, log_weights = uniform, log_uniform
             resampled[k] = True
     return Posterior(
-        mean, covariance, ess, resampled, clipped, outside, measured, left_out, log_evidence
+        mean,
+        covariance,
+        ess,
+        resampled,
+        clipped,
+        outside,
+        measured,
+        left_out,
+        log_evidence,
     )
 
 

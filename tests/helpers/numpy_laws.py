@@ -22,9 +22,12 @@ def plain_steps(model, chain, q, v, rng) -> tuple[np.ndarray, int]:
     v = np.broadcast_to(v, (len(q), np.shape(v)[-1]))
     size = WIDTH if isinstance(chain, PlanarChain) else DRAWN
     blocks = [
-        _block(model, chain, q[i : i + size], v[i : i + size], rng) for i in range(0, len(q), size)
+        _block(model, chain, q[i : i + size], v[i : i + size], rng)
+        for i in range(0, len(q), size)
     ]
-    return np.concatenate([drawn for drawn, _ in blocks]), sum(number for _, number in blocks)
+    return np.concatenate([drawn for drawn, _ in blocks]), sum(
+        number for _, number in blocks
+    )
 
 
 def _block(model, chain, q, v, rng) -> tuple[np.ndarray, int]:
@@ -36,7 +39,9 @@ def _block(model, chain, q, v, rng) -> tuple[np.ndarray, int]:
             inverse, task = chain.inverse_jacobian(q), v[:, : len(chain.task)]
             norm, entries = frobenius(inverse), inverse[0].size
             scale = model.alpha**2 * np.maximum(model.u**2 - norm**2, 0.0) / entries
-            noise = np.sqrt(scale * np.vecdot(task, task))[:, None] * rng.standard_normal(q.shape)
+            noise = np.sqrt(scale * np.vecdot(task, task))[
+                :, None
+            ] * rng.standard_normal(q.shape)
             return q + dq + noise, int(np.count_nonzero(norm > model.u))
         case WishartModel():
             return q + _wishart(model, chain, q, v, rng), 0

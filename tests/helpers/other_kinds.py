@@ -25,7 +25,9 @@ ASKED = "rate is not stated: dataset.depth.rate"
 
 def frames(*names: str, content: bytes = PNG) -> Callable[[Path], None]:
     """A function that writes frames of the ``names``."""
-    return lambda folder: [(folder / name).write_bytes(content) for name in names] and None
+    return lambda folder: (
+        [(folder / name).write_bytes(content) for name in names] and None
+    )
 
 
 CLOUD = CLOUDS["ascii.pcd"]
@@ -94,14 +96,18 @@ def bag_with(
             before = kind.encode() + b"\7\0\0\0ros2msg"
             content = file.read_bytes()
             assert before in content
-            file.write_bytes(content.replace(before, kind.encode() + b"\7\0\0\0" + encoding))
+            file.write_bytes(
+                content.replace(before, kind.encode() + b"\7\0\0\0" + encoding)
+            )
 
     return write
 
 
 def fewer_messages(folder: Path) -> None:
     metadata = states(folder, "sqlite3") / "metadata.yaml"
-    metadata.write_text(metadata.read_text().replace("message_count: 20", "message_count: 21"))
+    metadata.write_text(
+        metadata.read_text().replace("message_count: 20", "message_count: 21")
+    )
 
 
 READ = ("100 Hz; 0.19 s; samples 20; joints 2", "passed over /")
@@ -160,9 +166,13 @@ def take(**options: object) -> Callable[[Path], None]:
     :func:`c3d_files.c3d`.
     """
 
-    def write(folder: Path, *, frames=5, markers=1, length=None, **options: object) -> None:
+    def write(
+        folder: Path, *, frames=5, markers=1, length=None, **options: object
+    ) -> None:
         xyz = points(frames, markers) / 1e3
-        (folder / "take.c3d").write_bytes(c3d(["arm:a"][:markers], xyz, **options)[:length])
+        (folder / "take.c3d").write_bytes(
+            c3d(["arm:a"][:markers], xyz, **options)[:length]
+        )
 
     return partial(write, **options)
 
@@ -205,7 +215,9 @@ TAKES = [
 ]  # fmt: skip
 
 
-def joint(name: str, parent: str, child: str, *, kind="revolute", lower="-1", height=0.1) -> str:
+def joint(
+    name: str, parent: str, child: str, *, kind="revolute", lower="-1", height=0.1
+) -> str:
     limit = f'<limit lower="{lower}" upper="1" velocity="1" effort="1"/>'
     ends = f'<parent link="{parent}"/><child link="{child}"/>'
     place = f'<origin xyz="0 0 {height}"/><axis xyz="0 1 0"/>'
@@ -226,7 +238,11 @@ def serial(folder: Path, count: int, sensors: int = 0) -> None:
     joints = [joint(f"j{k}", f"l{k}", f"l{k + 1}") for k in range(count)]
     fixed = [(f"l{k}", f"s{k}_{n}") for k in range(count) for n in range(sensors)]
     joints += [joint(f"f{child}", one, child, kind="fixed") for one, child in fixed]
-    robot(folder, [*(f"l{k}" for k in range(count + 1)), *(child for _, child in fixed)], joints)
+    robot(
+        folder,
+        [*(f"l{k}" for k in range(count + 1)), *(child for _, child in fixed)],
+        joints,
+    )
 
 
 TWO = [joint("j1", "l0", "l1"), joint("j2", "l2", "l3")]
@@ -273,11 +289,20 @@ FOLDERS = [
         stops=True),
 ]  # fmt: skip
 
-CAMERA = {"width": 640, "height": 480, "fx": 525.5, "fy": 526.5, "cx": 319.25, "cy": 239.75}
+CAMERA = {
+    "width": 640,
+    "height": 480,
+    "fx": 525.5,
+    "fy": 526.5,
+    "cx": 319.25,
+    "cy": 239.75,
+}
 
 
 def camera(**more: object) -> Callable[[Path], None]:
-    return lambda folder: (folder / "camera.json").write_text(json.dumps(CAMERA | more)) and None
+    return lambda folder: (
+        (folder / "camera.json").write_text(json.dumps(CAMERA | more)) and None
+    )
 
 
 TIME, Q = np.arange(60) / 125, np.stack([np.sin(3 * np.arange(60) / 125)] * 2, axis=1)

@@ -24,13 +24,24 @@ PLANAR = Robot(
 ARMS = {
     "planar": (replace(PLANAR, task=["x", "z"]), [1.47, -4.0, 2.0], [2.26, -3.2, 2.79]),
     "square": (PLANAR, [1.47, -4.0, 2.0], [2.0, -3.4, 2.3]),
-    "seven": (LWR4, [0.3, 0.95, -0.3, -1.6, 0.4, 1.05, 0.2], [0.0, 0.65, 0.0, -1.2, 0, 0.75, 0.5]),
+    "seven": (
+        LWR4,
+        [0.3, 0.95, -0.3, -1.6, 0.4, 1.05, 0.2],
+        [0.0, 0.65, 0.0, -1.2, 0, 0.75, 0.5],
+    ),
 }
-ARMS["two spare"] = (replace(LWR4, task=["x", "y", "z", "rx", "ry"]), *ARMS["seven"][1:])
+ARMS["two spare"] = (
+    replace(LWR4, task=["x", "y", "z", "rx", "ry"]),
+    *ARMS["seven"][1:],
+)
 LAWS = {
     "additive": {"kind": "additive", "noise_covariance": (1e-6 * np.eye(3)).tolist()},
     "gaussian": {"kind": "gaussian", "alpha": 0.1, "u": 60.0},
-    "qr_transposed": {"kind": "wishart", "sigma_b": 0.25, "decomposition": "qr_transposed"},
+    "qr_transposed": {
+        "kind": "wishart",
+        "sigma_b": 0.25,
+        "decomposition": "qr_transposed",
+    },
     "pivoted_lu": {"kind": "wishart", "sigma_b": 0.25, "decomposition": "pivoted_lu"},
 }
 

@@ -12,9 +12,13 @@ READINGS = {
     "pivoted_lu": Decomposition("pivoted_lu"),
     "qr": Decomposition("qr"),
     "qr_transposed": Decomposition("qr_transposed"),
-    "given": Decomposition("given", left=[[0.15, 0.02, 0.0], [0.0, 0.15, 0.0], [0.0, 0.1, 1.0]]),
+    "given": Decomposition(
+        "given", left=[[0.15, 0.02, 0.0], [0.0, 0.15, 0.0], [0.0, 0.1, 1.0]]
+    ),
 }
-every_reading = pytest.mark.parametrize("decomposition", READINGS.values(), ids=READINGS)
+every_reading = pytest.mark.parametrize(
+    "decomposition", READINGS.values(), ids=READINGS
+)
 
 
 def algorithm_1(chain, q, v, sigma_b, decomposition, size, rng) -> np.ndarray:
@@ -46,9 +50,15 @@ def least_p_value(one: np.ndarray, other: np.ndarray) -> float:
     """Least p-value of two-sample Kolmogorov–Smirnov tests of each of three coordinates, of sums of
     them and of the distance from the common middle: eight views.
     """
-    axes = np.concatenate([np.eye(3), np.random.default_rng(3).normal(size=(3, 4))], axis=1)
+    axes = np.concatenate(
+        [np.eye(3), np.random.default_rng(3).normal(size=(3, 4))], axis=1
+    )
     views = [
-        np.column_stack([x @ axes, np.linalg.norm(x - np.median(other, axis=0), axis=1)])
+        np.column_stack(
+            [x @ axes, np.linalg.norm(x - np.median(other, axis=0), axis=1)]
+        )
         for x in (one, other)
     ]
-    return min(stats.ks_2samp(*pair).pvalue for pair in zip(*(x.T for x in views), strict=True))
+    return min(
+        stats.ks_2samp(*pair).pvalue for pair in zip(*(x.T for x in views), strict=True)
+    )

@@ -13,7 +13,11 @@ from omegaconf import OmegaConf
 
 ROOT = Path(__file__).parents[2]
 # one process: so little work takes less time than starting workers
-SMOKE = {"scale": "smoke", "compute": "serial", "models": "[additive, wishart, gaussian]"}
+SMOKE = {
+    "scale": "smoke",
+    "compute": "serial",
+    "models": "[additive, wishart, gaussian]",
+}
 GIT = ["git", "-c", "init.defaultBranch=main"]
 # in one process: half the time of a run goes into starting a process for each stage
 EVERY_COMMAND = """
@@ -123,7 +127,9 @@ def set_parameters(folder: Path, **values: object) -> None:
     file = folder / "params.yaml"
     text = file.read_text(encoding="utf-8")
     for name, value in values.items():
-        text, found = re.subn(rf"^{name}:.*$", f"{name}: {value}", text, flags=re.MULTILINE)
+        text, found = re.subn(
+            rf"^{name}:.*$", f"{name}: {value}", text, flags=re.MULTILINE
+        )
         assert found == 1, name
     file.write_text(text, encoding="utf-8")
 
@@ -133,14 +139,18 @@ def planned(output: str) -> dict[str, str]:
     that follow ``python -m pipeline``.
     """
     return dict(
-        re.findall(r"^Running stage '(.+)':\n> python -m pipeline (.+)$", output, re.MULTILINE)
+        re.findall(
+            r"^Running stage '(.+)':\n> python -m pipeline (.+)$", output, re.MULTILINE
+        )
     )
 
 
 def in_one_process(folder: Path, *targets: str) -> tuple[list[str], str]:
     """Run every stage of the plan of ``dvc repro`` in one process; their names and output."""
     stages = planned(succeeds("dvc", "repro", "--force", "--dry", *targets, cwd=folder))
-    return [*stages], succeeds("python", "-c", EVERY_COMMAND, *stages.values(), cwd=folder)
+    return [*stages], succeeds(
+        "python", "-c", EVERY_COMMAND, *stages.values(), cwd=folder
+    )
 
 
 def outputs(folder: Path, *stages: str) -> dict[str, str]:
@@ -149,7 +159,9 @@ def outputs(folder: Path, *stages: str) -> dict[str, str]:
     """
     locked = {}
     for file in (folder / "dvc.lock", folder / "data/raw/youbot/dvc.lock"):
-        for name, stage in OmegaConf.to_container(OmegaConf.load(file))["stages"].items():
+        for name, stage in OmegaConf.to_container(OmegaConf.load(file))[
+            "stages"
+        ].items():
             if not stages or name in stages:
                 locked |= {out["path"]: out["md5"] for out in stage["outs"]}
     locked.pop("data/config.yaml", None)
@@ -170,6 +182,8 @@ def contents(folder: Path) -> dict[str, bytes]:
 
 def shell_commands(page: str, word: str = "") -> list[list[str]]:
     """The commands of the shell blocks of the project's ``page`` that hold ``word``."""
-    blocks = re.findall(r"```sh\n(.*?)```", (ROOT / page).read_text(encoding="utf-8"), re.DOTALL)
+    blocks = re.findall(
+        r"```sh\n(.*?)```", (ROOT / page).read_text(encoding="utf-8"), re.DOTALL
+    )
     lines = [line for block in blocks if word in block for line in block.splitlines()]
     return [shlex.split(line, comments=True) for line in lines]

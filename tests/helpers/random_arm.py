@@ -7,7 +7,16 @@ from space_arms import revolute_arm
 
 from pipeline.arm.serial import SerialChain
 
-SIZES = [(2, 1), (2, 2), (3, 2), (4, 4), (5, 3), (6, 6), (7, 6), (8, 3)]  # of n joints and m rows
+SIZES = [
+    (2, 1),
+    (2, 2),
+    (3, 2),
+    (4, 4),
+    (5, 3),
+    (6, 6),
+    (7, 6),
+    (8, 3),
+]  # of n joints and m rows
 
 
 def random_arm(n: int, m: int) -> SerialChain:

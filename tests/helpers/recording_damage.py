@@ -13,7 +13,9 @@ ROW = re.compile(rb'[ \t"]*[-+]?[\d.]')  # start of a row of numbers, not of a h
 
 def some(among, number: float, rng: np.random.Generator) -> list:
     """``number`` of the entries ``among``, in order."""
-    return sorted(rng.choice(among, min(int(number), len(among)), replace=False).tolist())
+    return sorted(
+        rng.choice(among, min(int(number), len(among)), replace=False).tolist()
+    )
 
 
 def lines_of(content: bytes) -> tuple[list[bytes], list[int]]:
@@ -55,7 +57,9 @@ def on_take(change):
         cells = [line.rstrip(b"\r\n").split(b",") for line in lines[first:]]
         labels, frames = cells[: rows[0] - first], cells[rows[0] - first :]
         change(labels, frames, range(2, len(labels[1]), 3), severity, rng)
-        return b"".join(lines[:first]) + b"".join(b",".join(row) + b"\r\n" for row in cells)
+        return b"".join(lines[:first]) + b"".join(
+            b",".join(row) + b"\r\n" for row in cells
+        )
 
     return apply
 
@@ -87,7 +91,10 @@ def swap_labels(labels, frames, markers, number, rng, apart):
     one, other = markers[first + one], markers[first + 3 * apart + other]
     for i in burst(frames, number, rng):
         row = frames[i]
-        row[one : one + 3], row[other : other + 3] = row[other : other + 3], row[one : one + 3]
+        row[one : one + 3], row[other : other + 3] = (
+            row[other : other + 3],
+            row[one : one + 3],
+        )
 
 
 swapped_labels = on_take(partial(swap_labels, apart=0))
@@ -117,7 +124,9 @@ def frozen_tracker(labels, frames, markers, number, rng):
 @on_take
 def other_lengths(labels, frames, markers, factor, rng):
     for row in frames:
-        row[2:] = [b"%.6f" % (float(cell) * factor) if cell else cell for cell in row[2:]]
+        row[2:] = [
+            b"%.6f" % (float(cell) * factor) if cell else cell for cell in row[2:]
+        ]
 
 
 # depth frames and their clock
@@ -141,7 +150,9 @@ def on_pixels(change):
     def apply(files, severity, rng):
         changed = dict(files)
         for name in (name for name in files if name.endswith(".png")):
-            image = cv2.imdecode(np.frombuffer(files[name], np.uint8), cv2.IMREAD_UNCHANGED)
+            image = cv2.imdecode(
+                np.frombuffer(files[name], np.uint8), cv2.IMREAD_UNCHANGED
+            )
             image = change(image, severity, rng).astype(np.uint16)
             changed[name] = cv2.imencode(".png", image)[1].tobytes()
         return changed
@@ -149,8 +160,12 @@ def on_pixels(change):
     return apply
 
 
-all_lost_pixels = on_pixels(lambda x, share, rng: np.where(rng.random(x.shape) < share, 0, x))
-all_other_unit = on_pixels(lambda x, factor, rng: np.where(x * factor < 2**16, x * factor, 0))
+all_lost_pixels = on_pixels(
+    lambda x, share, rng: np.where(rng.random(x.shape) < share, 0, x)
+)
+all_other_unit = on_pixels(
+    lambda x, factor, rng: np.where(x * factor < 2**16, x * factor, 0)
+)
 
 
 def retimed(change):
@@ -160,7 +175,10 @@ def retimed(change):
         lines, rows = lines_of(content)
         for number, i in enumerate(rows):
             stamp, rest = lines[i].split(b" ", 1)
-            lines[i] = b"%.6f %s" % (change(float(stamp), number / len(rows), severity), rest)
+            lines[i] = b"%.6f %s" % (
+                change(float(stamp), number / len(rows), severity),
+                rest,
+            )
         return b"".join(lines)
 
     return apply

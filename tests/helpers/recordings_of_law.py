@@ -45,7 +45,9 @@ def write_project(folder: Path) -> tuple[PlanarChain, np.ndarray, np.ndarray]:
     chain = load_arm(robot.urdf, robot.joints, robot.tool, robot.locked).chain
     middle = np.array([1.1, -1.6, 1.8])
     k = np.arange(STEPS + 1)
-    path = middle + 0.2 * np.cos(np.maximum(k - REST, 0) / 20)[:, None] * np.array([1.0, -1.0, 0.5])
+    path = middle + 0.2 * np.cos(np.maximum(k - REST, 0) / 20)[:, None] * np.array(
+        [1.0, -1.0, 0.5]
+    )
     v = np.matvec(chain.jacobian(path[:-1]), np.diff(path, axis=0))
     rng = np.random.default_rng(1)
     q = np.empty((2 * TAKES, STEPS + 1, 3))
@@ -58,12 +60,18 @@ def write_project(folder: Path) -> tuple[PlanarChain, np.ndarray, np.ndarray]:
     task[:-1] = v * rate
     for stage in ("ingest/motion", "track"):
         Path("data", stage).mkdir(parents=True)
-    trajectory = {"k": k, "t": k / rate} | spread("x", PLANE, 0 * task) | spread("v", PLANE, task)
+    trajectory = (
+        {"k": k, "t": k / rate}
+        | spread("x", PLANE, 0 * task)
+        | spread("v", PLANE, task)
+    )
     contracts.write(pd.DataFrame(trajectory), "trajectory", Path("data/ingest/motion"))
     contracts.write(rows(q, "q").assign(residual=0.0), "joints", Path("data/track"))
     noise = rows(np.pad(process_noise(chain, q, v), ((0, 0), (1, 0), (0, 0))), "w")
     contracts.write(
-        noise[(noise.k > 0) & (noise.part == "training")], "process_noise", Path("data/track")
+        noise[(noise.k > 0) & (noise.part == "training")],
+        "process_noise",
+        Path("data/track"),
     )
     for name, parameters in MODELS.items():
         Path(f"data/fit/{name}").mkdir(parents=True)

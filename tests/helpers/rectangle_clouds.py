@@ -13,7 +13,9 @@ def motion(frames: int = 97) -> np.ndarray:
     to 1.3 rad a joint.
     """
     phase = (1 - np.cos(np.linspace(0, 2 * np.pi, frames))) / 2
-    return np.radians([-55.0, 135.0, -60.0] + phase[:, None] * np.array([75.0, -70.0, 75.0]))
+    return np.radians(
+        [-55.0, 135.0, -60.0] + phase[:, None] * np.array([75.0, -70.0, 75.0])
+    )
 
 
 def cloud(q: np.ndarray, rng: np.random.Generator, *, points: int = 1500) -> np.ndarray:

@@ -8,7 +8,11 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from scipy.optimize import minimize
 
-from pipeline.models.joint_error.law import Outlook, standard_log_density, unit_variance_factor
+from pipeline.models.joint_error.law import (
+    Outlook,
+    standard_log_density,
+    unit_variance_factor,
+)
 from pipeline.models.joint_error.samples import JointRun, counted
 
 Prediction = Callable[[JointRun, int], Outlook]  # of run and joint
@@ -19,7 +23,9 @@ def inputs(run: JointRun, j: int) -> np.ndarray:
     """(N, 4) constant, commanded speed, acceleration and sign of the speed."""
     speed = run.rate * np.diff(run.command[:, j], prepend=run.command[0, j])
     change = run.rate * np.diff(speed, prepend=speed[0])
-    return np.stack([np.ones_like(speed), speed, change, np.tanh(speed / 0.01)], axis=-1)
+    return np.stack(
+        [np.ones_like(speed), speed, change, np.tanh(speed / 0.01)], axis=-1
+    )
 
 
 def references(runs: Sequence[JointRun], j: int, steps: int) -> dict[str, Prediction]:
@@ -27,11 +33,22 @@ def references(runs: Sequence[JointRun], j: int, steps: int) -> dict[str, Predic
 
     def rows(run: JointRun, ahead: int) -> tuple[np.ndarray, ...]:
         e, x = (run.measured - run.command)[:, j], inputs(run, j)
-        now, past = e[: len(e) - ahead], np.concatenate([e[:1], e[:-1]])[: len(e) - ahead]
-        return e[ahead:], now, np.column_stack([now, past, x[ahead:]]), np.abs(x[ahead:, 1])
+        now, past = (
+            e[: len(e) - ahead],
+            np.concatenate([e[:1], e[:-1]])[: len(e) - ahead],
+        )
+        return (
+            e[ahead:],
+            now,
+            np.column_stack([now, past, x[ahead:]]),
+            np.abs(x[ahead:, 1]),
+        )
 
     def all_rows(ahead: int) -> list[np.ndarray]:
-        kept = [[part[counted(run, ahead)[:, j]] for part in rows(run, ahead)] for run in runs]
+        kept = [
+            [part[counted(run, ahead)[:, j]] for part in rows(run, ahead)]
+            for run in runs
+        ]
         return [np.concatenate(each) for each in zip(*kept, strict=True)]
 
     def normal(mean: Callable, variance: float) -> Prediction:
@@ -59,7 +76,9 @@ def _autoregression(e, now, x, speed, rows: Callable, j: int) -> Prediction:
         degrees = np.array([4 + np.exp(min(theta[2], 4.0))])
         variance = np.exp(theta[0]) + np.exp(theta[1]) * speed
         scale = np.sqrt(variance * unit_variance_factor(degrees))
-        return -np.mean(standard_log_density(off / size / scale, degrees) - np.log(scale))
+        return -np.mean(
+            standard_log_density(off / size / scale, degrees) - np.log(scale)
+        )
 
     a, b, nu = minimize(loss, np.array([-1.0, 0.0, 1.5]), method="Nelder-Mead").x
 
@@ -75,6 +94,8 @@ def _autoregression(e, now, x, speed, rows: Callable, j: int) -> Prediction:
             driven = exogenous[i : len(exogenous) - ahead + i] @ gain[2:]
             mean, before = gain[0] * mean + gain[1] * before + driven, mean
             variance += impulse[ahead - i] ** 2 * noise[i : len(noise) - ahead + i]
-        return Outlook(mean[:, None], variance[:, None], np.array([4 + np.exp(min(nu, 4.0))]))
+        return Outlook(
+            mean[:, None], variance[:, None], np.array([4 + np.exp(min(nu, 4.0))])
+        )
 
     return predict

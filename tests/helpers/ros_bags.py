@@ -8,7 +8,10 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
-STORES = {"ros1": get_typestore(Stores.ROS1_NOETIC), "ros2": get_typestore(Stores.ROS2_HUMBLE)}
+STORES = {
+    "ros1": get_typestore(Stores.ROS1_NOETIC),
+    "ros2": get_typestore(Stores.ROS2_HUMBLE),
+}
 
 
 class Message:
@@ -19,15 +22,21 @@ class Message:
 
     def for_version(self, version: str) -> object:
         types, fields = STORES[version].types, dict(self.fields)
-        time = types["builtin_interfaces/msg/Time"](*divmod(round(self.stamp * 1e9), 10**9))
+        time = types["builtin_interfaces/msg/Time"](
+            *divmod(round(self.stamp * 1e9), 10**9)
+        )
         number = [0] if version == "ros1" else []
         header = types["std_msgs/msg/Header"](*number, time, "depth_camera")
         if "fields" in fields:
             point = types["sensor_msgs/msg/PointField"]
             fields["fields"] = [point(*field) for field in fields["fields"]]
         if "wrench" in fields:
-            vector, wrench = (types[f"geometry_msgs/msg/{kind}"] for kind in ("Vector3", "Wrench"))
-            fields["wrench"] = wrench(*(vector(*part) for part in fields["wrench"].tolist()))
+            vector, wrench = (
+                types[f"geometry_msgs/msg/{kind}"] for kind in ("Vector3", "Wrench")
+            )
+            fields["wrench"] = wrench(
+                *(vector(*part) for part in fields["wrench"].tolist())
+            )
         if "distortion_model" in fields:
             fields["roi"] = types["sensor_msgs/msg/RegionOfInterest"](0, 0, 0, 0, False)
             if version == "ros2":  # d, k, r, p
@@ -41,7 +50,11 @@ def image(pixels: np.ndarray, stamp: float, *, big=False, padding: int = 0) -> M
     rows = rows.reshape(len(pixels), -1)
     data = np.pad(rows, ((0, 0), (0, padding)), constant_values=255)
     fields = {"encoding": {"u": "16UC1", "f": "32FC1"}[pixels.dtype.kind]}
-    fields |= {"height": pixels.shape[0], "width": pixels.shape[1], "is_bigendian": int(big)}
+    fields |= {
+        "height": pixels.shape[0],
+        "width": pixels.shape[1],
+        "is_bigendian": int(big),
+    }
     fields |= {"step": data.shape[1], "data": data.ravel()}
     return Message("sensor_msgs/msg/Image", stamp, **fields)
 
@@ -61,28 +74,48 @@ def cloud(
     data = np.full((len(points), step), 7, np.uint8)
     for name, offset, datatype, _ in fields:
         if name in "xyz":
-            kind = np.dtype({7: "f4", 8: "f8"}[datatype]).newbyteorder(">" if big else "<")
+            kind = np.dtype({7: "f4", 8: "f8"}[datatype]).newbyteorder(
+                ">" if big else "<"
+            )
             column = np.ascontiguousarray(points[:, "xyz".index(name)]).astype(kind)
             size, column = kind.itemsize, column.view(np.uint8)
             data[:, offset : offset + size] = column.reshape(len(points), -1)
     padded = np.pad(data.reshape(rows, -1), ((0, 0), (0, 5)))
-    held = {"height": rows, "width": len(points) // rows, "fields": fields, "is_bigendian": big}
+    held = {
+        "height": rows,
+        "width": len(points) // rows,
+        "fields": fields,
+        "is_bigendian": big,
+    }
     held |= {"point_step": step, "row_step": padded.shape[1], "data": padded.ravel()}
     return Message("sensor_msgs/msg/PointCloud2", stamp, is_dense=False, **held)
 
 
 def camera_info(
-    matrix: list[float], distortion: list[float], size: tuple[int, int], *, model: str = "plumb_bob"
+    matrix: list[float],
+    distortion: list[float],
+    size: tuple[int, int],
+    *,
+    model: str = "plumb_bob",
 ) -> Message:
     """A CameraInfo of the matrix K (9,) and D of an image of ``size`` (width, height)."""
     fields = {"height": size[1], "width": size[0], "distortion_model": model}
     fields |= {"D": np.array(distortion, float), "K": np.array(matrix, float)}
-    fields |= {"R": np.eye(3).ravel(), "P": np.zeros(12), "binning_x": 0, "binning_y": 0}
+    fields |= {
+        "R": np.eye(3).ravel(),
+        "P": np.zeros(12),
+        "binning_x": 0,
+        "binning_y": 0,
+    }
     return Message("sensor_msgs/msg/CameraInfo", 1.0, **fields)
 
 
 def write_bag(
-    folder: Path, form: str, recorded: dict[str, list], *, kinds: dict[str, str] | None = None
+    folder: Path,
+    form: str,
+    recorded: dict[str, list],
+    *,
+    kinds: dict[str, str] | None = None,
 ) -> Path:
     """Write the messages of each topic, at their times of recording, into a new bag in ``folder``,
     named take; ``kinds`` of empty topics.
@@ -91,14 +124,24 @@ def write_bag(
     message) or zstd_file (the whole file).
     """
     version = "ros1" if form.startswith("ros1") else "ros2"
-    store, path = STORES[version], folder / ("take.bag" if version == "ros1" else "take")
+    store, path = (
+        STORES[version],
+        folder / ("take.bag" if version == "ros1" else "take"),
+    )
     if version == "ros1":
         writer, serialise = Writer1(path), store.serialize_ros1
         if form != "ros1":
-            writer.set_compression(Writer1.CompressionFormat[form.removeprefix("ros1_").upper()])
+            writer.set_compression(
+                Writer1.CompressionFormat[form.removeprefix("ros1_").upper()]
+            )
     else:
-        storage = StoragePlugin.MCAP if form.startswith("mcap") else StoragePlugin.SQLITE3
-        writer, serialise = Writer2(path, version=9, storage_plugin=storage), store.serialize_cdr
+        storage = (
+            StoragePlugin.MCAP if form.startswith("mcap") else StoragePlugin.SQLITE3
+        )
+        writer, serialise = (
+            Writer2(path, version=9, storage_plugin=storage),
+            store.serialize_cdr,
+        )
         modes = {"zstd": "MESSAGE", "zstd_file": "FILE", "mcap_zstd": "STORAGE"}
         if form in modes:
             writer.set_compression(CompressionMode[modes[form]], CompressionFormat.ZSTD)

@@ -18,12 +18,28 @@ ORIGIN = Pose([0.0, 0.0, 0.0], [0.0, 0.0, 0.0])
 ROBOT, MOTION = Robot("arm.urdf", ["a", "b", "c"], plane=True), Motion(100.0, 10)
 SPACE = Workspace(0.06, 0.05, 0.06, -0.015, 0.0, 30, 1500)
 SAMPLES: dict[type, dict[str, Any]] = {
-    ArticulationSection: {"gamma1": 1.0, "gamma2": 1 / 3, "length_range": 0.05, "max_gap": 3}
+    ArticulationSection: {
+        "gamma1": 1.0,
+        "gamma2": 1 / 3,
+        "length_range": 0.05,
+        "max_gap": 3,
+    }
     | {"minimum_points": 150, "end_point": "commanded", "noise_window": 2},
-    Dataset: {"name": "t", "recordings": "recordings", "robot": ROBOT, "motion": MOTION},
+    Dataset: {
+        "name": "t",
+        "recordings": "recordings",
+        "robot": ROBOT,
+        "motion": MOTION,
+    },
     Depth: {"takes": "*", "encoding": "plain", "units_per_metre": 1000.0, "rate": 30.0}
     | {"camera": ORIGIN, "workspace": SPACE, "search": 0.3},
-    JointLogSection: {"movements": "*", "start": [], "end": [], "rest": 0, "tolerance": 1e-3},
+    JointLogSection: {
+        "movements": "*",
+        "start": [],
+        "end": [],
+        "rest": 0,
+        "tolerance": 1e-3,
+    },
 }
 CHOICES = {
     "dataset": "youbot",

@@ -60,12 +60,20 @@ def write_zoo(folder: Path) -> None:
     take = random_take(50)
     take.markers["Link1:Marker1"][10:15] = np.nan
     write_motive(folder / "columns.csv", take, start=START)
-    rows = [f"frame,{k},{k / 120:.6f},1,1,{0.1 * k},0,1,0,0,0,1,0,0,0,0" for k in range(30)]
+    rows = [
+        f"frame,{k},{k / 120:.6f},1,1,{0.1 * k},0,1,0,0,0,1,0,0,0,0" for k in range(30)
+    ]
     rows_file(folder, "rigidbody,Hand,1,0", *rows)
     c3d = ezc3d.c3d()
-    for key, value in {"UNITS": ["mm"], "RATE": [100], "LABELS": ["A", "B", "C"]}.items():
+    for key, value in {
+        "UNITS": ["mm"],
+        "RATE": [100],
+        "LABELS": ["A", "B", "C"],
+    }.items():
         c3d["parameters"]["POINT"][key]["value"] = value
-    c3d["data"]["points"] = np.concatenate([rng.normal(size=(3, 3, 20)), np.ones((1, 3, 20))])
+    c3d["data"]["points"] = np.concatenate(
+        [rng.normal(size=(3, 3, 20)), np.ones((1, 3, 20))]
+    )
     c3d.write(str(folder / "take.c3d"))
     time, felt = np.arange(500) / 100, rng.normal(size=(2, 500, 3))
     record = ForceRecord(time, *felt, 100.0, "FT7", START, {})
@@ -77,8 +85,13 @@ def write_zoo(folder: Path) -> None:
     names = tuple(f"depth/{name}" for name in frames(folder / "indexed" / "depth"))
     write_index(folder / "indexed" / "depth.txt", np.array([0.0, 0.1, 0.2, 0.4]), names)
     frames(folder / "numbered")
-    write_intrinsics(folder / "camera.yaml", Intrinsics(30.0, 30.0, 16.0, 12.0, *SHAPE[::-1]))
-    pictures = [(k / 10, image(np.full(SHAPE, 900 + k, np.uint16), 1 + k / 10)) for k in range(3)]
+    write_intrinsics(
+        folder / "camera.yaml", Intrinsics(30.0, 30.0, 16.0, 12.0, *SHAPE[::-1])
+    )
+    pictures = [
+        (k / 10, image(np.full(SHAPE, 900 + k, np.uint16), 1 + k / 10))
+        for k in range(3)
+    ]
     camera = camera_info([30, 0, 16, 0, 30, 12, 0, 0, 1], [0] * 5, SHAPE[::-1])
     topics = {"/depth": pictures, "/other": pictures, "/info": [(0.0, camera)]}
     for form in ("ros1", "sqlite3", "mcap"):

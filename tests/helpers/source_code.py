@@ -14,7 +14,9 @@ def module_name(file: Path) -> str:
     return ".".join(parts[:-1] if parts[-1] == "__init__" and len(parts) > 2 else parts)
 
 
-MODULES = {module_name(file): file for file in sorted((ROOT / "pipeline").rglob("*.py"))}
+MODULES = {
+    module_name(file): file for file in sorted((ROOT / "pipeline").rglob("*.py"))
+}
 
 
 def package(module: str) -> str:
@@ -40,9 +42,16 @@ def imports(module: str, top: bool = False) -> frozenset[str]:
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{module} imports relative to itself"
             members = {f"{node.module}.{alias.name}" for alias in node.names}
-            names |= {member if member in MODULES else node.module for member in members}
-        elif isinstance(node, ast.Call) and getattr(node.func, "id", None) == "import_module":
-            names |= {arg.value for arg in node.args[:1] if isinstance(arg, ast.Constant)}
+            names |= {
+                member if member in MODULES else node.module for member in members
+            }
+        elif (
+            isinstance(node, ast.Call)
+            and getattr(node.func, "id", None) == "import_module"
+        ):
+            names |= {
+                arg.value for arg in node.args[:1] if isinstance(arg, ast.Constant)
+            }
     return frozenset(names)
 
 
@@ -68,4 +77,6 @@ def needed(module: str, harmless: set[str]) -> set[str]:
 
 def covers(path: str, other: str) -> bool:
     """True where ``path``, with * for any one name, is ``other`` or a folder it lies in."""
-    return re.match(re.escape(path).replace(r"\*", r"[^/]+") + "(/|$)", other) is not None
+    return (
+        re.match(re.escape(path).replace(r"\*", r"[^/]+") + "(/|$)", other) is not None
+    )

@@ -24,9 +24,21 @@ YOUBOT = Robot(
 )
 # on links near both ends and in between, so that they leave one posture alone
 MARKERS = {
-    "upper_arm": {"a": [0.0, 0.05, 0.06], "b": [-0.2, 0.06, 0.05], "c": [-0.1, -0.05, 0.06]},
-    "forearm": {"d": [0.0, 0.05, 0.05], "e": [-0.2, 0.06, 0.05], "f": [-0.1, -0.05, 0.06]},
-    "flange": {"g": [0.0, 0.07, 0.01], "h": [0.06, 0.0, 0.02], "i": [-0.06, -0.04, 0.0]},
+    "upper_arm": {
+        "a": [0.0, 0.05, 0.06],
+        "b": [-0.2, 0.06, 0.05],
+        "c": [-0.1, -0.05, 0.06],
+    },
+    "forearm": {
+        "d": [0.0, 0.05, 0.05],
+        "e": [-0.2, 0.06, 0.05],
+        "f": [-0.1, -0.05, 0.06],
+    },
+    "flange": {
+        "g": [0.0, 0.07, 0.01],
+        "h": [0.06, 0.0, 0.02],
+        "i": [-0.06, -0.04, 0.0],
+    },
 }
 START = np.array([0.3, -1.2, 1.4, -0.8, 1.0, 0.4])
 END = np.array([1.1, -1.7, 2.0, -0.4, 0.3, 1.4])
@@ -35,7 +47,9 @@ END = np.array([1.1, -1.7, 2.0, -0.4, 0.3, 1.4])
 def revolute_arm(n: int) -> SerialChain:
     """An arm of ``n`` joints placed and pointing anywhere, whose task is the whole pose."""
     rng = np.random.default_rng(n)
-    turns = Rotation.from_quat(rng.normal(size=(n + 1, 4))).as_matrix().reshape(n + 1, 9)
+    turns = (
+        Rotation.from_quat(rng.normal(size=(n + 1, 4))).as_matrix().reshape(n + 1, 9)
+    )
     placements = np.hstack([turns, rng.uniform(-0.15, 0.15, (n + 1, 3))])
     limit, sliding = np.full(n, 3.0), np.zeros(n, dtype=bool)
     return SerialChain(tuple(SPACE), 0.3, placements, sliding, -limit, limit, limit)

@@ -8,7 +8,9 @@ from recordings_of_law import ROOT
 
 from pipeline.core.typed_yaml import read_yaml
 
-NAMES = sorted(file.parent.name for file in (ROOT / "pipeline/studies").glob("*/stage.py"))
+NAMES = sorted(
+    file.parent.name for file in (ROOT / "pipeline/studies").glob("*/stage.py")
+)
 
 
 def study_of(name: str) -> ModuleType:

@@ -10,7 +10,9 @@ DATASET = OmegaConf.to_container(OmegaConf.load(CONF / "dataset" / "youbot.yaml"
 ROBOT, LABORATORY = DATASET["robot"], DATASET["laboratory"]
 ARM = load_arm(ROBOT["urdf"], ROBOT["joints"], ROBOT["tool"], ROBOT["locked"])
 TRAJECTORY = TrajectoryOptions(**LABORATORY["trajectory"])
-DYNAMICS = DynamicsOptions(**LABORATORY["dynamics"])  # with every disturbance of the dataset
+DYNAMICS = DynamicsOptions(
+    **LABORATORY["dynamics"]
+)  # with every disturbance of the dataset
 # without any disturbance; 200 steps a second are enough for what is smooth
 SIZES = "length encoder_offset speed_error start jitter".split()
 SILENT = {f"{name}_std": 0 for name in SIZES} | {"encoder_ripple": 0, "clearance": 0}

@@ -36,7 +36,9 @@ def _part(pattern: bytes, new: Change) -> Change:
 ROW, CELL, NUMBER = rb"[^\n]*\n", rb"[^,;\t\n ]+[,;\t\n ]", rb"\d+(\.\d+)?"
 CELLS = rb"([^,;\t\n ]+)([,;\t ])([^,;\t\n ]+)"
 BYTES = {
-    "bit flipped": _span(lambda block, rng: bytes([block[0] ^ 1 << int(rng.integers(8))]), 2),
+    "bit flipped": _span(
+        lambda block, rng: bytes([block[0] ^ 1 << int(rng.integers(8))]), 2
+    ),
     "cut": lambda content, rng: content[: int(rng.integers(1, len(content)))],
     "block lost": _span(lambda block, rng: b""),
     "block doubled": _span(lambda block, rng: block + block),
@@ -46,10 +48,14 @@ BYTES = {
     "noise behind": lambda content, rng: content + rng.bytes(int(rng.integers(1, 400))),
 }
 TEXT = {
-    "rows swapped": _part(ROW + ROW, lambda rows, rng: b"".join(rows.splitlines(True)[::-1])),
+    "rows swapped": _part(
+        ROW + ROW, lambda rows, rng: b"".join(rows.splitlines(True)[::-1])
+    ),
     "cells swapped": _part(CELLS, lambda cells, rng: re.sub(CELLS, rb"\3\2\1", cells)),
     "column lost": lambda content, rng: re.sub(rb"(?m)^" + CELLS, rb"\1", content),
-    "row cut": _part(ROW, lambda row, rng: row[: int(rng.integers(len(row) + 1))] + b"\n"),
+    "row cut": _part(
+        ROW, lambda row, rng: row[: int(rng.integers(len(row) + 1))] + b"\n"
+    ),
     "sign added": _part(NUMBER, lambda number, rng: b"-" + number),
     "point lost": _part(NUMBER, lambda number, rng: number.replace(b".", b"")),
     "number with comma": _part(NUMBER, lambda number, rng: number.replace(b".", b",")),
@@ -67,8 +73,19 @@ for name, pattern in (("row", ROW), ("cell", CELL)):
     TEXT[f"{name} emptied"] = _part(pattern, lambda part, rng: part[-1:])
 for line in (b"\n", b"# note\n", b"the, sensor; was moved\n"):
     TEXT[f"line {line.decode()!r}"] = _part(ROW, lambda row, rng, line=line: line + row)
-for word in (b"1e400", b"1e300", b"1e9", b"NaN", b"inf", b"7" * 5000, b"seven", b"0x1F"):
-    TEXT[f"number {word[:5].decode()}"] = _part(NUMBER, lambda number, rng, word=word: word)
+for word in (
+    b"1e400",
+    b"1e300",
+    b"1e9",
+    b"NaN",
+    b"inf",
+    b"7" * 5000,
+    b"seven",
+    b"0x1F",
+):
+    TEXT[f"number {word[:5].decode()}"] = _part(
+        NUMBER, lambda number, rng, word=word: word
+    )
 
 
 def mutants(content: bytes, count: int, *, text: bool) -> Iterator[tuple[str, bytes]]:

@@ -13,13 +13,22 @@ from pipeline.tools.inspect.command import as_table, inspect
 
 # a calibration of ATI's, one axis with other gauges than the next
 GAUGED = {"Fx": "6.25", "Fy": "7", "Fz": "8", "Tx": "6.25", "Ty": "7", "Tz": "8"}
-CALIBRATION = '<?xml version="1.0" encoding="utf-8"?>\n<FTSensor Serial="FT1">\n<Calibration '
-CALIBRATION += 'ForceUnits="N" TorqueUnits="N-mm">\n{}</Calibration></FTSensor>\n'.format(
-    "".join(f'<UserAxis Name="{a}" values="1 2 3 4 5 {g}" max="25"/>\n' for a, g in GAUGED.items())
+CALIBRATION = (
+    '<?xml version="1.0" encoding="utf-8"?>\n<FTSensor Serial="FT1">\n<Calibration '
+)
+CALIBRATION += (
+    'ForceUnits="N" TorqueUnits="N-mm">\n{}</Calibration></FTSensor>\n'.format(
+        "".join(
+            f'<UserAxis Name="{a}" values="1 2 3 4 5 {g}" max="25"/>\n'
+            for a, g in GAUGED.items()
+        )
+    )
 )
 
 
-def refusal(read: Callable[..., object], file: Path, *arguments: object) -> RecordingError:
+def refusal(
+    read: Callable[..., object], file: Path, *arguments: object
+) -> RecordingError:
     """The error with which ``read`` refuses ``file``, which it has to name."""
     with pytest.raises(RecordingError) as caught:
         read(file, *arguments)
@@ -27,7 +36,9 @@ def refusal(read: Callable[..., object], file: Path, *arguments: object) -> Reco
     return caught.value
 
 
-def write_netft(file: Path, record: ForceRecord, *, counts_per_unit: int | None = None) -> None:
+def write_netft(
+    file: Path, record: ForceRecord, *, counts_per_unit: int | None = None
+) -> None:
     """Write :func:`netft_text`."""
     Path(file).write_bytes(netft_text(record, counts_per_unit).encode())
 

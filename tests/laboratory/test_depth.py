@@ -43,9 +43,13 @@ def test_depth_of_a_box_equals_that_of_analytic_slabs():
     directions = np.stack([*np.meshgrid(x, y), np.ones((60, 80))], axis=-1)
     for rotation in Rotation.random(10, rng=rng).as_matrix():
         centre = np.array([*rng.uniform(-0.1, 0.1, 2), 1.2])
-        depth, grazing = cast(place_solid(prism(BOX, -half[1], half[1]), rotation, centre), x, y)
+        depth, grazing = cast(
+            place_solid(prism(BOX, -half[1], half[1]), rotation, centre), x, y
+        )
         origin, ray = -centre @ rotation, directions @ rotation
-        bounds = np.sort(np.stack([(-half - origin) / ray, (half - origin) / ray]), axis=0)
+        bounds = np.sort(
+            np.stack([(-half - origin) / ray, (half - origin) / ray]), axis=0
+        )
         enter, leave = bounds[0].max(axis=-1), bounds[1].min(axis=-1)
         hit = enter < leave
         np.testing.assert_array_equal(np.isfinite(depth), hit)
@@ -57,7 +61,9 @@ def test_depth_of_a_box_equals_that_of_analytic_slabs():
 
 
 def digest(seed: int) -> str:
-    camera = DepthCamera(ARM, KinectOptions(), draw_bias(KinectOptions(), np.random.default_rng(1)))
+    camera = DepthCamera(
+        ARM, KinectOptions(), draw_bias(KinectOptions(), np.random.default_rng(1))
+    )
     rng = np.random.default_rng(seed)
     images = [camera.observe(q, rng) for q in np.linspace(FOLDED, EXTENDED, 5)]
     return hashlib.sha256(b"".join(image.tobytes() for image in images)).hexdigest()
@@ -76,7 +82,11 @@ def elsewhere(**environment: str) -> tuple[str, str]:
         "env": os.environ | {"PYTHONPATH": "tests/helpers"} | environment,
     }
     done = subprocess.run(
-        [sys.executable, "-c", script], **how, capture_output=True, text=True, check=True
+        [sys.executable, "-c", script],
+        **how,
+        capture_output=True,
+        text=True,
+        check=True,
     )
     return tuple(done.stdout.split())
 
@@ -89,7 +99,9 @@ def test_an_equal_stream_gives_equal_bytes_in_any_process_on_any_instruction_set
     assert images == here
     levels = [
         elsewhere(NPY_DISABLE_CPU_FEATURES="X86_V3 X86_V4 AVX512_ICL AVX512_SPR"),
-        elsewhere(GLIBC_TUNABLES="glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4,-AVX512F,-AVX512VL"),
+        elsewhere(
+            GLIBC_TUNABLES="glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4,-AVX512F,-AVX512VL"
+        ),
     ]
     assert [images for images, _ in levels] == [here, here]
     # the libraries' own functions do follow the instruction set
@@ -107,7 +119,9 @@ def test_a_scene_that_cannot_be_seen_is_refused():
             DepthCamera(ARM, KinectOptions(**pose), UNBIASED).render(EXTENDED)
 
 
-CLEAN = KinectOptions(axial=(0.0, 0.0, 0.0, 0.0), lateral=(0.0, 0.0), edge_lost=0.0, edge_mixed=0.0)
+CLEAN = KinectOptions(
+    axial=(0.0, 0.0, 0.0, 0.0), lateral=(0.0, 0.0), edge_lost=0.0, edge_mixed=0.0
+)
 
 
 def ramp() -> np.ndarray:
@@ -131,14 +145,21 @@ def test_noise_of_a_flat_wall_has_the_axial_deviation(depth: float, grazing: flo
 
     def predicted(z: float) -> float:
         # published law in mm, and the variance of rounding to 1 mm
-        law = 1.5 - 0.5 * z + 0.3 * z**2 + 0.1 * z**1.5 * grazing**2 / (np.pi / 2 - grazing) ** 2
+        law = (
+            1.5
+            - 0.5 * z
+            + 0.3 * z**2
+            + 0.1 * z**1.5 * grazing**2 / (np.pi / 2 - grazing) ** 2
+        )
         return float(np.hypot(law, 1 / np.sqrt(12)))
 
     # 217 088 pixels: the deviation's standard error is 0.15 %
     assert error.std() == pytest.approx(predicted(depth), rel=0.006)
     assert not error.std() == pytest.approx(predicted(depth) * 1.02, rel=0.006)
     assert abs(error.mean()) < 5 * error.std() / np.sqrt(error.size)
-    assert abs((error[:, 1:] * error[:, :-1]).mean()) < 5 * error.var() / np.sqrt(error.size)
+    assert abs((error[:, 1:] * error[:, :-1]).mean()) < 5 * error.var() / np.sqrt(
+        error.size
+    )
 
 
 @pytest.mark.parametrize("grazing", [0.0, 1.2])
@@ -173,18 +194,25 @@ def test_edges_lose_and_mix_their_pixels_at_the_stated_rates_and_nowhere_else():
     between = edge[(edge != 0) & (edge != 1000) & (edge != 2000)]
     assert between.size / edge.size == pytest.approx(0.2, abs=0.03)
     assert not between.size / edge.size == pytest.approx(0.3, abs=0.03)
-    assert between.mean() == pytest.approx(1500, abs=5 * 1000 / np.sqrt(12 * between.size))
+    assert between.mean() == pytest.approx(
+        1500, abs=5 * 1000 / np.sqrt(12 * between.size)
+    )
     image[:, 19:21] = np.rint(1000 * depth[:, 19:21])
     np.testing.assert_array_equal(image, np.rint(1000 * depth))
 
 
 def test_without_noise_the_image_is_the_exact_depth_in_whole_millimetres():
-    depth, grazing = ramp(), np.tile(np.linspace(0.0, 1.7, 424, dtype=np.float32)[:, None], 512)
+    depth, grazing = (
+        ramp(),
+        np.tile(np.linspace(0.0, 1.7, 424, dtype=np.float32)[:, None], 512),
+    )
     image = read_depth(depth, grazing, UNBIASED, CLEAN, np.random.default_rng(0))
     valid = (depth >= 0.5) & (depth <= 4.5) & (grazing <= CLEAN.grazing_limit)
     assert image.dtype == np.uint16
     assert image.shape == (424, 512)
-    np.testing.assert_array_equal(image, np.where(valid, np.rint(depth * np.float32(1000)), 0))
+    np.testing.assert_array_equal(
+        image, np.where(valid, np.rint(depth * np.float32(1000)), 0)
+    )
     assert 0.1 < valid.mean() < 0.9
 
 
@@ -192,10 +220,16 @@ def test_bias_shifts_depth_smoothly_by_one_draw_a_session():
     options = KinectOptions(bias_offset_std=5e-3, bias_wiggle=2e-3)
     bias = draw_bias(options, np.random.default_rng(1))
     depth = ramp().clip(0.6, 4.4)
-    image = read_depth(depth, np.zeros_like(depth), bias, CLEAN, np.random.default_rng(0))
+    image = read_depth(
+        depth, np.zeros_like(depth), bias, CLEAN, np.random.default_rng(0)
+    )
     shift = image - 1e3 * depth
     assert np.abs(shift[0] - 1e3 * bias[(1e3 * depth[0]).astype(int)]).max() <= 0.501
-    assert np.abs(bias[:4230] - np.mean(bias[:4230])).max() == pytest.approx(2e-3, rel=0.02)
+    assert np.abs(bias[:4230] - np.mean(bias[:4230])).max() == pytest.approx(
+        2e-3, rel=0.02
+    )
     assert np.abs(np.diff(bias)).max() < 1e-3 * 2e-3 * 2 * np.pi / 0.47 * 1.01
     drawn = (draw_bias(options, np.random.default_rng(seed)) for seed in range(300))
-    assert np.std([np.mean(each[:4230]) for each in drawn]) == pytest.approx(5e-3, rel=0.15)
+    assert np.std([np.mean(each[:4230]) for each in drawn]) == pytest.approx(
+        5e-3, rel=0.15
+    )

@@ -58,7 +58,10 @@ def test_wander_is_a_stationary_ornstein_uhlenbeck_process_at_any_sampling_rate(
         assert across(paths[k], 0.0) < 4.5
         assert across(paths[k] ** 2, 0.08**2) < 4.5
     for lag in (1, 5):
-        assert across(paths[10] * paths[10 + lag], 0.08**2 * np.exp(-lag / (rate * 0.4))) < 4.5
+        assert (
+            across(paths[10] * paths[10 + lag], 0.08**2 * np.exp(-lag / (rate * 0.4)))
+            < 4.5
+        )
     assert across(paths[0] ** 2, (0.9 * 0.08) ** 2) > 6
 
 
@@ -76,16 +79,22 @@ def test_directions_spread_by_their_concentration_and_tensions_by_their_deviatio
 
 def test_a_silent_transducer_measures_the_cables_pulls_and_their_moments_about_the_origin():
     def silent(cables):
-        return record_force(cables, ROBOTS, SILENT, 5.0, 20.0, np.random.default_rng(32))
+        return record_force(
+            cables, ROBOTS, SILENT, 5.0, 20.0, np.random.default_rng(32)
+        )
 
     for cables in (CABLES, IN_SPACE):
         record = silent(cables)
         unloaded = record.time < 5.0
         assert not record.force[unloaded].any() and not record.torque[unloaded].any()
-        np.testing.assert_allclose(np.linalg.norm(record.direction, axis=-1), 1, rtol=1e-14)
+        np.testing.assert_allclose(
+            np.linalg.norm(record.direction, axis=-1), 1, rtol=1e-14
+        )
         pulls = record.tension[..., None] * record.direction
         np.testing.assert_allclose(record.force, pulls.sum(axis=1), atol=1e-12)
-        places = np.zeros(3) if cables.attachment is None else np.array(cables.attachment)
+        places = (
+            np.zeros(3) if cables.attachment is None else np.array(cables.attachment)
+        )
         torque = np.cross(places + SILENT.lever, pulls).sum(axis=1)
         np.testing.assert_allclose(record.torque, torque, atol=1e-12)
     # the controls: in a plane nothing pulls out of it; tied to one point they turn it otherwise
@@ -96,13 +105,19 @@ def test_a_silent_transducer_measures_the_cables_pulls_and_their_moments_about_t
 
 
 @pytest.mark.parametrize("kappa", [6.0, 300.0])
-def test_directions_in_space_spread_by_their_concentration_alike_in_all_directions(kappa):
+def test_directions_in_space_spread_by_their_concentration_alike_in_all_directions(
+    kappa,
+):
     azimuth, elevation, many = 0.4, 0.8, 600
     cables = pulled([1.0] * many, [azimuth] * many, [elevation] * many)
-    robots = Robots(tension_sd=(1.0,) * many, concentration=(kappa,) * many, wander_time=0.4)
+    robots = Robots(
+        tension_sd=(1.0,) * many, concentration=(kappa,) * many, wander_time=0.4
+    )
     e = directions(cables, robots, 60, 2.0, np.random.default_rng(41))
     level = np.cos(elevation)
-    mean = np.array([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)])
+    mean = np.array(
+        [level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)]
+    )
     sideways = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
     upwards = np.cross(mean, sideways)
     resultant = 1 / np.tanh(kappa) - 1 / kappa
@@ -133,7 +148,9 @@ def test_the_transducer_adds_the_stated_noise_bias_and_drift():
 
 
 def test_a_cable_never_pushes(rng):
-    record = record_force(pulled([2.0, 7.0, 2.0], DIRECTION), ROBOTS, SILENT, 0.0, 60.0, rng)
+    record = record_force(
+        pulled([2.0, 7.0, 2.0], DIRECTION), ROBOTS, SILENT, 0.0, 60.0, rng
+    )
     assert record.tension.min() == 0.0
 
 
@@ -156,4 +173,6 @@ def test_the_disturbances_of_another_arm_and_cables_of_fewer_robots_are_refused(
     with pytest.raises(ConfigError, match=r"sway_std .*laboratory\.dynamics"):
         open_session(ARM.chain, replace(DYNAMICS, sway_std=(1e-3, 1e-3)), rng)
     with pytest.raises(ConfigError, match="3 robots and 2 cables"):
-        record_force(pulled(TENSION[:2], DIRECTION), ROBOTS, Transducer(), 1.0, 1.0, rng)
+        record_force(
+            pulled(TENSION[:2], DIRECTION), ROBOTS, Transducer(), 1.0, 1.0, rng
+        )

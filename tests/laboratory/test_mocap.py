@@ -26,7 +26,10 @@ NAMES = [f"link{link}_{label}" for link in (1, 2, 3) for label in "abc"]
 
 def planar_angles(frames: int) -> np.ndarray:
     way = np.linspace(0, 1, frames)[:, None]
-    return np.deg2rad([120.0, -11.0, 92.5]) * (1 - way) + np.deg2rad([20.0, -81.0, 12.5]) * way
+    return (
+        np.deg2rad([120.0, -11.0, 92.5]) * (1 - way)
+        + np.deg2rad([20.0, -81.0, 12.5]) * way
+    )
 
 
 def take(options: MocapOptions, frames: int) -> dict[str, np.ndarray]:
@@ -45,7 +48,9 @@ def test_markers_without_noise_give_back_the_joint_angles() -> None:
     plane = ARM.to_plane((positions - ORIGIN) @ WORLD)
     psi = np.empty((25, 3))
     for n, j in np.ndindex(25, 3):
-        body, observed = (points - points.mean(axis=0) for points in (TEMPLATE[j], plane[n, j]))
+        body, observed = (
+            points - points.mean(axis=0) for points in (TEMPLATE[j], plane[n, j])
+        )
         axis_z = Rotation.align_vectors(observed, body)[0].apply([0.0, 0.0, 1.0])
         assert abs(axis_z[1]) < 1e-9
         psi[n, j] = np.arctan2(axis_z[0], axis_z[2])
@@ -61,7 +66,9 @@ def test_noise_and_errors_of_placement_have_the_stated_deviations():
     assert abs((noise[1:] * noise[:-1]).mean()) < 4 * 2e-4**2 / np.sqrt(noise.size)
     # the error of placement is drawn once
     options, rng = MocapOptions(placement_std=1e-3), np.random.default_rng(3)
-    errors = np.stack([mocap.place_markers(TEMPLATE, options, rng) - TEMPLATE for _ in range(400)])
+    errors = np.stack(
+        [mocap.place_markers(TEMPLATE, options, rng) - TEMPLATE for _ in range(400)]
+    )
     assert errors.std() == pytest.approx(1e-3, rel=0.03)
     assert errors.mean(axis=0) == pytest.approx(0.0, abs=4e-3 / 20)
 
@@ -88,7 +95,9 @@ def test_occlusions_cover_the_share_of_their_law():
 def test_swaps_exchange_two_labels_of_one_link():
     options = replace(SILENT, swap_rate=0.01, swap_frames=4)
     result = take(options, 2000)
-    observed, true = (labelled(m).reshape(2000, 3, 3, 3) for m in (result, take(SILENT, 2000)))
+    observed, true = (
+        labelled(m).reshape(2000, 3, 3, 3) for m in (result, take(SILENT, 2000))
+    )
     moved = np.any(observed != true, axis=3)
     assert set(np.unique(moved.sum(axis=2))) == {0, 2}
     assert moved.any(axis=2).sum() > 0
@@ -115,7 +124,9 @@ def test_lost_labels_reappear_as_unlabeled_columns():
 
 
 def test_a_hidden_marker_loses_no_label_and_begins_no_unlabeled_column():
-    options = replace(SILENT, lost_label_rate=0.02, lost_label_frames=8, occlusion_rate=0.02)
+    options = replace(
+        SILENT, lost_label_rate=0.02, lost_label_frames=8, occlusion_rate=0.02
+    )
     result = take(options, 3000)
     hidden = np.isnan(labelled(take(replace(options, lost_label_rate=0), 3000))[..., 0])
     strays = [column for name, column in result.items() if name not in NAMES]
@@ -126,21 +137,30 @@ def test_a_hidden_marker_loses_no_label_and_begins_no_unlabeled_column():
 
 
 def test_without_noise_a_body_is_where_pinocchio_carries_its_mount(rng):
-    places = np.array([[0.08, 0.0, 0.01], [-0.01, 0.08, 0], [-0.07, -0.03, 0.01], [0, -0.05, 0.02]])
+    places = np.array(
+        [[0.08, 0.0, 0.01], [-0.01, 0.08, 0], [-0.07, -0.03, 0.01], [0, -0.05, 0.02]]
+    )
     mount, q = (places.mean(axis=0), [0.2, -0.4, 1.1]), rng.uniform(-1.5, 1.5, (20, 7))
     for link, chain in link_chains(LWR4, ["link_5", "flange"], "markers").items():
         body = {link: mocap.MarkerCluster(chain, places, mocap.in_body(places, *mount))}
-        (where, quaternion) = mocap.capture_bodies(body, q, (WORLD, ORIGIN), SILENT, rng)[link]
+        (where, quaternion) = mocap.capture_bodies(
+            body, q, (WORLD, ORIGIN), SILENT, rng
+        )[link]
         rotation, position = link_poses(LWR4, link, q)
         at = (position + rotation @ mount[0]) @ WORLD.T + ORIGIN
         turn = WORLD @ rotation @ Rotation.from_euler("xyz", mount[1]).as_matrix()
         np.testing.assert_allclose(where, at, atol=1e-12)
-        np.testing.assert_allclose(Rotation.from_quat(quaternion).as_matrix(), turn, atol=1e-12)
+        np.testing.assert_allclose(
+            Rotation.from_quat(quaternion).as_matrix(), turn, atol=1e-12
+        )
 
 
 def test_the_body_of_a_link_is_carried_by_the_arm_as_built():
     nominal, (link,) = chain_of(LWR4), link_chains(LWR4, ["link_5"], "key").values()
     longer, joints = 1.1 * nominal.placements, len(link.lower)
     built = mocap.as_built(link, replace(nominal, placements=longer))
-    expected = [*longer[:joints], link.placements[joints]]  # the link's frame is the drawing's
+    expected = [
+        *longer[:joints],
+        link.placements[joints],
+    ]  # the link's frame is the drawing's
     np.testing.assert_array_equal(built.placements, expected)

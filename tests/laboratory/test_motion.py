@@ -21,7 +21,9 @@ def test_the_arm_rests_folded_goes_out_rests_and_comes_back_the_same_way():
     ends = (t <= rest) | (t >= TRAJECTORY.duration - rest)
     turn = np.abs(t - half) <= rest
     assert np.array_equal(q[ends], np.tile(TRAJECTORY.folded, (ends.sum(), 1)))
-    np.testing.assert_allclose(q[turn], np.tile(TRAJECTORY.extended, (turn.sum(), 1)), atol=1e-12)
+    np.testing.assert_allclose(
+        q[turn], np.tile(TRAJECTORY.extended, (turn.sum(), 1)), atol=1e-12
+    )
     # the instants at which rest and motion meet may round to either side
     assert abs((~speed.any(axis=1)).sum() - (ends.sum() + turn.sum())) <= 4
     way = np.array(TRAJECTORY.extended) - TRAJECTORY.folded
@@ -30,7 +32,10 @@ def test_the_arm_rests_folded_goes_out_rests_and_comes_back_the_same_way():
     # the speed is the derivative of the angle, and changes as smoothly as the ramps say
     assert np.abs((q[2:] - q[:-2]) * 500 - speed[1:-1]).max() < 1e-4
     peak = np.abs(speed).max()
-    assert np.abs(np.diff(speed, axis=0)).max() < peak * np.pi / 2 / TRAJECTORY.ramp / 1000 * 1.01
+    assert (
+        np.abs(np.diff(speed, axis=0)).max()
+        < peak * np.pi / 2 / TRAJECTORY.ramp / 1000 * 1.01
+    )
     assert ARM.chain.within_limits(q).all()
     assert np.all(np.abs(speed) <= ARM.chain.max_speed)
 
@@ -38,23 +43,35 @@ def test_the_arm_rests_folded_goes_out_rests_and_comes_back_the_same_way():
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda way: {"extended": (ARM.chain.upper[0] + 0.01, *way.extended[1:])}, "leaves"),
+        (
+            lambda way: {"extended": (ARM.chain.upper[0] + 0.01, *way.extended[1:])},
+            "leaves",
+        ),
         (lambda way: {"duration": 1.5, "rest": 0.0}, "faster than the joints' limits"),
-        (lambda way: {"folded": (0.0,) * 2, "extended": (0.5,) * 2}, "must have 3 angles"),
+        (
+            lambda way: {"folded": (0.0,) * 2, "extended": (0.5,) * 2},
+            "must have 3 angles",
+        ),
     ],
 )
 def test_a_motion_that_the_arm_cannot_do_is_refused(change, words):
     with pytest.raises(ConfigError, match=words):
-        dynamics.desired_trajectory(ARM.chain, replace(TRAJECTORY, **change(TRAJECTORY)))
+        dynamics.desired_trajectory(
+            ARM.chain, replace(TRAJECTORY, **change(TRAJECTORY))
+        )
 
 
-SAMPLED = dynamics.JointPath(dynamics.desired_path(ARM.chain, TRAJECTORY), TRAJECTORY.rate)
+SAMPLED = dynamics.JointPath(
+    dynamics.desired_path(ARM.chain, TRAJECTORY), TRAJECTORY.rate
+)
 
 
 def test_takes_made_together_are_those_made_one_by_one():
     rngs = [np.random.default_rng(seed) for seed in range(3)]
     drawn = [dynamics.draw(ARM.chain, SAMPLED, DYNAMICS, rng) for rng in rngs]
-    single = [dynamics.swing(ARM.chain, OFFSET, SAMPLED, DYNAMICS, chance) for chance in drawn]
+    single = [
+        dynamics.swing(ARM.chain, OFFSET, SAMPLED, DYNAMICS, chance) for chance in drawn
+    ]
     stacked = dynamics.Chance(*map(np.stack, zip(*drawn, strict=True)))
     together = dynamics.swing(ARM.chain, OFFSET, SAMPLED, DYNAMICS, stacked)
     for field in ("q", "servo"):
@@ -66,11 +83,19 @@ def test_takes_made_together_are_those_made_one_by_one():
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda q: q + np.where(np.arange(len(q)) >= 7, 9.0, 0.0)[:, None], "limits .*step 7"),
-        (lambda q: q + np.where(np.arange(len(q)) > 7, 0.1, 0.0)[:, None], "faster.*step 7"),
+        (
+            lambda q: q + np.where(np.arange(len(q)) >= 7, 9.0, 0.0)[:, None],
+            "limits .*step 7",
+        ),
+        (
+            lambda q: q + np.where(np.arange(len(q)) > 7, 0.1, 0.0)[:, None],
+            "faster.*step 7",
+        ),
     ],
 )
-def test_a_path_that_the_arm_cannot_follow_is_refused_with_its_first_step(change, words):
+def test_a_path_that_the_arm_cannot_follow_is_refused_with_its_first_step(
+    change, words
+):
     SAMPLED.require_followable(ARM.chain)
     bad = replace(SAMPLED, joints=change(SAMPLED.joints))
     with pytest.raises(ConfigError, match=words):
@@ -78,7 +103,9 @@ def test_a_path_that_the_arm_cannot_follow_is_refused_with_its_first_step(change
 
 
 @pytest.mark.parametrize(("steps_per_lag", "paths"), [(13.5, 4000), (540.0, 600)])
-def test_lagged_noise_has_variance_one_and_the_correlation_of_four_lags(steps_per_lag, paths, rng):
+def test_lagged_noise_has_variance_one_and_the_correlation_of_four_lags(
+    steps_per_lag, paths, rng
+):
     steps = np.round(np.array([0.5, 1.0, 2.0]) * steps_per_lag).astype(int)
     noise = dynamics.lagged_noise((paths, steps[-1] + 1), steps_per_lag, rng)
     band, x = 4.5 * np.sqrt(2 / paths), steps / steps_per_lag
@@ -97,34 +124,52 @@ def test_lagged_noise_has_variance_one_and_the_correlation_of_four_lags(steps_pe
 def test_a_session_draws_zeros_and_lengths_of_the_stated_size(rng):
     options, sessions = replace(QUIET, encoder_offset_std=2e-3, length_std=3e-4), 1000
     opened = [dynamics.open_session(ARM.chain, options, rng) for _ in range(sessions)]
-    offsets, chains = np.array([one.encoder for one in opened]), [one.chain for one in opened]
+    offsets, chains = (
+        np.array([one.encoder for one in opened]),
+        [one.chain for one in opened],
+    )
     errors = np.array([chain.lengths for chain in chains]) - ARM.chain.lengths
     for drawn, std in ((offsets, 2e-3), (errors, 3e-4)):
-        np.testing.assert_allclose(drawn.std(axis=0), std, rtol=4 / np.sqrt(2 * sessions))
+        np.testing.assert_allclose(
+            drawn.std(axis=0), std, rtol=4 / np.sqrt(2 * sessions)
+        )
         assert np.all(np.abs(drawn.mean(axis=0)) < 4 * std / np.sqrt(sessions))
     # only lengths: the links point as they did
-    turned = [np.arctan2(*chain.links.T) - np.arctan2(*ARM.chain.links.T) for chain in chains]
+    turned = [
+        np.arctan2(*chain.links.T) - np.arctan2(*ARM.chain.links.T) for chain in chains
+    ]
     np.testing.assert_allclose(turned, 0, atol=1e-14)
 
 
-def test_a_frame_shows_the_arm_at_the_instant_that_its_time_on_the_cameras_clock_stands_for(rng):
+def test_a_frame_shows_the_arm_at_the_instant_that_its_time_on_the_cameras_clock_stands_for(
+    rng,
+):
     lab = dynamics.open_session(ARM.chain, QUIET, rng)
     motion = dynamics.perform(lab, TRAJECTORY, QUIET, rng)
-    clock, offsets = ClockOptions(offset=-0.2, offset_std=0.05, drift=1e-3, jitter_std=5e-3), []
+    clock, offsets = (
+        ClockOptions(offset=-0.2, offset_std=0.05, drift=1e-3, jitter_std=5e-3),
+        [],
+    )
     nominal = np.arange(97) / clock.rate
     for _ in range(100):
         frames = dynamics.depth_frames(motion.swing, TRAJECTORY.duration, clock, rng)
         instants = (frames.times - frames.clock_offset) / (1 + clock.drift)
         np.testing.assert_allclose(instants, frames.exposed, atol=1e-12)
-        assert np.abs(instants - nominal)[1:-1].std() == pytest.approx(5e-3 * 0.6, rel=0.4)
-        expected = np.stack([np.interp(instants, motion.swing.t, q) for q in motion.swing.q.T], -1)
+        assert np.abs(instants - nominal)[1:-1].std() == pytest.approx(
+            5e-3 * 0.6, rel=0.4
+        )
+        expected = np.stack(
+            [np.interp(instants, motion.swing.t, q) for q in motion.swing.q.T], -1
+        )
         np.testing.assert_allclose(frames.joints, expected, atol=1e-12)
         offsets.append(frames.clock_offset)
     assert abs(np.mean(offsets) + 0.2) < 4 * 0.05 / 10
     assert abs(np.std(offsets) / 0.05 - 1) < 4 / np.sqrt(200)
 
 
-def test_the_truth_is_where_the_arm_was_and_motion_capture_misses_it_by_its_jitter_alone(rng):
+def test_the_truth_is_where_the_arm_was_and_motion_capture_misses_it_by_its_jitter_alone(
+    rng,
+):
     lab = dynamics.open_session(ARM.chain, QUIET, rng)
     sharp = dynamics.perform(lab, TRAJECTORY, QUIET, rng)
     blurred = dynamics.perform(lab, TRAJECTORY, replace(QUIET, jitter_std=2e-3), rng)

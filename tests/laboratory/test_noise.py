@@ -14,7 +14,13 @@ from synthetic_session import ARM, DYNAMICS, ROBOT, TRAJECTORY
 
 from pipeline.configuration.config import CONF
 from pipeline.core.typed_yaml import read_yaml
-from pipeline.laboratory.dynamics import desired_joints, desired_trajectory, draw, expose, swing
+from pipeline.laboratory.dynamics import (
+    desired_joints,
+    desired_trajectory,
+    draw,
+    expose,
+    swing,
+)
 from pipeline.laboratory.options import DynamicsOptions
 from pipeline.models.additive.law import AdditiveModel
 from pipeline.models.draws import realize
@@ -105,13 +111,20 @@ def torque_numbers() -> dict[str, float]:
         if name not in ROBOT["joints"]:
             held.append(number)
             step[whole.joints[number].idx_v] = ROBOT["locked"].get(name, 0.0)
-    model = pin.buildReducedModel(whole, held, pin.integrate(whole, pin.neutral(whole), step))
+    model = pin.buildReducedModel(
+        whole, held, pin.integrate(whole, pin.neutral(whole), step)
+    )
     data = model.createData()
     states = np.stack([q, speed, acceleration])[:, :, full].reshape(3, -1, 3)
-    torques = np.array([pin.rnea(model, data, *state) for state in states.swapaxes(0, 1)])
+    torques = np.array(
+        [pin.rnea(model, data, *state) for state in states.swapaxes(0, 1)]
+    )
     torques = torques.reshape(TAKES, -1, 3)
     needed = (np.abs(torques.mean(axis=0)) + torques.std(axis=0)).mean(axis=0)
-    return {f"torque of joint {j} at full speed": value for j, value in enumerate(needed, start=1)}
+    return {
+        f"torque of joint {j} at full speed": value
+        for j, value in enumerate(needed, start=1)
+    }
 
 
 def speed_numbers(recorded: Recorded) -> dict[str, float]:
@@ -121,7 +134,9 @@ def speed_numbers(recorded: Recorded) -> dict[str, float]:
     limits = ARM.chain.max_speed, TRAJECTORY.rate, [f"joint_{j}" for j in names]
     scores = speed_scores(np.diff(q, axis=1), nominal, *limits)
     numbers = {
-        f"greatest speed of joint {j}": scores[f"true_joint_{j}_greatest_speed_rad_per_s"]
+        f"greatest speed of joint {j}": scores[
+            f"true_joint_{j}_greatest_speed_rad_per_s"
+        ]
         for j in names
     }
     backwards = "fast steps of joint 3 that run backwards, share"
@@ -137,12 +152,16 @@ def path_numbers() -> dict[str, float]:
     q = start + np.linspace(0, 1, 101)[:, None] * (end - start)
     return {
         "peak commanded speed of the joints": np.abs(end - start).max() / moving,
-        "greatest norm of the inverse Jacobian": frobenius(ARM.chain.inverse_jacobian(q)).max(),
+        "greatest norm of the inverse Jacobian": frobenius(
+            ARM.chain.inverse_jacobian(q)
+        ).max(),
         "share of the steps at rest": 4 * TRAJECTORY.rest / TRAJECTORY.duration,
     }
 
 
-def test_the_table_states_the_numbers_of_the_laboratory_and_each_is_within_its_limit(recorded):
+def test_the_table_states_the_numbers_of_the_laboratory_and_each_is_within_its_limit(
+    recorded,
+):
     claims = read_yaml(ROOT / "pipeline/verdicts/claims.yaml")["claims"]
     published = published_values(parse_claims(claims))
     numbers = path_numbers() | noise_numbers(recorded, published.covariance)
@@ -169,9 +188,15 @@ def test_the_table_states_the_numbers_of_the_laboratory_and_each_is_within_its_l
 
 def test_steps_know_of_each_other_and_the_models_steps_do_not(recorded):
     q, v, noise, *_ = recorded
-    models = AdditiveModel(mean_covariance(noise)), WishartModel(0.2), GaussianModel(0.12, 25.0)
+    models = (
+        AdditiveModel(mean_covariance(noise)),
+        WishartModel(0.2),
+        GaussianModel(0.12, 25.0),
+    )
     rng = np.random.default_rng(13)
-    steps = [realize(model, ARM.chain, q, v, "one_step", rng)[0][:, 1:] for model in models]
+    steps = [
+        realize(model, ARM.chain, q, v, "one_step", rng)[0][:, 1:] for model in models
+    ]
     modelled = [each - (q[:, 1:] - noise) for each in steps]
     pace = np.linalg.norm(v, axis=1)
     moving = pace > 0.95 * pace.max()

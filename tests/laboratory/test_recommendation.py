@@ -32,7 +32,11 @@ PHYSICS = {
     "any speed alike": dict(speed_exponent=0.0),
     "lasting": dict(lasting=4.0),
 }
-KNOWN, FRESH, WIDTH = 6, 4, 0.3  # motions to fit and choose by, to score on; rad between poses
+KNOWN, FRESH, WIDTH = (
+    6,
+    4,
+    0.3,
+)  # motions to fit and choose by, to score on; rad between poses
 LAWS = ("joint_step", "joint_error_normal")
 JOINTS = (1, 3)  # of the arm
 LIMIT = 0.05  # nats a sample
@@ -50,8 +54,12 @@ def simulated(physics: Factors, seed: int) -> list[JointRun]:
     offset = dynamics.encoder_offset_std * rng.standard_normal(7)
     found: list[JointRun] = []
     while len(found) < (KNOWN + FRESH) * REPEATS:
-        ends = np.array([0.1, 0.7, 0.0, -1.2, 0.0, 0.8, 0.5]) + rng.uniform(-WIDTH, WIDTH, (2, 7))
-        share = (1 - np.cos(np.pi * np.clip(np.arange(STEPS + 1) - REST, 0, 120) / 120)) / 2
+        ends = np.array([0.1, 0.7, 0.0, -1.2, 0.0, 0.8, 0.5]) + rng.uniform(
+            -WIDTH, WIDTH, (2, 7)
+        )
+        share = (
+            1 - np.cos(np.pi * np.clip(np.arange(STEPS + 1) - REST, 0, 120) / 120)
+        ) / 2
         path = JointPath(ends[0] + share[:, None] * (ends[1] - ends[0]), RATE)
         grid = np.arange(STEPS + 1) / RATE
         try:
@@ -64,10 +72,17 @@ def simulated(physics: Factors, seed: int) -> list[JointRun]:
             continue
         motion = str(len(found) // REPEATS + 1)
         for number, take in enumerate(takes):
-            q = np.stack([np.interp(grid, take.t, take.q[:, j]) for j in JOINTS], axis=-1)
+            q = np.stack(
+                [np.interp(grid, take.t, take.q[:, j]) for j in JOINTS], axis=-1
+            )
             q = q + POSE_NOISE * rng.standard_normal(q.shape)
             zero, names = np.zeros(len(JOINTS)), tuple(LWR4.joints[j] for j in JOINTS)
-            known = {"lag": zero, "quantum": zero, "pose_noise": POSE_NOISE, "motion": motion}
+            known = {
+                "lag": zero,
+                "quantum": zero,
+                "pose_noise": POSE_NOISE,
+                "motion": motion,
+            }
             run = f"{motion}.{number}", RATE, path.joints[:, JOINTS], q, names
             found.append(JointRun(*run, **known))
     return found
@@ -109,26 +124,43 @@ def test_the_rule_weighs_margin_and_calibration(gain, ratio, expected):
     rng, rows = np.random.default_rng(3), []
     for model, mean, sigma in (("simple", 0.0, ratio), ("rich", gain, 1.0)):
         for motion in range(8):
-            row = {"model": model, "motion": motion, "block": 1, "joint": "a", "count": 100}
+            row = {
+                "model": model,
+                "motion": motion,
+                "block": 1,
+                "joint": "a",
+                "count": 100,
+            }
             row |= {"horizon": "0.5 s", "samples": "commanded", "predicted_rad": sigma}
             row |= {"measured_rad": 1.0, "one_sigma": 0.7, "two_sigma": 0.95}
             noise = (
-                0.1 * rng.standard_normal() if model == "rich" and gain else 0.01 * (-1) ** motion
+                0.1 * rng.standard_normal()
+                if model == "rich" and gain
+                else 0.01 * (-1) ** motion
             )
             rows.append(row | {"autocorrelation": 0.0, "score": mean + noise})
     assert chosen_law(pd.DataFrame(rows))[0] == expected
     rare = pd.DataFrame(rows).assign(count=2)  # 16 samples
     model, why = chosen_law(rare)
-    assert model is None and "at most 16 commanded samples of a joint are predicted 0.5 s" in why
+    assert (
+        model is None
+        and "at most 16 commanded samples of a joint are predicted 0.5 s" in why
+    )
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("factor", "least", "most"), [(1.0, 0, 1), (1.5, 16, 20), (0.67, 16, 20)])
+@pytest.mark.parametrize(
+    ("factor", "least", "most"), [(1.0, 0, 1), (1.5, 16, 20), (0.67, 16, 20)]
+)
 def test_ten_takes_confirm_a_right_law_and_not_a_standard_deviation_wrong_by_half(
     factor, least, most
 ):
-    sessions = 20  # most: one in twenty; least: sixteen in twenty, of ten takes of 6 s each
-    runs = runs_of_law(known_law(), np.random.default_rng(5), motions=10, repeats=sessions)
+    sessions = (
+        20  # most: one in twenty; least: sixteen in twenty, of ten takes of 6 s each
+    )
+    runs = runs_of_law(
+        known_law(), np.random.default_rng(5), motions=10, repeats=sessions
+    )
     law, rows = known_law(scale=factor**2 * known_law().scale), []
     for number, run in enumerate(runs):
         place = {"model": "law", "motion": run.motion, "session": number % sessions}
@@ -140,6 +172,11 @@ def test_ten_takes_confirm_a_right_law_and_not_a_standard_deviation_wrong_by_hal
 @pytest.mark.slow
 def test_a_law_without_memory_is_recognised_and_one_with_memory_too():
     rng, options = np.random.default_rng(11), model_options(LAWS)
-    for law, expected in ((persistent_law(), "joint_step"), (known_law(), "joint_error_normal")):
-        scores = held_out(runs_of_law(law, rng, motions=6, repeats=1), options)["joint_scores"]
+    for law, expected in (
+        (persistent_law(), "joint_step"),
+        (known_law(), "joint_error_normal"),
+    ):
+        scores = held_out(runs_of_law(law, rng, motions=6, repeats=1), options)[
+            "joint_scores"
+        ]
         assert chosen_law(scores)[0] == expected

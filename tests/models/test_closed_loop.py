@@ -35,8 +35,16 @@ UNSEEN = Measurements("take", np.empty(0), *np.empty((2, 0, 3)), np.empty((0, 3,
 # a model, an estimator that accounts for the measurement noise, and a factor on that noise, so that
 # the model's noise does not hide it
 MODELS = {
-    "additive": (AdditiveModel(COVARIANCE), Additive("additive", estimator="shrinkage"), 1),
-    "gaussian": (GaussianModel(0.1, 18.0), Gaussian("gaussian", estimator="likelihood"), 2),
+    "additive": (
+        AdditiveModel(COVARIANCE),
+        Additive("additive", estimator="shrinkage"),
+        1,
+    ),
+    "gaussian": (
+        GaussianModel(0.1, 18.0),
+        Gaussian("gaussian", estimator="likelihood"),
+        2,
+    ),
     "wishart": (
         WishartModel(0.2, Decomposition("qr")),
         Wishart("wishart", estimator="likelihood", decomposition="qr"),
@@ -55,14 +63,21 @@ def path(chain) -> closed_loop.MeanPath:
     return closed_loop.MeanPath(replace(chain, origin=np.array([0.2, -0.1])), poses)
 
 
-def moved(path: closed_loop.MeanPath, commands: Commands, off: np.ndarray) -> np.ndarray:
+def moved(
+    path: closed_loop.MeanPath, commands: Commands, off: np.ndarray
+) -> np.ndarray:
     """(STEPS + 1, 3) deviation from the path of an arm without noise that starts at ``off``."""
-    still, quiet = Start(path.poses[0] + off, np.zeros((3, 3))), AdditiveModel(np.zeros((3, 3)))
+    still, quiet = (
+        Start(path.poses[0] + off, np.zeros((3, 3))),
+        AdditiveModel(np.zeros((3, 3))),
+    )
     run = commands, 0.01, still, UNSEEN, filter_options(1), np.random.default_rng(1)
     return particle_filter(quiet, path.chain, *run).mean - path.poses
 
 
-def test_on_the_mean_path_the_arm_stays_and_with_the_steps_of_the_poses_it_does_not(path):
+def test_on_the_mean_path_the_arm_stays_and_with_the_steps_of_the_poses_it_does_not(
+    path,
+):
     for commands in (path.commands(0.3), open_loop(path.v)):
         assert np.max(np.abs(moved(path, commands, np.zeros(3)))) < 1e-12
     # control: differences of the tip's poses lead away, as J is evaluated before the step
@@ -78,13 +93,22 @@ def test_the_noise_left_in_a_loop_is_what_was_put_in_with_the_measurements(path)
     for k in range(STEPS):
         # the path is the mean of these takes, as in the fit
         off = chain.pose(q[:, k].mean(axis=0)) - chain.pose(q[:, k])
-        q[:, k + 1] = q[:, k] + np.matvec(chain.inverse_jacobian(q[:, k]), v[k] + share * off)
+        q[:, k + 1] = q[:, k] + np.matvec(
+            chain.inverse_jacobian(q[:, k]), v[k] + share * off
+        )
     noise = process_noise(chain, q, v)
     recorded = Recorded(chain, q[:, :-1], v, noise, JOINTS, np.eye(3))
     np.testing.assert_allclose(recorded.poses, q, atol=1e-15)
-    closed = closed_loop.closed_loop_steps(recorded, closed_loop.mean_path(recorded), share)
+    closed = closed_loop.closed_loop_steps(
+        recorded, closed_loop.mean_path(recorded), share
+    )
     # the part common to all takes is the curvature of the mean path
-    assert np.max(np.ptp(closed.noise, axis=0)) < 1e-5 < 1e-4 < np.max(np.ptp(noise, axis=0))
+    assert (
+        np.max(np.ptp(closed.noise, axis=0))
+        < 1e-5
+        < 1e-4
+        < np.max(np.ptp(noise, axis=0))
+    )
     assert not closed.v[:, :5].any() and closed.v[:, 5:].all()
     np.testing.assert_allclose(closed.measurement, (1 + 0.6**2) / 2 * np.eye(3))
     # takes share the commands of an open loop alone
@@ -93,7 +117,9 @@ def test_the_noise_left_in_a_loop_is_what_was_put_in_with_the_measurements(path)
     np.testing.assert_array_equal(closed.subset(takes).v, closed.v[takes])
 
 
-def takes_of(kind: str, path: closed_loop.MeanPath, share: float, seed: int) -> Recorded:
+def takes_of(
+    kind: str, path: closed_loop.MeanPath, share: float, seed: int
+) -> Recorded:
     """Takes of a model in a loop with ``share`` κ, measured with noise and a constant of each take;
     the correction is computed by NumPy, not by the compiled loop.
     """
@@ -105,7 +131,9 @@ def takes_of(kind: str, path: closed_loop.MeanPath, share: float, seed: int) -> 
     q[:, 0] = path.poses[0]
     for k in range(STEPS):
         v = np.tile(path.v[k], (TAKES, 1))
-        v[:, :m] += share * chain.displacement(chain.pose(q[:, k]), chain.pose(path.poses[k]))
+        v[:, :m] += share * chain.displacement(
+            chain.pose(q[:, k]), chain.pose(path.poses[k])
+        )
         q[:, k + 1] = draw_steps(model, chain, q[:, k], v, rng)[0]
     measured = q + std * rng.standard_normal(q.shape)
     measured += 1e-3 * rng.standard_normal((TAKES, 1, n))
@@ -129,7 +157,12 @@ def regressed(recorded: Recorded) -> float:
 
 @pytest.mark.parametrize(
     ("kind", "n", "m"),
-    [*[(kind, 3, 3) for kind in MODELS], ("additive", 3, 2), ("wishart", 3, 2), ("still", 7, 6)],
+    [
+        *[(kind, 3, 3) for kind in MODELS],
+        ("additive", 3, 2),
+        ("wishart", 3, 2),
+        ("still", 7, 6),
+    ],
 )
 def test_the_share_comes_back_from_takes_of_every_model(kind, n, m, path):
     """Also on arms with more joints than task rows. Band: 4.5 standard errors, below a third of the
@@ -144,7 +177,9 @@ def test_the_share_comes_back_from_takes_of_every_model(kind, n, m, path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["additive", "gaussian"])
-def test_its_interval_covers_the_truth_as_it_says_and_the_regressions_does_not(kind, path):
+def test_its_interval_covers_the_truth_as_it_says_and_the_regressions_does_not(
+    kind, path
+):
     """At least 12 of 16 intervals of 95 % cover the truth, which nine in 10 000 such sets miss, and
     the mean deviation is within one standard error. Control: regression.
     """
@@ -179,7 +214,9 @@ def test_the_likelihood_is_that_of_the_whole_motion_as_one_normal_vector():
     drift = np.eye(n) + 0.1 * rng.standard_normal((steps, n, n))
     correction = np.eye(n) + 0.1 * rng.standard_normal((steps, n, n))
     noise, measured = np.stack([covariance(1.0) for _ in range(steps)]), covariance(0.5)
-    space = closed_loop.StateSpace(drift, correction, noise, measured, np.ones(steps, dtype=bool))
+    space = closed_loop.StateSpace(
+        drift, correction, noise, measured, np.ones(steps, dtype=bool)
+    )
     deviation = 2 * rng.standard_normal((takes, steps + 1, n))
     deviation -= deviation.mean(axis=0)
     begin, _ = without_measurement(np.cov(deviation[:, 0].T), measured)
@@ -206,10 +243,17 @@ def test_the_likelihood_is_that_of_the_whole_motion_as_one_normal_vector():
 def test_a_share_without_a_covariance_has_no_likelihood_and_the_others_keep_theirs():
     """The innovation y_1 − y_0 has the variance 1.99κ² − 0.2 + 0.02, negative at κ = 0.1."""
     one = np.ones((1, 1, 1))
-    space = closed_loop.StateSpace(one, one, -0.2 * one, 0.01 * one[0], np.ones(1, dtype=bool))
-    deviation, shares = np.array([1.0, -1.0])[:, None, None] * np.ones((2, 2, 1)), [1.0, 0.1]
+    space = closed_loop.StateSpace(
+        one, one, -0.2 * one, 0.01 * one[0], np.ones(1, dtype=bool)
+    )
+    deviation, shares = (
+        np.array([1.0, -1.0])[:, None, None] * np.ones((2, 2, 1)),
+        [1.0, 0.1],
+    )
     with np.errstate(all="raise"):
-        likelihoods = closed_loop.take_log_likelihoods(space, deviation, np.array(shares))
+        likelihoods = closed_loop.take_log_likelihoods(
+            space, deviation, np.array(shares)
+        )
         alone = closed_loop.take_log_likelihoods(space, deviation, np.array(shares[:1]))
     assert np.all(np.isfinite(alone)) and np.array_equal(likelihoods[:1], alone)
     assert np.all(likelihoods[1] == -np.inf)
@@ -222,6 +266,8 @@ def test_a_single_take_and_an_unknown_measurement_noise_are_refused(path):
     moving = np.any(recorded.v, axis=1)
     parts = {"q": recorded.q[:, moving], "noise": recorded.noise[:, moving]}
     never = replace(recorded, v=recorded.v[moving], known_measurement=None, **parts)
-    known = Estimate({"kind": "additive", "noise_covariance": COVARIANCE.tolist()}, {}, {})
+    known = Estimate(
+        {"kind": "additive", "noise_covariance": COVARIANCE.tolist()}, {}, {}
+    )
     with pytest.raises(ModelDomainError, match="never rests"):
         closed_loop.fit_closed_loop(never, options, known)

@@ -31,8 +31,14 @@ WIDE = {f"{name}, wide": WishartModel(1.2, each) for name, each in READINGS.item
 every_model = pytest.mark.parametrize("model", MODELS.values(), ids=MODELS)
 # every first pivot of LU occurs, with and without an exchange after it
 ARMS = {
-    "the arm's": (np.array([[0.0, 0.155], [0.0, 0.135], [0.0, 0.17]]), [1.0, 1.0, -1.0]),
-    "askew and long": (np.array([[0.9, 1.5], [-0.7, 1.3], [0.3, -1.7]]), [-1.0, 1.0, -1.0]),
+    "the arm's": (
+        np.array([[0.0, 0.155], [0.0, 0.135], [0.0, 0.17]]),
+        [1.0, 1.0, -1.0],
+    ),
+    "askew and long": (
+        np.array([[0.9, 1.5], [-0.7, 1.3], [0.3, -1.7]]),
+        [-1.0, 1.0, -1.0],
+    ),
 }
 POSE, DRAWS, SIGMA_B = np.array([0.4, 1.7, -0.3]), 20_000, 0.2
 
@@ -48,7 +54,9 @@ def test_every_compiled_law_is_its_formula_in_numpy(model, name):
     (links, signs), ends = ARMS[name], np.full((3, 3), 9.0)
     arm = PlanarChain(np.zeros(2), links, np.array(signs), -ends[0], *ends[1:])
     q = RNG().uniform(-7, 7, (2000, 3))
-    q = q[np.abs(np.linalg.det(arm.jacobian(q))) > 0.05 * arm.lengths[0] * arm.lengths[1]]
+    q = q[
+        np.abs(np.linalg.det(arm.jacobian(q))) > 0.05 * arm.lengths[0] * arm.lengths[1]
+    ]
     for v in np.array([[0.004, -0.003, 0.03], [-0.004, 0.0, 0.0], [0.0, 0.0, 0.0]]):
         one, other = RNG(2), RNG(2)
         moved, clipped = draw_steps(model, arm, q, v, one)
@@ -73,7 +81,9 @@ def standardised(drawn: np.ndarray, mean: np.ndarray, covariance: np.ndarray) ->
     return apart.max(), np.abs(off / np.outer(spread, spread)).max()
 
 
-@pytest.mark.parametrize("model", [*MODELS.values(), *WIDE.values()], ids=[*MODELS, *WIDE])
+@pytest.mark.parametrize(
+    "model", [*MODELS.values(), *WIDE.values()], ids=[*MODELS, *WIDE]
+)
 def test_draws_have_the_models_moments_and_by_numpy_the_law_of_the_compiled_step(
     model, chain, step
 ):
@@ -81,7 +91,10 @@ def test_draws_have_the_models_moments_and_by_numpy_the_law_of_the_compiled_step
     standard errors of a mean and of a covariance.
     """
     q = np.tile(POSE, (30_000, 1))
-    ours, compiled = model.sample(chain, q, step, RNG(1)), draw_steps(model, chain, q, step, RNG(2))
+    ours, compiled = (
+        model.sample(chain, q, step, RNG(1)),
+        draw_steps(model, chain, q, step, RNG(2)),
+    )
     assert least_p_value(ours, compiled[0]) > 1e-5 and compiled[1] == 0
     # control: noise that is 10 % larger
     nominal = q + chain.nominal_step(q, step)
@@ -94,7 +107,9 @@ def test_draws_have_the_models_moments_and_by_numpy_the_law_of_the_compiled_step
 
 
 @every_model
-def test_at_rest_a_matrix_model_stays_and_every_other_has_its_floor(model, chain, poses):
+def test_at_rest_a_matrix_model_stays_and_every_other_has_its_floor(
+    model, chain, poses
+):
     rest = np.zeros(3)
     drawn, clipped = draw_steps(model, chain, poses, rest, RNG())
     assert clipped == 0
@@ -117,8 +132,13 @@ def test_noise_depends_on_the_jacobian_where_the_law_says_so(model, chain, step)
     """The steps at two poses are the same joint step."""
     other = POSE + np.array([0.5, -0.8, 0.4])
     same = chain.jacobian(other) @ chain.nominal_step(POSE, step)
-    covariances = model.covariance(chain, POSE, step), model.covariance(chain, other, same)
-    needed = model.traits.needs_jacobian and model is not MATRIX["wishart qr_transposed"]
+    covariances = (
+        model.covariance(chain, POSE, step),
+        model.covariance(chain, other, same),
+    )
+    needed = (
+        model.traits.needs_jacobian and model is not MATRIX["wishart qr_transposed"]
+    )
     assert np.allclose(*covariances, rtol=1e-9, atol=0) != needed
 
 
@@ -166,7 +186,11 @@ def test_wishart_steps_have_the_moments_of_the_closed_form_whatever_the_size(n, 
     v, jacobian = command[:m], chain.jacobian(q)
     # one row is one pivot: J₁ is a number, as with QR
     for name in ("pivoted_lu", "qr", "qr_transposed", "given")[m == 1 :]:
-        left = np.eye(m) + 0.3 * RNG(3).standard_normal((m, m)) if name == "given" else None
+        left = (
+            np.eye(m) + 0.3 * RNG(3).standard_normal((m, m))
+            if name == "given"
+            else None
+        )
         law = Decomposition(name, left)
         model, many = WishartModel(SIGMA_B, law), np.tile(q, (DRAWS, 1))
         drawn, _ = draw_steps(model, chain, many, command, RNG(4))
@@ -176,7 +200,9 @@ def test_wishart_steps_have_the_moments_of_the_closed_form_whatever_the_size(n, 
         apart, off = standardised(drawn, mean, step_covariance(a, back, SIGMA_B))
         assert apart < 5 and off < 0.08
         # control: a dispersion that is 10 % larger
-        assert standardised(drawn, mean, step_covariance(a, back, 1.1 * SIGMA_B))[1] > 0.1
+        assert (
+            standardised(drawn, mean, step_covariance(a, back, 1.1 * SIGMA_B))[1] > 0.1
+        )
 
 
 def test_the_first_steps_of_a_serial_arm_do_not_depend_on_the_number_of_poses():
@@ -191,7 +217,10 @@ def test_the_first_steps_of_a_serial_arm_do_not_depend_on_the_number_of_poses():
 @pytest.mark.parametrize("n, m", SIZES)
 def test_normal_models_steps_are_their_formula_in_numpy_whatever_the_size(n, m):
     chain, q, command = arm_and_command(n, m)
-    q, factor = q + 0.1 * RNG(6).standard_normal((300, n)), 1e-3 * RNG(5).standard_normal((n, n))
+    q, factor = (
+        q + 0.1 * RNG(6).standard_normal((300, n)),
+        1e-3 * RNG(5).standard_normal((n, n)),
+    )
     noise = factor @ factor.T + 1e-8 * np.eye(n)
     norms = np.linalg.norm(np.linalg.pinv(chain.jacobian(q)), axis=(1, 2))
     bounded = GaussianModel(0.1, float(np.median(norms)))

@@ -29,7 +29,9 @@ MEASUREMENT = np.diag([0.6, 1.5, 1.7]) * 1e-6
 TAKES, REST = 60, 20
 
 
-def recorded(chain, poses, step, model, *, takes=TAKES, measured=MEASUREMENT) -> Recorded:
+def recorded(
+    chain, poses, step, model, *, takes=TAKES, measured=MEASUREMENT
+) -> Recorded:
     """Takes of a rest and of a motion through ``poses``, each step drawn from the ``model``."""
     v = np.concatenate([np.zeros((REST, 3)), np.tile(step, (40, 1))])
     own = recorded_on(chain, poses[: len(v)], v, measured, model, takes)
@@ -41,7 +43,9 @@ def recorded_on(arm, q, v, measured, model, takes: int) -> Recorded:
     with noise of the covariance ``measured``.
     """
     rng, poses = np.random.default_rng(1), np.tile(q, (takes, 1, 1))
-    noise = draw_steps(model, arm, poses, v, rng)[0] - poses - arm.nominal_step(poses, v)
+    noise = (
+        draw_steps(model, arm, poses, v, rng)[0] - poses - arm.nominal_step(poses, v)
+    )
     noise += rng.multivariate_normal(np.zeros(q.shape[1]), measured, noise.shape[:2])
     joints = tuple(f"joint_{j}" for j in range(q.shape[1]))
     return Recorded(arm, poses, v, noise, joints, measured)
@@ -67,18 +71,27 @@ def test_known_dispersions_come_back_but_from_the_papers_estimator(
     data = recorded(chain, poses, step, model, takes=200)
     by_moments = estimate(data, wishart("moments", name))
     rng = np.random.default_rng(2)
-    resampled = [by_moments.from_takes(rng.integers(200, size=200))["sigma_b"] for _ in range(50)]
+    resampled = [
+        by_moments.from_takes(rng.integers(200, size=200))["sigma_b"] for _ in range(50)
+    ]
     error = np.std(resampled, ddof=1)
     assert error < 0.01 * sigma_b
-    assert abs(by_moments.estimates["sigma_b"] - sigma_b) < min(4 * error, 0.02 * sigma_b)
+    assert abs(by_moments.estimates["sigma_b"] - sigma_b) < min(
+        4 * error, 0.02 * sigma_b
+    )
     likely = estimate(data, wishart("likelihood", name)).estimates["sigma_b"]
     assert likely == pytest.approx(sigma_b, rel=0.02)
 
     def share(data: Recorded) -> float:
         options = wishart("paper", name, ratio_factor=1e-6)
-        return estimate(data, options).diagnostics["sigma_b_mean_over_moving_steps"] / sigma_b
+        return (
+            estimate(data, options).diagnostics["sigma_b_mean_over_moving_steps"]
+            / sigma_b
+        )
 
-    free = share(recorded(chain, poses, step, model, takes=200, measured=1e-8 * MEASUREMENT))
+    free = share(
+        recorded(chain, poses, step, model, takes=200, measured=1e-8 * MEASUREMENT)
+    )
     if sigma_b == 0.5:
         assert free > 1.3
     else:
@@ -88,11 +101,18 @@ def test_known_dispersions_come_back_but_from_the_papers_estimator(
 def test_the_moments_of_a_gaussian_model_and_of_the_measurement_sum_to_the_recorded_ones(
     chain, poses, step
 ):
-    data = recorded(chain, poses, step, GaussianModel(0.05, 30.0), measured=100 * MEASUREMENT)
+    data = recorded(
+        chain, poses, step, GaussianModel(0.05, 30.0), measured=100 * MEASUREMENT
+    )
     fitted = estimate(data, Gaussian("gaussian")).model
     modelled = fitted.covariance(chain, data.q, data.v).mean(axis=(0, 1))
-    total, measured = (np.trace(each) for each in (mean_covariance(data.noise), data.measurement))
-    assert np.trace(modelled) + measured == pytest.approx(total, rel=1e-9) and measured > total / 4
+    total, measured = (
+        np.trace(each) for each in (mean_covariance(data.noise), data.measurement)
+    )
+    assert (
+        np.trace(modelled) + measured == pytest.approx(total, rel=1e-9)
+        and measured > total / 4
+    )
 
 
 @pytest.mark.parametrize("options", [wishart("moments"), Gaussian("gaussian")])
@@ -131,10 +151,14 @@ def test_where_the_noise_follows_the_speed_alone_the_bound_is_unbounded(
     assert found.diagnostics["u_unbounded"] == found.parameters["u_unbounded"] == 1
     assert found.undetermined == ("u", "alpha")
     level, parameters = found.determined["noise_level"], found.parameters
-    assert [*found.determined] == ["noise_level"] and level == pytest.approx(2.0, rel=0.05)
+    assert [*found.determined] == ["noise_level"] and level == pytest.approx(
+        2.0, rel=0.05
+    )
     # the exported model, of this level alone, has the fitted variance; α·u of the search has not
     models = found.model, build_model({"kind": "gaussian", "level": level})
-    own, exported = (np.trace(m.covariance(chain, data.q, data.v).mean((0, 1))) for m in models)
+    own, exported = (
+        np.trace(m.covariance(chain, data.q, data.v).mean((0, 1))) for m in models
+    )
     assert exported == pytest.approx(own, rel=0.01)
     assert parameters["alpha"] * parameters["u"] > 1.04 * level
 
@@ -152,14 +176,19 @@ def test_a_motion_at_rest_throughout_is_refused(chain, poses, step, kind, estima
         estimate(still, options)
 
 
-def test_the_curve_over_the_weight_falls_through_the_moment_estimate(chain, poses, step):
+def test_the_curve_over_the_weight_falls_through_the_moment_estimate(
+    chain, poses, step
+):
     data = recorded(chain, poses, 0.1 * step, WishartModel(0.5), takes=20)
     options, rng = wishart("moments"), np.random.default_rng(3)
     found = estimate(data, options)
     table = diagnose(data, options, found, 1, rng)[1]["sigma_b_weights"]
     for source in ("recorded", "drawn"):
         own = table[table["source"] == source]
-        curve, (ratio,) = own[own["point"] == "curve"], own[own["point"] == "moments"]["ratio"]
+        curve, (ratio,) = (
+            own[own["point"] == "curve"],
+            own[own["point"] == "moments"]["ratio"],
+        )
         near = np.interp(np.log(ratio), np.log(curve["ratio"]), curve["sigma_b"])
         assert near == pytest.approx(found.estimates["sigma_b"], rel=0.15)
         assert curve["sigma_b"].iloc[-1] < 0.5 * curve["sigma_b"].iloc[0]
@@ -181,7 +210,9 @@ def scene(n: int, m: int):
     arm = random_arm(n, m)
     q, v = motion(arm, STEPS, REST)
     step = np.sqrt(np.mean(np.diff(q[REST:], axis=0) ** 2))
-    root = np.eye(n) + 0.5 * np.random.default_rng(1).standard_normal((n, n)) / np.sqrt(n)
+    root = np.eye(n) + 0.5 * np.random.default_rng(1).standard_normal((n, n)) / np.sqrt(
+        n
+    )
     covariance = (0.1 * step) ** 2 * root @ root.T
     return (arm, q[:-1], v), covariance, 1e-2 * np.diag(np.diag(covariance))
 
@@ -204,12 +235,16 @@ ESTIMATORS = {
     [(given, *each) for given, each in ESTIMATORS.items()],
     ids=[f"{given[0]} {given[2]}" for given in ESTIMATORS],
 )
-def test_known_parameters_come_back_on_any_arm_and_others_do_not(n, m, given, names, band, factor):
+def test_known_parameters_come_back_on_any_arm_and_others_do_not(
+    n, m, given, names, band, factor
+):
     """Variances and standard deviations by their relative error, covariances by the error of the
     correlation. Control: a model whose noise is larger by a factor.
     """
     (kind, option, value), (at, covariance, measured) = given, scene(n, m)
-    choice = {option: value} | ({"estimator": "likelihood"} if kind == "wishart" else {})
+    choice = {option: value} | (
+        {"estimator": "likelihood"} if kind == "wishart" else {}
+    )
     options = kinds.options_type(kind)(kind, **choice)
     data = recorded_on(*at, measured, AdditiveModel(covariance), COUNT)
     (truth,) = kinds.truths(data, options, [0.25])
@@ -241,7 +276,10 @@ def correlated(takes: int, rng: np.random.Generator) -> np.ndarray:
 
 
 def recording(chain, poses, step, noise: np.ndarray) -> Recorded:
-    q, v = np.broadcast_to(poses[: noise.shape[1]], noise.shape), np.tile(step, (len(noise[0]), 1))
+    q, v = (
+        np.broadcast_to(poses[: noise.shape[1]], noise.shape),
+        np.tile(step, (len(noise[0]), 1)),
+    )
     return Recorded(chain, q, v, noise, ("a", "b", "c"), MEASUREMENT)
 
 
@@ -252,11 +290,18 @@ def standard_error(data: Recorded, rng: np.random.Generator) -> float:
     return result["sigma_omega_11_rad2"].standard_error
 
 
-def test_the_standard_error_is_the_spread_over_independent_recordings(chain, poses, step):
+def test_the_standard_error_is_the_spread_over_independent_recordings(
+    chain, poses, step
+):
     rng = np.random.default_rng(1)
-    spread = np.std([mean_covariance(correlated(COUNT, rng))[0, 0] for _ in range(1000)], ddof=1)
+    spread = np.std(
+        [mean_covariance(correlated(COUNT, rng))[0, 0] for _ in range(1000)], ddof=1
+    )
     recordings = [correlated(COUNT, rng) for _ in range(12)]
-    errors = [standard_error(recording(chain, poses, step, noise), rng) for noise in recordings]
+    errors = [
+        standard_error(recording(chain, poses, step, noise), rng)
+        for noise in recordings
+    ]
     assert abs(np.mean(errors) / spread - 1) < 0.15
     # control: steps drawn one by one, as if the steps of a take were independent
     single = [
@@ -270,7 +315,11 @@ def test_the_standard_error_is_the_spread_over_independent_recordings(chain, pos
     ("kind", "estimator", "tolerance"),
     [
         ("wishart", "moments", 1e-12),
-        ("wishart", "paper", 1e-12),  # the weights follow from a known measurement noise here
+        (
+            "wishart",
+            "paper",
+            1e-12,
+        ),  # the weights follow from a known measurement noise here
         ("wishart", "likelihood", 2e-4),
         ("gaussian", "moments", 1e-12),
         ("gaussian", "likelihood", 5e-3),

@@ -20,7 +20,9 @@ from pipeline.models.joint_error.samples import counted, settled
 
 LAWS = {
     "normal": known_law(),
-    "tails and drift": known_law(degrees=np.array([5.0, 8.0]), drift=np.array([0.3, 0.1])),
+    "tails and drift": known_law(
+        degrees=np.array([5.0, 8.0]), drift=np.array([0.3, 0.1])
+    ),
 }
 
 
@@ -58,12 +60,17 @@ def test_predictions_of_a_whole_run_are_those_of_each_sample():
     error, steps = run.measured - run.command, 7
     outlook = law.outlook(error, drive(run.command, RATE, law.power), steps)
     for k in (50, 200, 431):
-        mean, covariance = law.predict(error[: k + 1], run.command[: k + 1 + steps], steps)
+        mean, covariance = law.predict(
+            error[: k + 1], run.command[: k + 1 + steps], steps
+        )
         np.testing.assert_allclose(outlook.mean[k], mean, atol=1e-15)
         np.testing.assert_allclose(outlook.variance[k], np.diag(covariance), rtol=1e-12)
     with pytest.raises(ModelDomainError, match="the 7 next samples, got 8"):
         law.predict(error[:3], run.command[:8], 7)
-    for each in (law, known_law(power=1.0)):  # a law comes back from its plain parameters
+    for each in (
+        law,
+        known_law(power=1.0),
+    ):  # a law comes back from its plain parameters
         assert build(each.parameters()).parameters() == each.parameters()
 
 
@@ -75,7 +82,9 @@ def test_the_cells_of_quantised_angles_have_probability_one_together(degrees):
         mass = np.exp(law.log_probability(cells, np.array([quantum]))) * quantum
         assert mass.sum() == pytest.approx(1.0, abs=1e-4)
     fine = law.log_probability(np.array([[5e-5]]), np.array([1e-9]))
-    assert fine == pytest.approx(law.log_probability(np.array([[5e-5]]), np.array([0.0])), abs=1e-4)
+    assert fine == pytest.approx(
+        law.log_probability(np.array([[5e-5]]), np.array([0.0])), abs=1e-4
+    )
 
 
 @pytest.mark.parametrize("name", LAWS)
@@ -91,8 +100,14 @@ def test_the_compiled_loss_is_that_of_the_laws_own_predictions(name):
             outlook = law.outlook(error, inputs, steps)
             off = (error[steps:] - outlook.mean)[own - steps, j]
             variance, degrees = outlook.variance[own - steps, j], law.degrees[j]
-            scale = np.sqrt(variance * (1.0 if np.isinf(degrees) else 1 - 2 / degrees) + least)
-            density = norm.logpdf if np.isinf(degrees) else partial(student.logpdf, df=degrees)
+            scale = np.sqrt(
+                variance * (1.0 if np.isinf(degrees) else 1 - 2 / degrees) + least
+            )
+            density = (
+                norm.logpdf
+                if np.isinf(degrees)
+                else partial(student.logpdf, df=degrees)
+            )
             expected -= np.mean(density(off / scale) - np.log(scale))
             sizes = variance.mean() + least, np.mean(off**2) + least
             expected += CALIBRATION * np.log(sizes[0] / sizes[1]) ** 2
@@ -100,7 +115,13 @@ def test_the_compiled_loss_is_that_of_the_laws_own_predictions(name):
         data = past[:, j, 0], past[:, j], inputs.growth[:, j].copy(), np.array(horizons)
         counts = np.array([len(own) for own in ends])
         loss = composite_loss(
-            *parameters, law.keep, law.persistence, *data, np.concatenate(ends), counts, least
+            *parameters,
+            law.keep,
+            law.persistence,
+            *data,
+            np.concatenate(ends),
+            counts,
+            least,
         )
         assert loss == pytest.approx(expected, rel=1e-9)
 
@@ -111,20 +132,27 @@ def test_the_memory_of_a_known_law_is_recovered_and_predicts_fresh_runs():
     # 300 samples by horizon: about .06 a coefficient; .2 is three standard errors of a response
     impulse, known = fitted.response(50)[1], law.response(50)[1]
     np.testing.assert_allclose(impulse[:10], known[:10], atol=0.2)
-    assert np.abs(MEMORY - [1.0, 0.0, 0.0]).max() > 0.4  # control: not that of a persistent error
+    assert (
+        np.abs(MEMORY - [1.0, 0.0, 0.0]).max() > 0.4
+    )  # control: not that of a persistent error
     rows, _ = score_runs(fitted, runs_of_law(law, rng))
     for row in (row for row in rows if row["samples"] == "commanded"):
         assert 0.85 < row["predicted_rad"] / row["measured_rad"] < 1.18, row
         assert abs(row["one_sigma"] - 0.683) < 0.06 and row["two_sigma"] > 0.92, row
     white = fit_joint_error(runs_of_law(law, rng), memory=False, tails=False)
     rows, _ = score_runs(white, runs_of_law(law, rng))
-    ratio = [r["predicted_rad"] / r["measured_rad"] for r in rows if r["horizon"] == "0.5 s"]
+    ratio = [
+        r["predicted_rad"] / r["measured_rad"] for r in rows if r["horizon"] == "0.5 s"
+    ]
     assert max(ratio) > 1.5
 
 
 def test_predictions_of_rounded_angles_include_the_rounding():
     quantum, both = np.full(2, 1e-3), []
-    for seed in (8, 9):  # recorded, then fresh; the errors before rounding are of some 1e-4 rad
+    for seed in (
+        8,
+        9,
+    ):  # recorded, then fresh; the errors before rounding are of some 1e-4 rad
         runs = runs_of_law(known_law(), np.random.default_rng(seed))
         rounded = [quantum * np.round(run.measured / quantum) for run in runs]
         coarse = zip(runs, rounded, strict=True)
@@ -135,7 +163,9 @@ def test_predictions_of_rounded_angles_include_the_rounding():
         assert 0.85 < row["predicted_rad"] / row["measured_rad"] < 1.3, row
         assert row["two_sigma"] > 0.92, row
     error, command = (each[:10] for each in (both[1][0].measured, both[1][0].command))
-    assert np.all(np.diag(law.predict((error - command)[:9], command, 1)[1]) > 1e-6 / 12)
+    assert np.all(
+        np.diag(law.predict((error - command)[:9], command, 1)[1]) > 1e-6 / 12
+    )
 
 
 def test_samples_after_a_jump_of_the_commanded_speed_do_not_count():
@@ -157,9 +187,16 @@ def test_runs_without_errors_are_refused():
 
 def test_runs_shorter_than_the_longest_horizon_are_fitted_to_the_shorter_ones():
     runs = runs_of_law(known_law(), np.random.default_rng(1), motions=1, repeats=4)
-    short = [replace(run, command=run.command[:45], measured=run.measured[:45]) for run in runs]
-    assert not counted(short[0], 50).size and np.all(fit_joint_error(short).scale.sum(axis=1) > 0)
+    short = [
+        replace(run, command=run.command[:45], measured=run.measured[:45])
+        for run in runs
+    ]
+    assert not counted(short[0], 50).size and np.all(
+        fit_joint_error(short).scale.sum(axis=1) > 0
+    )
     # a fourth of the rows, held out, leaves none to fit
-    runs = [replace(runs[0], command=runs[0].command[:5], measured=runs[0].measured[:5])]
+    runs = [
+        replace(runs[0], command=runs[0].command[:5], measured=runs[0].measured[:5])
+    ]
     with pytest.raises(ModelDomainError, match="too short to fit a law"):
         parts_of(runs)

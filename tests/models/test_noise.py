@@ -51,7 +51,9 @@ def test_the_measurement_noise_is_what_moves_at_rest():
     v = np.zeros((8, 3))
     v[3:6, 1] = 0.01
     noise[:, 3:6] *= 10
-    np.testing.assert_allclose(measurement_covariance(noise, v), np.diag([1.0, 4.0, 9.0]), atol=0.5)
+    np.testing.assert_allclose(
+        measurement_covariance(noise, v), np.diag([1.0, 4.0, 9.0]), atol=0.5
+    )
     # control: with the moving steps it would be far larger
     assert np.trace(takes_moments(noise)[1].mean(axis=0)) > 30 * 14 / 2
     with pytest.raises(ModelDomainError, match="never rests"):
@@ -87,8 +89,13 @@ def test_at_the_recorded_level_the_total_variance_is_the_recorded_one(name, size
     data, model = recorded(size, m), MODELS[name]
     if m == 2 and name == "wishart":
         model = replace(model, decomposition=Decomposition("qr"))
-    own, of_noise = at_recorded_level(model, data), float(np.trace(mean_covariance(data.noise)))
-    assert model_trace(own, data) + np.trace(MEASUREMENT) == pytest.approx(of_noise, rel=1e-9)
+    own, of_noise = (
+        at_recorded_level(model, data),
+        float(np.trace(mean_covariance(data.noise))),
+    )
+    assert model_trace(own, data) + np.trace(MEASUREMENT) == pytest.approx(
+        of_noise, rel=1e-9
+    )
     # other parameters do not change, nor does the covariance over time of a normal model
     assert type(own) is type(model)
     for name in ("u", "decomposition"):
@@ -96,21 +103,31 @@ def test_at_the_recorded_level_the_total_variance_is_the_recorded_one(name, size
     if not isinstance(model, WishartModel):
         at = data.chain, data.q, data.v
         ratio = model_trace(own, data) / model_trace(model, data)
-        np.testing.assert_allclose(own.covariance(*at), ratio * model.covariance(*at), rtol=1e-12)
+        np.testing.assert_allclose(
+            own.covariance(*at), ratio * model.covariance(*at), rtol=1e-12
+        )
     # in a closed loop every take has its own commands
-    closed = at_recorded_level(model, replace(data, v=np.tile(data.v, (len(data.q), 1, 1))))
+    closed = at_recorded_level(
+        model, replace(data, v=np.tile(data.v, (len(data.q), 1, 1)))
+    )
     assert model_trace(closed, data) == pytest.approx(model_trace(own, data), rel=1e-12)
 
 
 def test_there_is_no_level_without_noise_of_the_motion():
     at_rest = replace(recorded(), v=np.zeros_like(recorded().v))
     for model in MODELS.values():
-        with pytest.raises(ModelDomainError, match="does not exceed the measurement noise"):
+        with pytest.raises(
+            ModelDomainError, match="does not exceed the measurement noise"
+        ):
             at_recorded_level(model, recorded(1e-6))
     for name in ("gaussian", "wishart"):
-        with pytest.raises(ModelDomainError, match=r"no noise at any step|at rest at every step"):
+        with pytest.raises(
+            ModelDomainError, match=r"no noise at any step|at rest at every step"
+        ):
             at_recorded_level(MODELS[name], at_rest)
-    with pytest.raises(ModelDomainError, match=r"at the limit .* of a finite covariance"):
+    with pytest.raises(
+        ModelDomainError, match=r"at the limit .* of a finite covariance"
+    ):
         at_recorded_level(MODELS["wishart"], recorded(1e3))
 
 
@@ -127,7 +144,9 @@ def rng() -> np.random.Generator:
 
 def takes(poses: np.ndarray, count: int, steps: int) -> np.ndarray:
     """(count, steps + 1, 3) recorded angles that wander about ``poses``."""
-    wander = np.random.default_rng(22).normal(0, 0.01, (count, steps + 1, 3)).cumsum(axis=1)
+    wander = (
+        np.random.default_rng(22).normal(0, 0.01, (count, steps + 1, 3)).cumsum(axis=1)
+    )
     return poses[:count, None] + wander
 
 
@@ -137,7 +156,9 @@ def test_without_noise_single_steps_start_where_the_recording_was_and_a_free_run
     q, v = takes(poses, 5, 8), np.tile(step, (8, 1))
     recorded = q.copy()
     single, run = (realize(SILENT, chain, q, v, mode, rng) for mode in MODES)
-    nominal = q[:, :-1] + np.linalg.solve(chain.jacobian(q[:, :-1]), v[..., None])[..., 0]
+    nominal = (
+        q[:, :-1] + np.linalg.solve(chain.jacobian(q[:, :-1]), v[..., None])[..., 0]
+    )
     np.testing.assert_allclose(single[0][:, 1:], nominal, rtol=1e-10)
     at = q[:, 0]
     for k in range(8):
@@ -153,7 +174,9 @@ def test_without_noise_single_steps_start_where_the_recording_was_and_a_free_run
     np.testing.assert_allclose(deviation, run[0].std(axis=0, ddof=1))
 
 
-def test_the_bias_of_a_step_is_the_mean_of_many_draws_and_zero_for_a_normal_law(chain, poses, rng):
+def test_the_bias_of_a_step_is_the_mean_of_many_draws_and_zero_for_a_normal_law(
+    chain, poses, rng
+):
     q, v = np.tile(takes(poses, 5, 3), (2000, 1, 1)), np.tile([0.0, 0.0, 0.01], (3, 1))
     wishart = WishartModel(0.3, Decomposition("pivoted_lu"))
     bias = mean_bias(wishart, chain, q, v)
@@ -162,7 +185,9 @@ def test_the_bias_of_a_step_is_the_mean_of_many_draws_and_zero_for_a_normal_law(
     assert bias[0] == 0 < bias[1:].min()
     np.testing.assert_allclose(np.linalg.norm(off, axis=-1), bias[1:], rtol=0.3)
     assert mean_bias(MODELS["gaussian"], chain, q, v).max() < 1e-12
-    assert np.isnan(mean_bias(MODELS["wishart without a covariance"], chain, q, v)).all()
+    assert np.isnan(
+        mean_bias(MODELS["wishart without a covariance"], chain, q, v)
+    ).all()
 
 
 def test_a_free_run_that_reaches_a_singular_pose_is_lost_and_counted(chain, poses, rng):
@@ -181,7 +206,9 @@ def test_the_spread_stays_step_by_step_and_grows_with_the_root_of_time_running_f
 ):
     count, steps = 2000, 16
     q = np.tile(poses[0], (count, steps + 1, 1))
-    spread = realize(NOISY, chain, q, np.zeros((steps, 3)), mode, rng)[0].std(axis=0)[1:]
+    spread = realize(NOISY, chain, q, np.zeros((steps, 3)), mode, rng)[0].std(axis=0)[
+        1:
+    ]
     stated = STD * np.arange(1, steps + 1)[:, None] ** growth
     band = 4 / np.sqrt(2 * count)
     np.testing.assert_allclose(spread, stated, rtol=band)

@@ -21,7 +21,10 @@ from pipeline.models.steps import mean_covariance
 SIGMA = 1e-5 * np.array([[3.0, -2.0, 1.0], [-2.0, 4.0, -1.5], [1.0, -1.5, 9.0]])
 NONE = np.zeros((3, 3))
 MEASUREMENT = np.array([[0.6, -0.6, 0.0], [-0.6, 1.5, -0.9], [0.0, -0.9, 1.7]]) * 1e-6
-MODELS = {"additive": build({"noise_covariance": SIGMA}), "gaussian": GaussianModel(0.1, 40.0)}
+MODELS = {
+    "additive": build({"noise_covariance": SIGMA}),
+    "gaussian": GaussianModel(0.1, 40.0),
+}
 FLAT = {
     "additive": AdditiveModel(1e-5 * np.outer([1.0, -1.0, 2.0], [1.0, -1.0, 2.0])),
     "gaussian": GaussianModel(0.1, 14.5),  # below the norm of poses with a bent elbow
@@ -34,13 +37,18 @@ every_model = pytest.mark.parametrize("model", MODELS.values(), ids=MODELS)
 def test_the_log_density_is_scipys(model, measurement, chain, poses, step):
     q_next = poses + 0.02 * np.random.default_rng(0).standard_normal(poses.shape)
     result = model.log_density(chain, poses, step, q_next, measurement)
-    means, covariances = model.mean(chain, poses, step), model.covariance(chain, poses, step)
+    means, covariances = (
+        model.mean(chain, poses, step),
+        model.covariance(chain, poses, step),
+    )
 
     def scipys(added: np.ndarray) -> list[float]:
         each = zip(q_next, means, covariances, strict=True)
         return [stats.multivariate_normal(m, c + added).logpdf(x) for x, m, c in each]
 
-    np.testing.assert_allclose(result, scipys(NONE if measurement is None else measurement), 1e-9)
+    np.testing.assert_allclose(
+        result, scipys(NONE if measurement is None else measurement), 1e-9
+    )
     # control: the other noise is another density
     other = scipys(MEASUREMENT if measurement is None else NONE)
     assert np.abs(result - other).min() > 1e-6
@@ -96,9 +104,14 @@ def test_shrinkage_is_nearer_to_the_truth_where_takes_are_few_and_vanishes_where
         noise = rng.multivariate_normal(np.zeros(3), true, (3, 4))
         shrunk, intensity = shrunk_covariance(noise)
         assert 0 < intensity <= 1
-        errors += [np.sum((shrunk - true) ** 2), np.sum((mean_covariance(noise) - true) ** 2)]
+        errors += [
+            np.sum((shrunk - true) ** 2),
+            np.sum((mean_covariance(noise) - true) ** 2),
+        ]
     assert errors[0] < 0.6 * errors[1]
-    _, intensity = shrunk_covariance(rng.multivariate_normal(np.zeros(3), true, (400, 10)))
+    _, intensity = shrunk_covariance(
+        rng.multivariate_normal(np.zeros(3), true, (400, 10))
+    )
     assert intensity < 0.02
 
 
@@ -121,10 +134,14 @@ def test_the_closed_form_solves_the_log_det_problem(norm, alpha, u):
     assert np.abs(solved - 1.05 * expected).max() > 100 * band
 
 
-def test_a_wrong_scale_is_seen_and_a_problem_without_an_optimum_yields_no_number(monkeypatch):
+def test_a_wrong_scale_is_seen_and_a_problem_without_an_optimum_yields_no_number(
+    monkeypatch,
+):
     norms, right = np.array([13.6, 16.4]), convex.noise_scale
     assert convex.noise_covariance_gap(norms, 0.1, 18.0, 3, 3) < 1e-3
-    monkeypatch.setattr(convex, "noise_scale", lambda *arguments: 1.05 * right(*arguments))
+    monkeypatch.setattr(
+        convex, "noise_scale", lambda *arguments: 1.05 * right(*arguments)
+    )
     assert convex.noise_covariance_gap(norms[:1], 0.1, 18.0, 3, 3) > 0.04
     with pytest.raises(SolverError):
         solve_noise_covariance(19.0, 0.1, 18.0, 3, 3)
@@ -136,7 +153,10 @@ def test_independent_rows_make_the_step_isotropic_with_variance_v_sigma_v(step):
     """
     sigma, rng = np.diag([4.0, 1.0, 0.25]), np.random.default_rng(2)
     drawn = (
-        stats.matrix_normal(np.zeros((3, 3)), colcov=sigma).rvs(200_000, random_state=rng) @ step
+        stats.matrix_normal(np.zeros((3, 3)), colcov=sigma).rvs(
+            200_000, random_state=rng
+        )
+        @ step
     )
     covariance = np.cov(drawn.T) / (step @ sigma @ step)
     np.testing.assert_allclose(covariance, np.eye(3), atol=0.02)
@@ -147,9 +167,15 @@ def test_the_law_of_a_step_is_that_of_algorithm_2(chain, step):
     """Kolmogorov–Smirnov tests of each joint and of the distance from the mean; control: α of 5 %
     more.
     """
-    rng, model, q = np.random.default_rng(3), GaussianModel(0.1, 18.0), np.tile(POSE, (DRAWS, 1))
+    rng, model, q = (
+        np.random.default_rng(3),
+        GaussianModel(0.1, 18.0),
+        np.tile(POSE, (DRAWS, 1)),
+    )
     inverse = chain.inverse_jacobian(POSE)
-    sigma = solve_noise_covariance(float(np.linalg.norm(inverse)), model.alpha, model.u, 3, 3)
+    sigma = solve_noise_covariance(
+        float(np.linalg.norm(inverse)), model.alpha, model.u, 3, 3
+    )
     law = stats.matrix_normal(inverse, colcov=sigma)
     matrices = POSE + law.rvs(DRAWS, random_state=rng) @ step
     drawn, clipped = draw_steps(model, chain, q, step, rng)
@@ -157,7 +183,9 @@ def test_the_law_of_a_step_is_that_of_algorithm_2(chain, step):
     mean = model.mean(chain, POSE, step)
 
     def p_value(one: np.ndarray) -> float:
-        return stats.ks_2samp(*(np.linalg.norm(x - mean, axis=1) for x in (one, matrices))).pvalue
+        return stats.ks_2samp(
+            *(np.linalg.norm(x - mean, axis=1) for x in (one, matrices))
+        ).pvalue
 
     assert clipped == 0 and p_value(drawn) > 0.01 > 1e-4 > p_value(wrong)
     for j in range(3):
@@ -170,11 +198,17 @@ def test_the_noise_shrinks_as_the_pose_nears_the_bound_and_is_clipped_and_counte
     chain, step
 ):
     """Against the paper's motivation: nearer a singularity the inverse form gives less noise."""
-    q = np.stack([np.zeros(4), np.deg2rad([100.0, 70.0, 50.0, 20.0]), np.zeros(4)], axis=-1)
+    q = np.stack(
+        [np.zeros(4), np.deg2rad([100.0, 70.0, 50.0, 20.0]), np.zeros(4)], axis=-1
+    )
     norms = frobenius(chain.inverse_jacobian(q))
     model = GaussianModel(0.1, float(norms[2]) + 0.1)
     variance = model.covariance(chain, q, step)[:, 0, 0]
-    assert np.all(np.diff(norms) > 0) and np.all(np.diff(variance) < 0) and variance[3] == 0.0
+    assert (
+        np.all(np.diff(norms) > 0)
+        and np.all(np.diff(variance) < 0)
+        and variance[3] == 0.0
+    )
     drawn, clipped = draw_steps(model, chain, q, step, np.random.default_rng(4))
     assert clipped == 1
     np.testing.assert_allclose(drawn[3], model.mean(chain, q, step)[3], atol=1e-14)
@@ -184,16 +218,22 @@ def test_the_noise_shrinks_as_the_pose_nears_the_bound_and_is_clipped_and_counte
 
 def model_covariance(alpha: float, extension: float) -> np.ndarray:
     u = INVERSE_NORM.max() + extension
-    return (alpha**2 * (u**2 - INVERSE_NORM**2) / 9 * STEP_NORM**2)[:, None, None] * np.eye(3)
+    return (alpha**2 * (u**2 - INVERSE_NORM**2) / 9 * STEP_NORM**2)[
+        :, None, None
+    ] * np.eye(3)
 
 
 def traces_of(alpha: float, extension: float) -> np.ndarray:
     return np.trace(model_covariance(alpha, extension), axis1=1, axis2=2)
 
 
-def fit(covariance: np.ndarray, beta1: float = 0.5, extensions: np.ndarray = EXTENSIONS):
+def fit(
+    covariance: np.ndarray, beta1: float = 0.5, extensions: np.ndarray = EXTENSIONS
+):
     mean = np.full((STEPS, 3), 0.01)
-    return fit_distance((mean, covariance), STEP_NORM, INVERSE_NORM, 3, beta1, extensions)
+    return fit_distance(
+        (mean, covariance), STEP_NORM, INVERSE_NORM, 3, beta1, extensions
+    )
 
 
 @pytest.mark.parametrize(("alpha", "extension"), [(0.1, 1.0), (0.3, 5.0)])
@@ -214,7 +254,9 @@ def test_alpha_is_the_best_for_each_extension():
     result, target = fit(covariance), np.trace(covariance, axis1=1, axis2=2)
     for i in (0, 80, 199):
         alphas = np.linspace(0.5, 2, 301) * result.alphas[i]
-        distance = np.abs(alphas[:, None] ** 2 * traces_of(1.0, EXTENSIONS[i]) - target).sum(axis=1)
+        distance = np.abs(
+            alphas[:, None] ** 2 * traces_of(1.0, EXTENSIONS[i]) - target
+        ).sum(axis=1)
         rivals = 0.5 * distance + 0.5 * STEPS * np.sqrt(3) * 0.01
         assert result.objectives[i] <= rivals.min() * (1 + 1e-12)
     assert result.objective <= result.objectives.min()
@@ -224,13 +266,18 @@ def test_noise_that_follows_the_speed_alone_runs_to_the_end_of_the_interval_alon
     """u → ∞ with αu fixed is one model: such data do not determine u, and the fit says so."""
     result = fit((1e-3 * STEP_NORM**2)[:, None, None] * np.eye(3))
     assert result.at_end and result.unbounded and result.extension == EXTENSIONS[-1]
-    alphas, product = result.alphas[-50:], (result.alphas * (INVERSE_NORM.max() + EXTENSIONS))[-50:]
+    alphas, product = (
+        result.alphas[-50:],
+        (result.alphas * (INVERSE_NORM.max() + EXTENSIONS))[-50:],
+    )
     assert np.ptp(product) / product[-1] < 0.5 * np.ptp(alphas) / alphas[-1]
 
 
 def test_the_printed_objective_without_the_absolute_value_rewards_no_noise_at_all():
     """tr{Cov(q) − Cov(q̃)} as printed falls all the way to α = 0; its absolute value does not."""
     alphas = np.linspace(0, 0.3, 61)
-    difference = np.array([traces_of(alpha, 1.0) - traces_of(0.1, 1.0) for alpha in alphas])
+    difference = np.array(
+        [traces_of(alpha, 1.0) - traces_of(0.1, 1.0) for alpha in alphas]
+    )
     assert alphas[difference.sum(axis=1).argmin()] == 0
     assert alphas[np.abs(difference).sum(axis=1).argmin()] == pytest.approx(0.1)

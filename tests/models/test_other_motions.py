@@ -19,7 +19,9 @@ def motions(chain) -> list[MotionSteps]:
     for name, direction in (("1", [1.0, 0.5, -1.0]), ("2", [-1.0, 1.0, 0.5])):
         dq = 5e-3 * np.tile(direction, (TAKES, STEPS, 1))
         noise = [1e-3, 2e-3, 3e-3] * rng.standard_normal(dq.shape)
-        true = np.concatenate([np.zeros((TAKES, 1, 3)), np.cumsum(dq + noise, axis=1)], axis=1)
+        true = np.concatenate(
+            [np.zeros((TAKES, 1, 3)), np.cumsum(dq + noise, axis=1)], axis=1
+        )
         q = true + [0.4, 1.7, -0.3] + POSE_NOISE * rng.standard_normal(true.shape)
         result.append(MotionSteps(name, q[:, :-1], dq, np.diff(q, axis=1) - dq))
     return result
@@ -35,9 +37,13 @@ def test_a_step_has_the_noise_of_two_measured_poses(chain, motions):
     assert np.all(np.abs(apart) < band) and np.all(band < POSE_NOISE**2)
 
 
-def test_the_prediction_of_a_motion_has_the_measurement_noise_that_the_fit_left_out(chain, motions):
+def test_the_prediction_of_a_motion_has_the_measurement_noise_that_the_fit_left_out(
+    chain, motions
+):
     options = {"additive": Options("additive", estimator="shrinkage")}
-    scores = matrix_scores(motions, JOINTS, POSE_NOISE, chain, options).set_index("motion")["score"]
+    scores = matrix_scores(motions, JOINTS, POSE_NOISE, chain, options).set_index(
+        "motion"
+    )["score"]
     for own, other in zip(motions, motions[::-1], strict=True):
         fitted = recorded_motions(chain, [other], JOINTS, POSE_NOISE)
         noise = recorded_motions(chain, [own], JOINTS, POSE_NOISE).noise

@@ -16,7 +16,10 @@ from pipeline.statistics.horizons import pooled
 from pipeline.tools.characterize.logs import folder_logs
 
 RECORDINGS = ROOT.parent / "shared/recordings"
-RATIO, WITHIN = (2 / 3, 3 / 2), (0.58, 0.80)  # predicted over measured σ; share within ±1σ
+RATIO, WITHIN = (
+    (2 / 3, 3 / 2),
+    (0.58, 0.80),
+)  # predicted over measured σ; share within ±1σ
 LOST = 0.5  # nats a sample, summed over joints, that the law may lose to the best of the four
 # arm, horizon → other bands. The published angles of the LWR4+ were smoothed: over 60 rows at both
 # ends of the log the error rings with up to 2.9 mrad, beside a median of .1 mrad. At one sample .96
@@ -42,11 +45,17 @@ def test_predictions_of_recorded_errors_are_calibrated_and_lose_to_no_simple_one
                 for name, predict in references(others, j, steps).items():
                     for run in (run for run in held if len(run.command) > steps + 1):
                         error = (run.measured - run.command)[steps:, [j]]
-                        score = predict(run, steps).log_probability(error, run.quantum[[j]])
+                        score = predict(run, steps).log_probability(
+                            error, run.quantum[[j]]
+                        )
                         kept = score[counted(run, steps)[:, j], 0]
                         simple.setdefault((horizon, name, joint), []).append(kept)
-    own = pooled(pd.DataFrame(rows).query("samples == 'commanded'"), ["horizon", "joint"])
-    means = pd.Series({key: np.concatenate(each).mean() for key, each in simple.items()})
+    own = pooled(
+        pd.DataFrame(rows).query("samples == 'commanded'"), ["horizon", "joint"]
+    )
+    means = pd.Series(
+        {key: np.concatenate(each).mean() for key, each in simple.items()}
+    )
     totals = means.groupby(level=[0, 1]).sum()
     for horizon, joints in own.groupby("horizon"):
         for column, band in (
@@ -55,8 +64,12 @@ def test_predictions_of_recorded_errors_are_calibrated_and_lose_to_no_simple_one
             ("two_sigma", (0.8, 1.0)),
         ):
             outside = joints[~joints[column].between(*band)]
-            assert outside.empty, f"{horizon}: {column} beyond {band}:\n{outside[column]}"
+            assert outside.empty, (
+                f"{horizon}: {column} beyond {band}:\n{outside[column]}"
+            )
         total = joints["score"].sum()
         assert total > totals[horizon].max() - LOST, (horizon, total, totals[horizon])
-        if horizon != "one sample":  # control: a constant about the command has a lower score
+        if (
+            horizon != "one sample"
+        ):  # control: a constant about the command has a lower score
             assert total > totals[horizon]["constant"] + LOST

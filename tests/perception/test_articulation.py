@@ -23,12 +23,18 @@ from pipeline.perception.articulation import (
     variables,
 )
 
-OPTIONS, FREE, RANK = made(Articulation), made(Articulation, end_point="fitted"), from_python(rank)
+OPTIONS, FREE, RANK = (
+    made(Articulation),
+    made(Articulation, end_point="fitted"),
+    from_python(rank),
+)
 GAMMAS = (FREE.gamma1, FREE.gamma2)
 AWAY = np.array([0.05, -0.05, 0.05])  # rad, of a start from the pose
 
 
-def plain_objective(points: np.ndarray, nodes: np.ndarray, gamma1: float, gamma2: float) -> float:
+def plain_objective(
+    points: np.ndarray, nodes: np.ndarray, gamma1: float, gamma2: float
+) -> float:
     """Eq. (KinObj) of ``points`` (I, 2) at ``nodes`` (4, 2), every distance as the distance to the
     closest point of the segment.
     """
@@ -69,7 +75,9 @@ def _distances(
 
 
 def _asymmetry(distance: np.ndarray, side: np.ndarray) -> float:
-    return abs(distance[side > 0].max(initial=0.0) - distance[side <= 0].max(initial=0.0))
+    return abs(
+        distance[side > 0].max(initial=0.0) - distance[side <= 0].max(initial=0.0)
+    )
 
 
 def plain_rank(v, points, o1, ee, bounds, gamma1: float, gamma2: float) -> float:
@@ -84,7 +92,9 @@ def plain_rank(v, points, o1, ee, bounds, gamma1: float, gamma2: float) -> float
     return plain_objective(points, nodes, gamma1, gamma2)
 
 
-def ranked(points: np.ndarray, nodes: np.ndarray, share: float, *gammas: float) -> float:
+def ranked(
+    points: np.ndarray, nodes: np.ndarray, share: float, *gammas: float
+) -> float:
     frame = frame_of(points.T, nodes[0], nodes[3], limits(share), gammas)
     return RANK(frame, nodes[1:3].ravel())
 
@@ -111,9 +121,13 @@ def test_the_objective_is_the_printed_one() -> None:
         nodes = CHAIN.points(Q[frame])
         nodes[1:3] += rng.normal(scale=0.01, size=(2, 2))
         value = ranked(CLOUDS[frame], nodes, 0.9, 0.7, 0.4)
-        assert value == pytest.approx(plain_objective(CLOUDS[frame], nodes, 0.7, 0.4), rel=1e-12)
+        assert value == pytest.approx(
+            plain_objective(CLOUDS[frame], nodes, 0.7, 0.4), rel=1e-12
+        )
         free = problem(CLOUDS[frame], Q[frame])
-        v = variables(free, CHAIN.points(Q[frame])[1:], "fitted") + rng.normal(scale=0.01, size=5)
+        v = variables(free, CHAIN.points(Q[frame])[1:], "fitted") + rng.normal(
+            scale=0.01, size=5
+        )
         plain = plain_halved(v, CLOUDS[frame], CHAIN.origin, limits(), *GAMMAS)
         assert RANK(free, v) == pytest.approx(plain, rel=1e-10)
 
@@ -127,12 +141,16 @@ def test_a_point_at_a_joint_is_of_both_segments_and_poses_out_of_range_rank_behi
     # poses outside the lengths rank behind by their violation
     longer = CHAIN.points(Q[0])
     longer[1] = longer[0] + (longer[1] - longer[0]) * 1.2
-    plain = plain_rank(longer[1:3].ravel(), CLOUDS[0], *longer[[0, 3]], limits(), 1.0, 0.3)
+    plain = plain_rank(
+        longer[1:3].ravel(), CLOUDS[0], *longer[[0, 3]], limits(), 1.0, 0.3
+    )
     assert ranked(CLOUDS[0], longer, 0.05, 1.0, 0.3) == pytest.approx(plain, rel=1e-12)
     assert plain > INFEASIBLE + 0.02
 
 
-@pytest.mark.parametrize("end", ["commanded", pytest.param("fitted", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "end", ["commanded", pytest.param("fitted", marks=pytest.mark.slow)]
+)
 def test_the_simplex_finds_what_scipys_finds_or_better(end) -> None:
     ours, reference = [], []
     for number in range(0, 97, 24):
@@ -162,17 +180,23 @@ def test_the_simplex_finds_what_scipys_finds_or_better(end) -> None:
 
 
 @pytest.mark.parametrize("options", [OPTIONS, FREE], ids=["commanded", "fitted"])
-def test_the_angles_are_as_good_as_a_filter_needs_and_the_lengths_stay_in_range(options):
+def test_the_angles_are_as_good_as_a_filter_needs_and_the_lengths_stay_in_range(
+    options,
+):
     fitted = fit(CLOUDS, Q, options)
     assert np.all(np.sqrt(((fitted.q - Q) ** 2).mean(axis=0)) < [0.04, 0.06, 0.06])
     lengths = np.linalg.norm(np.diff(fitted.nodes, axis=1), axis=2)
-    assert np.all((lengths >= limits()[:, 0] - 1e-12) & (lengths <= limits()[:, 1] + 1e-12))
+    assert np.all(
+        (lengths >= limits()[:, 0] - 1e-12) & (lengths <= limits()[:, 1] + 1e-12)
+    )
     assert np.isfinite(fitted.objective).all()
     again = fit(CLOUDS[:10], Q[:10], options)
     assert again.nodes.tobytes() == fitted.nodes[:10].tobytes()
 
 
-def test_frames_with_too_few_points_are_gaps_counted_bridged_and_refused_in_a_row() -> None:
+def test_frames_with_too_few_points_are_gaps_counted_bridged_and_refused_in_a_row() -> (
+    None
+):
     thinned = [c[:10] if f in (0, 30, 31) else c for f, c in enumerate(CLOUDS[:40])]
     fitted = fit(thinned, Q[:40])
     assert np.flatnonzero(np.isnan(fitted.q).any(axis=1)).tolist() == [0, 30, 31]
@@ -193,4 +217,6 @@ def test_an_arm_that_was_lost_over_missing_frames_is_found_again(monkeypatch) ->
 
 def test_an_end_effector_out_of_reach_is_refused() -> None:
     with pytest.raises(RecordingError, match=r"joins O1 and EE.*frame 0"):
-        fit_sequence(CLOUDS[:1], CHAIN.origin, np.array([[0.0, 0.7]]), CHAIN, OPTIONS, Q[0])
+        fit_sequence(
+            CLOUDS[:1], CHAIN.origin, np.array([[0.0, 0.7]]), CHAIN, OPTIONS, Q[0]
+        )

@@ -32,7 +32,9 @@ def errors(takes: int) -> pd.DataFrame:
     root = 1e-3 * np.array([[4.0, 0.0, 0.0], [-3.0, 2.0, 0.0], [1.0, -1.0, 5.0]])
     for take in range(takes):
         size = 1 + frames[:, None] / FRAMES
-        noise = frames[:, None] * BIAS + size * (rng.standard_normal((FRAMES, 3)) @ root.T)
+        noise = frames[:, None] * BIAS + size * (
+            rng.standard_normal((FRAMES, 3)) @ root.T
+        )
         times = frames / 30 + rng.normal(0, 1e-3, FRAMES)
         named = {"take": f"test_{take}", "frame": frames, "t": times}
         rows.append(pd.DataFrame(named | spread("e", JOINTS, noise)))
@@ -54,7 +56,9 @@ def test_a_take_has_no_say_in_its_own_noise():
     pd.testing.assert_frame_equal(own, rows_of_take(other, "test_3"))
     # it is what the other takes alone would give
     without = rows_of_take(leave_one_out(before[~changed], window=2), "none")
-    pd.testing.assert_frame_equal(own.drop(columns="take"), without.drop(columns="take"))
+    pd.testing.assert_frame_equal(
+        own.drop(columns="take"), without.drop(columns="take")
+    )
     # control: on every other take it has
     for take in ("test_0", "test_7", "none"):
         means = (rows_of_take(table, take)[MEAN].to_numpy() for table in (noise, other))
@@ -104,7 +108,12 @@ def test_a_frames_error_is_against_the_motion_at_its_own_time_and_none_is_outsid
     assert deviations["frame"].tolist() == [1, 2, 3]
     np.testing.assert_allclose(deviations[ERRORS], np.tile([0.1, 0.2, 0.3], (3, 1)))
     # control: at the times of other frames they are not
-    assert np.abs(errors_of(angles.assign(t=exposed + 0.005), joints)[ERRORS[2]] - 0.3).min() > 0.01
+    assert (
+        np.abs(
+            errors_of(angles.assign(t=exposed + 0.005), joints)[ERRORS[2]] - 0.3
+        ).min()
+        > 0.01
+    )
 
 
 PAIR, STEP, TAKES, SAMPLES = ("a", "b"), 0.01, 40, 101
@@ -115,7 +124,12 @@ NONE = np.zeros((2, 2))
 
 @cache
 def recordings(
-    *, share: float, lasts: bool, pose: float = 0.0, jump: float = 0.0, common: float = 0.0
+    *,
+    share: float,
+    lasts: bool,
+    pose: float = 0.0,
+    jump: float = 0.0,
+    common: float = 0.0,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Errors and joints of TAKES takes, every third sample a frame that is ``share`` of a step
     late; deviations that last a whole take, or are new at every instant.
@@ -178,7 +192,9 @@ def test_the_standard_error_knows_what_the_errors_of_a_take_have_in_common():
 def test_the_motion_captures_own_noise_makes_no_slope_once_it_is_known():
     pose = 2e-3
     noise = pose**2 * np.eye(2)
-    assert np.all(far(slopes(NEAR_A_SAMPLE, noise, share=0.0, lasts=False, pose=pose)) < 4)
+    assert np.all(
+        far(slopes(NEAR_A_SAMPLE, noise, share=0.0, lasts=False, pose=pose)) < 4
+    )
     # control: where it is taken for nothing it does
     assert far(slopes(NEAR_A_SAMPLE, share=0.0, lasts=False, pose=pose))[0] > 4
 

@@ -22,7 +22,12 @@ MEASURED = points(UR5, MARKERS, motion(FRAMES))  # of the UR5, exact
 
 
 def tracked(positions: np.ndarray, markers: dict = MARKERS, robot=UR5, **options):
-    return track(positions, points_in_space(robot, mocap(markers, **options)), max_gap=20, take="t")
+    return track(
+        positions,
+        points_in_space(robot, mocap(markers, **options)),
+        max_gap=20,
+        take="t",
+    )
 
 
 def test_exact_points_give_exact_angles():
@@ -30,10 +35,18 @@ def test_exact_points_give_exact_angles():
     np.testing.assert_allclose(result.q, motion(FRAMES), atol=1e-9)
     assert result.residual.max() < 1e-10 and not any(result.counts.values())
     # single markers on many links do as well
-    single = {"shoulder": {"s": [0.05, 0.06, 0.0]}, "upper_arm": {"a": [-0.2, 0.06, 0.05]}}
-    single |= {"forearm": {"d": [-0.3, 0.05, 0.05]}, "wrist_2": {"w": [0.03, 0.02, 0.05]}}
+    single = {
+        "shoulder": {"s": [0.05, 0.06, 0.0]},
+        "upper_arm": {"a": [-0.2, 0.06, 0.05]},
+    }
+    single |= {
+        "forearm": {"d": [-0.3, 0.05, 0.05]},
+        "wrist_2": {"w": [0.03, 0.02, 0.05]},
+    }
     single |= {"flange": {"g": [0.0, 0.07, 0.01], "h": [0.06, 0.0, 0.02]}}
-    result = tracked(points(UR5, single, motion(FRAMES)), single, posture=START.round(1).tolist())
+    result = tracked(
+        points(UR5, single, motion(FRAMES)), single, posture=START.round(1).tolist()
+    )
     np.testing.assert_allclose(result.q, motion(FRAMES), atol=1e-9)
 
 
@@ -58,7 +71,9 @@ def of_youbot(q: np.ndarray) -> np.ndarray:
 
     zero = ARM.to_base(marker_places(np.zeros(3), PLACES, ARM.chain))
     frames = zip(placed(np.zeros(3)), placed(q), zero, strict=True)
-    return np.array([(now * before.inverse()).act(m) for before, now, of in frames for m in of])
+    return np.array(
+        [(now * before.inverse()).act(m) for before, now, of in frames for m in of]
+    )
 
 
 @pytest.mark.parametrize("plane", [True, False])
@@ -75,16 +90,24 @@ def test_a_noisy_frame_is_solved_as_scipy_solves_it_through_pinocchio(plane):
     frame = carry(q) + NOISE * np.random.default_rng(1).standard_normal((9, 3))
     ends = dict.fromkeys(("xtol", "ftol", "gtol"), 1e-15)
     other = least_squares(
-        lambda angles: (carry(angles) - frame).ravel(), q, "3-point", x_scale=0.1, **ends
+        lambda angles: (carry(angles) - frame).ravel(),
+        q,
+        "3-point",
+        x_scale=0.1,
+        **ends,
     )
     frames = solver.solve(frame[None], q[None] + 0.05)
     solution = type(frames)(*(each[0] for each in frames))
     np.testing.assert_allclose(solution.q, other.x, atol=2e-8)
     assert (solution.distances**2).sum() == pytest.approx(2 * other.cost, rel=1e-9)
-    np.testing.assert_allclose(solution.normal, other.jac.T @ other.jac, rtol=0, atol=1e-5)
+    np.testing.assert_allclose(
+        solution.normal, other.jac.T @ other.jac, rtol=0, atol=1e-5
+    )
     # SciPy's derivatives limit it; the step that is left by central differences does not
     nudges = 1e-5 * np.eye(len(q))
-    slopes = [(carry(solution.q + d) - carry(solution.q - d)).ravel() / 2e-5 for d in nudges]
+    slopes = [
+        (carry(solution.q + d) - carry(solution.q - d)).ravel() / 2e-5 for d in nudges
+    ]
     left = np.linalg.lstsq(np.array(slopes).T, (frame - carry(solution.q)).ravel())[0]
     assert np.abs(left).max() < 1e-10
     # control: the exact angles are no minimum of the noisy points
@@ -101,7 +124,9 @@ def test_a_link_is_missed_where_the_rest_decides_and_a_gap_is_filled_where_it_do
     result = tracked(without_hand)
     assert result.counts["interpolated"] == 10
     assert np.isnan(result.residual[30:40]).all()
-    np.testing.assert_allclose(result.q, motion(FRAMES), atol=1e-9)  # the motion is a straight line
+    np.testing.assert_allclose(
+        result.q, motion(FRAMES), atol=1e-9
+    )  # the motion is a straight line
     without_hand[30:55, HAND] = np.nan
     with pytest.raises(RecordingError, match="longer than 20 frames"):
         tracked(without_hand)
@@ -130,7 +155,9 @@ def test_a_body_that_slips_is_left_out_of_its_frames():
 def test_joints_that_no_point_shows_are_named():
     measured = MEASURED[:2]  # every frame is tried
     upper = {"upper_arm": MARKERS["upper_arm"]}
-    with pytest.raises(RecordingError, match="determine joint_3, joint_4, joint_5, joint_6:"):
+    with pytest.raises(
+        RecordingError, match="determine joint_3, joint_4, joint_5, joint_6:"
+    ):
         tracked(measured[:, UPPER], upper)
     two = {link: MARKERS[link] for link in ("upper_arm", "forearm")}
     with pytest.raises(RecordingError, match="determine joint_4, joint_5, joint_6:"):
@@ -152,7 +179,9 @@ def test_postures_that_fit_alike_are_refused_until_one_is_named():
     with pytest.raises(RecordingError, match="2 postures"):
         tracked(points(LWR4, beyond, q), beyond, LWR4)
     other = {"link_1": {"x": [0.1, 0.0, 0.1]}} | beyond
-    np.testing.assert_allclose(tracked(points(LWR4, other, q), other, LWR4).q, q, atol=1e-9)
+    np.testing.assert_allclose(
+        tracked(points(LWR4, other, q), other, LWR4).q, q, atol=1e-9
+    )
 
 
 def test_whole_turns_are_those_of_the_posture_that_is_named_and_points_that_never_fit_refused():
@@ -183,7 +212,9 @@ def recording(noise: float = 0.0, seed: int = 3) -> np.ndarray:
     return places + noise * np.random.default_rng(seed).standard_normal(places.shape)
 
 
-def of_plane(positions: np.ndarray, template: np.ndarray = PLACES, take: str = "") -> JointTrack:
+def of_plane(
+    positions: np.ndarray, template: np.ndarray = PLACES, take: str = ""
+) -> JointTrack:
     return track(positions, points_in_plane(ARM, template, 0.01), max_gap=10, take=take)
 
 
@@ -211,7 +242,10 @@ def test_labels_swapped_within_and_between_links_are_put_right_and_counted():
     swapped[:10, [6, 7, 8]] = clean[:10, [8, 6, 7]]
     repaired = of_plane(swapped)
     np.testing.assert_allclose(repaired.q, reference.q, atol=1e-9)
-    assert repaired.counts == {**reference.counts, "relabelled": 2 * 50 + 2 * 80 + 3 * 10}
+    assert repaired.counts == {
+        **reference.counts,
+        "relabelled": 2 * 50 + 2 * 80 + 3 * 10,
+    }
 
 
 def test_a_reflection_with_a_label_is_rejected_and_the_rest_of_the_markers_decide():
@@ -242,7 +276,9 @@ def test_gaps_of_turning_joints_are_filled_the_short_way_round_and_of_sliding_on
     q = np.array([[3.1, 0.0], [np.nan, np.nan], [-3.1, 3.8]])
     solved, sliding = np.array([True, False, True]), np.array([False, True])
     filled, counts = fill_gaps(q, solved, sliding, 1, "t")
-    np.testing.assert_allclose(filled, [[3.1, 0.0], [np.pi, 1.9], [2 * np.pi - 3.1, 3.8]])
+    np.testing.assert_allclose(
+        filled, [[3.1, 0.0], [np.pi, 1.9], [2 * np.pi - 3.1, 3.8]]
+    )
     assert counts == {"interpolated": 1, "held": 0}
 
 
@@ -253,7 +289,12 @@ LINE = np.array([PLACES[0], [[0, 0, 0.02], [0, 0, 0.06], [0, 0, 0.1]], PLACES[2]
     ("positions", "template", "error", "words"),
     [
         (recording()[:20] * 1000, PLACES, RecordingError, "fit the arm"),
-        (recording()[:20, ::-1], PLACES, RecordingError, "check the template, the labels"),
+        (
+            recording()[:20, ::-1],
+            PLACES,
+            RecordingError,
+            "check the template, the labels",
+        ),
         (np.full((5, 9, 3), np.nan), PLACES, RecordingError, "fit the arm"),
         (recording()[:0], PLACES, RecordingError, "no frame"),
         (recording()[:20], LINE, ConfigError, "in line"),

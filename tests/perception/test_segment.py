@@ -23,11 +23,15 @@ WIDTH = 0.06  # m
 
 
 CHAIN = planar_chain(0.01, 0.115)
-ARM = Arm(CHAIN, Rotation.from_euler("z", 2.9).as_matrix(), np.array([0.02, -0.01, 0.0]))
+ARM = Arm(
+    CHAIN, Rotation.from_euler("z", 2.9).as_matrix(), np.array([0.02, -0.01, 0.0])
+)
 Q = np.array([-0.5, 1.4, -0.6])
 # the camera is 1.1 m before the plane, turned by a few degrees
 FACING = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
-TURN = ARM.rotation @ FACING @ Rotation.from_euler("xyz", [-0.05, 0.1, 0.02]).as_matrix()
+TURN = (
+    ARM.rotation @ FACING @ Rotation.from_euler("xyz", [-0.05, 0.1, 0.02]).as_matrix()
+)
 PLACE = np.array([-0.05, -1.1, 0.25])  # m, in the plane's frame
 
 
@@ -37,10 +41,14 @@ def ideal_pixels() -> np.ndarray:
     the forward model.
     """
     v, u = np.mgrid[: SHAPE[0], : SHAPE[1]].reshape(2, -1)
-    target = np.stack([(u - CAMERA.cx) / CAMERA.fx, (v - CAMERA.cy) / CAMERA.fy], axis=-1)
+    target = np.stack(
+        [(u - CAMERA.cx) / CAMERA.fx, (v - CAMERA.cy) / CAMERA.fy], axis=-1
+    )
     still, ideal = np.zeros(3), np.c_[target, np.ones(len(target))]
     for _ in range(30):
-        seen, _ = cv2.projectPoints(ideal, still, still, np.eye(3), np.array(CAMERA.distortion))
+        seen, _ = cv2.projectPoints(
+            ideal, still, still, np.eye(3), np.array(CAMERA.distortion)
+        )
         ideal[:, :2] += target - seen[:, 0]
     return ideal
 
@@ -97,7 +105,9 @@ def test_pixels_without_depth_and_alone_beside_the_arm_are_left_out() -> None:
     rows, columns = cut.window
     depth.ravel()[lost[::2]], depth.ravel()[lost[1::2]] = 0.0, np.nan
     # a flying pixel: at the depth of the arm, beside it
-    beside = cv2.dilate(hit.astype(np.uint8), np.ones((7, 7))).astype(bool)[rows, columns]
+    beside = cv2.dilate(hit.astype(np.uint8), np.ones((7, 7))).astype(bool)[
+        rows, columns
+    ]
     free = tuple(np.argwhere(~beside)[0] + [rows.start, columns.start])
     ray = rays()[np.ravel_multi_index(free, SHAPE)]
     depth[free] = (FRONT - PLACE[1]) / ray[1]

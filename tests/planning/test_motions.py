@@ -19,7 +19,13 @@ from pipeline.planning.motions import (
     least_uncertain,
     minimum_norm,
 )
-from pipeline.planning.problem import Cost, InfeasibleError, Problem, settle, uncertainty
+from pipeline.planning.problem import (
+    Cost,
+    InfeasibleError,
+    Problem,
+    settle,
+    uncertainty,
+)
 from pipeline.planning.self_motion import curves, grid, spacing_of
 
 
@@ -57,7 +63,10 @@ def test_on_a_small_grid_the_optimum_is_that_of_trying_every_motion(law, smoothn
 
 @pytest.mark.parametrize(
     ("objective_", "law"),
-    [*(("trace", law) for law in LAWS if law != "additive"), ("log_det", "qr_transposed")],
+    [
+        *(("trace", law) for law in LAWS if law != "additive"),
+        ("log_det", "qr_transposed"),
+    ],
 )
 def test_under_every_model_a_motion_is_refined_beyond_its_grid_and_keeps_everything(
     law, objective_, monkeypatch
@@ -82,7 +91,9 @@ def test_under_every_model_a_motion_is_refined_beyond_its_grid_and_keeps_everyth
     tangent *= np.sign(tangent @ tangent[0])[:, None]
     bump = np.sin(np.linspace(0, np.pi, 49))[:, None]
     for size in (-0.02, 0.02):
-        near, _ = settle(problem.chain, planned.joints + size * bump * tangent, problem.path, 20)
+        near, _ = settle(
+            problem.chain, planned.joints + size * bump * tangent, problem.path, 20
+        )
         change = value(problem, cost, near) - planned.objective
         assert change > -1e-5 * abs(driven - planned.objective) or problem.failure(near)
 
@@ -114,7 +125,9 @@ def test_the_best_conditioned_motion_is_better_conditioned_than_the_others():
         joint_path("planar", 40),
         least_uncertain(problem, law_cost("gaussian", problem.chain), 80).joints,
     )
-    assert all(manipulability(best.joints) > manipulability(other) + 1 for other in others)
+    assert all(
+        manipulability(best.joints) > manipulability(other) + 1 for other in others
+    )
     assert -best.cost.sum() == pytest.approx(manipulability(best.joints))
 
 
@@ -122,10 +135,14 @@ def test_the_least_norm_motion_never_moves_in_the_null_space():
     problem = path_problem("planar", 200)
     planned = minimum_norm(problem, joint_path("planar", 1)[0])
     assert problem.failure(planned.joints) is None
-    in_null_space = replace(problem, smoothness=1.0).objective(np.zeros(200), planned.joints)
+    in_null_space = replace(problem, smoothness=1.0).objective(
+        np.zeros(200), planned.joints
+    )
     # what a step of a straight line leaves to Newton's method
     assert in_null_space < 0.01 * planned.objective
-    assert planned.objective == pytest.approx(np.sum(np.diff(planned.joints, axis=0) ** 2))
+    assert planned.objective == pytest.approx(
+        np.sum(np.diff(planned.joints, axis=0) ** 2)
+    )
 
 
 def test_the_least_norm_motion_names_the_step_at_which_it_leaves_the_limits():
@@ -138,9 +155,19 @@ def test_the_least_norm_motion_names_the_step_at_which_it_leaves_the_limits():
 @pytest.mark.parametrize(
     ("arm", "changes", "error", "words"),
     [
-        ("planar", {"rate": 2e3}, InfeasibleError, r"speed limits; .* \[step 20, after 0\]"),
+        (
+            "planar",
+            {"rate": 2e3},
+            InfeasibleError,
+            r"speed limits; .* \[step 20, after 0\]",
+        ),
         ("two spare", {}, ConfigError, "2 joints more than the task has rows"),
-        ("planar", {"margin": 0.0}, ConfigError, "margin must be finite and positive, not 0.0"),
+        (
+            "planar",
+            {"margin": 0.0},
+            ConfigError,
+            "margin must be finite and positive, not 0.0",
+        ),
     ],
 )
 def test_a_problem_without_a_plan_is_refused(arm, changes, error, words):
@@ -158,10 +185,13 @@ STEP = np.array([2e-3, 1e-3])
 def test_the_cost_of_a_step_is_the_trace_and_the_ln_det_of_drawn_steps(law):
     arm, model = chain("planar"), build_model(LAWS[law])
     q, draws = joint_path("planar", 2)[1], 40_000
-    drawn, _ = draw_steps(model, arm, np.tile(q, (draws, 1)), STEP, np.random.default_rng(4))
+    drawn, _ = draw_steps(
+        model, arm, np.tile(q, (draws, 1)), STEP, np.random.default_rng(4)
+    )
     variances = np.linalg.eigvalsh(np.cov(drawn, rowvar=False))
     trace, log_det = (
-        law_cost(law, arm, objective)(q[None], STEP[None])[0] for objective in ("trace", "log_det")
+        law_cost(law, arm, objective)(q[None], STEP[None])[0]
+        for objective in ("trace", "log_det")
     )
     # of heavy tails, so that a sample's variance is off by some percent
     assert trace == pytest.approx(variances.sum(), rel=0.1)
@@ -195,8 +225,13 @@ def test_singular_poses_cost_infinitely_much_and_no_others():
 def test_a_model_without_a_covariance_is_refused_and_a_step_without_a_ln_det_is_not_taken():
     arm, q, v = chain("planar"), joint_path("planar", 1), np.tile(STEP, (2, 1))
     assert uncertainty(build_model(BEYOND), arm, "trace")(q, v).tolist() == [0, 0]
-    assert uncertainty(build_model(BEYOND), arm, "log_det")(q, v).tolist() == [np.inf, np.inf]
-    with pytest.raises(ModelDomainError, match="Wishart step exists only for sigma_B below"):
+    assert uncertainty(build_model(BEYOND), arm, "log_det")(q, v).tolist() == [
+        np.inf,
+        np.inf,
+    ]
+    with pytest.raises(
+        ModelDomainError, match="Wishart step exists only for sigma_B below"
+    ):
         uncertainty(build_model(WIDE), arm, "trace")(q, v)
     problem = path_problem("planar", 4)
     with pytest.raises(InfeasibleError, match="no covariance or a singular one"):
@@ -209,7 +244,9 @@ SPACING = 0.2
 def solutions(task: Problem, step: int, tried: int) -> np.ndarray:
     """Poses at ``step`` that Newton's method finds from random ones, and that are to be kept."""
     chain = task.chain
-    begun = np.random.default_rng(3).uniform(chain.lower, chain.upper, (tried, len(chain.lower)))
+    begun = np.random.default_rng(3).uniform(
+        chain.lower, chain.upper, (tried, len(chain.lower))
+    )
     left, reached = settle(chain, begun, np.tile(task.path[step], (tried, 1)), 60)
     left = task.nearest_turns(left[reached])
     left = left[chain.within_limits(left)]
@@ -233,7 +270,9 @@ def test_every_solution_lies_between_two_neighbours_of_the_grid(arm):
     if arm == "seven":
         # the control: the curve of one start alone misses branches
         (poses,) = curves(task, np.array([2]), SPACING, 1)
-        apart = np.linalg.norm(task.less_turns(held[:, None] - poses), axis=-1).min(axis=1)
+        apart = np.linalg.norm(task.less_turns(held[:, None] - poses), axis=-1).min(
+            axis=1
+        )
         assert np.mean(apart < SPACING) < 0.7
 
 
@@ -245,9 +284,13 @@ def test_every_solution_lies_between_two_neighbours_of_the_grid(arm):
         ({}, 1e-3, r"does not reach the pose .*\[step 0"),
     ],
 )
-def test_where_the_path_cannot_be_followed_its_first_step_is_named(changes, upper, words):
+def test_where_the_path_cannot_be_followed_its_first_step_is_named(
+    changes, upper, words
+):
     task = path_problem("planar", 6, **changes)
-    chain = replace(task.chain, upper=np.minimum(task.chain.upper, task.chain.lower + upper))
+    chain = replace(
+        task.chain, upper=np.minimum(task.chain.upper, task.chain.lower + upper)
+    )
     path = task.path.copy()
     path[4:, 0] += 5.0
     with pytest.raises(InfeasibleError, match=words):

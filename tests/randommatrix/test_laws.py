@@ -57,7 +57,9 @@ def inverse_wishart_of_the_same_constraints(d: float, n: int):
 
 
 @pytest.mark.parametrize("sigma_b", [0.25, 0.7])
-def test_of_two_laws_that_meet_the_constraints_the_wishart_law_has_the_greater_entropy(sigma_b):
+def test_of_two_laws_that_meet_the_constraints_the_wishart_law_has_the_greater_entropy(
+    sigma_b,
+):
     n, draws, rng = 3, 4000, np.random.default_rng(1)
     d, wide = (wishart.degrees_of_freedom(factor * sigma_b, n) for factor in (1.0, 1.1))
     other = inverse_wishart_of_the_same_constraints(d, n)
@@ -65,8 +67,12 @@ def test_of_two_laws_that_meet_the_constraints_the_wishart_law_has_the_greater_e
     # the log density is a function of the constraints alone, so both laws have one expectation of
     # it: minus the entropy of the first
     of_own = maxent(d, n).rvs(draws, random_state=rng)
-    own, cross = (maxent(d, n).logpdf(np.moveaxis(drawn, 0, -1)) for drawn in (of_own, of_other))
-    assert abs(own.mean() - cross.mean()) < 4.5 * np.sqrt((own.var() + cross.var()) / draws)
+    own, cross = (
+        maxent(d, n).logpdf(np.moveaxis(drawn, 0, -1)) for drawn in (of_own, of_other)
+    )
+    assert abs(own.mean() - cross.mean()) < 4.5 * np.sqrt(
+        (own.var() + cross.var()) / draws
+    )
     # so the entropies differ by the divergence of the other law from this one
     divergence = other.logpdf(np.moveaxis(of_other, 0, -1)) - cross
     assert divergence.mean() > 4.5 * divergence.std() / np.sqrt(draws)
@@ -77,15 +83,21 @@ def test_of_two_laws_that_meet_the_constraints_the_wishart_law_has_the_greater_e
 def test_theta_follows_the_papers_equation_for_any_size():
     for n in (2, 3, 6):
         mean, sigma_b = np.eye(n), 0.3
-        printed = (1 + np.trace(mean) ** 2 / np.trace(mean @ mean)) / sigma_b**2 - (n + 1)
+        printed = (1 + np.trace(mean) ** 2 / np.trace(mean @ mean)) / sigma_b**2 - (
+            n + 1
+        )
         assert wishart.maxent_theta(sigma_b, n) == pytest.approx(printed, rel=1e-14)
 
 
 def test_the_limits_of_the_dispersion_are_where_density_mean_and_variance_of_the_inverse_end():
     for moments, d in [(0, 2), (1, 4), (2, 6)]:
-        assert 4 / wishart.largest_dispersion(3, inverse_moments=moments) ** 2 == pytest.approx(d)
+        assert 4 / wishart.largest_dispersion(
+            3, inverse_moments=moments
+        ) ** 2 == pytest.approx(d)
     for sigma_b in (0.0, -0.2, np.sqrt(2), 3.0, np.nan):
-        with pytest.raises(ModelDomainError, match=r"sigma_B must lie between 0 and 1\.414"):
+        with pytest.raises(
+            ModelDomainError, match=r"sigma_B must lie between 0 and 1\.414"
+        ):
             wishart.degrees_of_freedom(sigma_b, 3)
 
 
@@ -94,14 +106,18 @@ POSES, BUFFER = 20_000, block_rows(7, 6)
 
 @pytest.mark.parametrize("degrees", [0.02, 1.0, 1.9999, 2.0, 2.0001, 3.7, 1e6])
 @pytest.mark.parametrize(("count", "each"), [(3, 2), (POSES, 7)])
-def test_chi_squares_are_numpys_and_so_are_the_normals_behind_them(degrees, count, each):
+def test_chi_squares_are_numpys_and_so_are_the_normals_behind_them(
+    degrees, count, each
+):
     one, other = np.random.default_rng(7), np.random.default_rng(7)
     block, freedom = np.full((BUFFER.size, POSES), np.nan), np.array([degrees, 5.0])
     first, then = BUFFER.chi_square, BUFFER.normal
     from_python(draw_variates)(freedom, each, block, first, then, 0, count, one)
     assert np.isnan(block[:, count:]).all()
     for k, d in enumerate(freedom):
-        np.testing.assert_array_equal(block[first + k, :count], other.chisquare(d, count))
+        np.testing.assert_array_equal(
+            block[first + k, :count], other.chisquare(d, count)
+        )
     rows = block[then : then + each, :count]
     np.testing.assert_array_equal(rows, other.standard_normal((count, each)).T)
     assert one.random() == other.random()

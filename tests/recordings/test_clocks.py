@@ -20,7 +20,9 @@ def path(t: np.ndarray) -> np.ndarray:
     return np.stack([0.12 * p, 0.05 * np.sin(np.pi * p) + 0.02 * p], axis=-1)
 
 
-def recording(noise: float = 0.0, seed: int = 0, offset: float = OFFSET) -> tuple[np.ndarray, ...]:
+def recording(
+    noise: float = 0.0, seed: int = 0, offset: float = OFFSET
+) -> tuple[np.ndarray, ...]:
     """30 Hz frames with jittered stamps on their own clock, another point of the body; 100 Hz on
     the motion clock.
     """
@@ -51,9 +53,14 @@ def test_the_standard_errors_are_the_spread_of_the_estimates():
     assert abs(z.mean()) < 4 / np.sqrt(120)
     assert errors.std() < 0.0024 and np.abs(errors).max() < 0.006
     # and the test would see a wrong clock: one frame of the motion capture
-    late, right = (find_offset(*recording(0.001, 0, OFFSET + way)).value for way in (0.01, 0.0))
+    late, right = (
+        find_offset(*recording(0.001, 0, OFFSET + way)).value for way in (0.01, 0.0)
+    )
     assert late - right == pytest.approx(0.01, abs=0.002)
-    spread, stated = np.std([f.drift for f in result]), [f.drift_standard_error for f in result]
+    spread, stated = (
+        np.std([f.drift for f in result]),
+        [f.drift_standard_error for f in result],
+    )
     assert np.mean(stated) == pytest.approx(spread, rel=0.25)
 
 
@@ -62,7 +69,9 @@ def test_a_drift_is_found_beside_the_offset_and_none_where_there_is_none(drift):
     t_a, a, t_b, b = recording(0.001, 5)
     middle = t_a.mean()
     result = find_offset(middle + (t_a - middle) / (1 + drift), a, t_b, b)
-    assert abs(result.drift - drift) < 3 * result.drift_standard_error + 0.05 * abs(drift)
+    assert abs(result.drift - drift) < 3 * result.drift_standard_error + 0.05 * abs(
+        drift
+    )
     assert result.value == pytest.approx(OFFSET, abs=0.006)
 
 
@@ -70,7 +79,11 @@ def test_a_drift_is_found_beside_the_offset_and_none_where_there_is_none(drift):
     ("spoil", "search", "words"),
     [
         (lambda t, a: (t, np.zeros_like(a)), 0.5, r"no motion.*take-2"),
-        (lambda t, a: (t, np.random.default_rng(6).normal(size=a.shape)), 0.5, "not alike|edge"),
+        (
+            lambda t, a: (t, np.random.default_rng(6).normal(size=a.shape)),
+            0.5,
+            "not alike|edge",
+        ),
         (lambda t, a: (t, a), 0.05, "edge"),
         (lambda t, a: (t + 100, a), 0.5, "overlap"),
         (lambda t, a: (t[::-1], a), 0.5, "increase"),
@@ -87,7 +100,9 @@ TURN = 180 / np.pi
 HELD = {"rate": RATE, "limit": 0.05, "joints": JOINTS}
 
 
-def logged(kind: str = "there and back", lag: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+def logged(
+    kind: str = "there and back", lag: float = 0.0
+) -> tuple[np.ndarray, np.ndarray]:
     """Measured and commanded angles (N, 4) in rad at 100 Hz: point to point with pauses, all joints
     together; or without rest, each joint on another path. The last joint does not move.
     """
@@ -124,7 +139,9 @@ def test_what_is_wrong_is_found_to_the_row_and_refused_with_its_option(kind, nam
     factor, order, delay = WRONG[name]
     right = commands.Pairing(np.array(factor, float), np.array(order), delay)
     actual, target = commands.shift_rows(*logged(kind, lag=4e-3), -delay)
-    wrong = np.empty_like(target)  # commanded angles from which ``right`` recovers ``target``
+    wrong = np.empty_like(
+        target
+    )  # commanded angles from which ``right`` recovers ``target``
     wrong[:, right.order] = target / right.factor
     pair = commands.find_pairing(actual, wrong, RATE)
     np.testing.assert_allclose(pair.factor, right.factor)
@@ -155,20 +172,26 @@ def test_what_is_right_stays_as_it_is(kind):
     actual, target = logged(kind, lag=4e-3)
     commands.require_pair(actual, target, **HELD)
     assert not list(
-        commands.suspects(commands.find_pairing(actual, target, RATE), actual, target, RATE)
+        commands.suspects(
+            commands.find_pairing(actual, target, RATE), actual, target, RATE
+        )
     )
     # up to the limit a lag is the controller's
     actual, target = logged(kind, lag=0.9 * commands.LATEST)
     commands.require_pair(actual, target, **HELD)
     actual, target = logged(kind, lag=1.3 * commands.LATEST)
-    with pytest.raises(RecordingError, match=r"s behind its command|target_delay: 0.0[67]"):
+    with pytest.raises(
+        RecordingError, match=r"s behind its command|target_delay: 0.0[67]"
+    ):
         commands.require_pair(actual, target, **HELD)
 
 
 def test_another_movement_is_no_pair_and_a_few_pushes_do_not_decide():
     actual, _ = logged("without rest")
     _, target = logged("there and back")
-    with pytest.raises(RecordingError, match=r"no other unit, order or clock: .* of one movement"):
+    with pytest.raises(
+        RecordingError, match=r"no other unit, order or clock: .* of one movement"
+    ):
         commands.require_pair(actual, target, **HELD)
     actual, target = logged()
     actual[700:760, 0] += 0.3
@@ -186,7 +209,9 @@ def test_an_error_is_a_share_of_the_motion_and_at_rest_of_a_tenth_of_a_radian():
     assert commands.tracking_errors(moved + 0.01, moved) == pytest.approx([0.01 / 2])
 
 
-def jittered(samples: int = 400, jitter: float = 2e-4, sampled: bool = True) -> JointLog:
+def jittered(
+    samples: int = 400, jitter: float = 2e-4, sampled: bool = True
+) -> JointLog:
     """A log at 200 Hz whose times jitter; ``sampled``: the angles are those of these times."""
     even = np.arange(samples) * 0.005
     times = even + np.random.default_rng(1).normal(0, jitter, samples)
@@ -195,7 +220,9 @@ def jittered(samples: int = 400, jitter: float = 2e-4, sampled: bool = True) -> 
 
 
 @pytest.mark.parametrize("sampled", [True, False])
-def test_a_jittered_clock_is_asked_about_and_the_angles_say_which_it_is(tmp_path, sampled):
+def test_a_jittered_clock_is_asked_about_and_the_angles_say_which_it_is(
+    tmp_path, sampled
+):
     log = jittered(sampled=sampled)
     np.savez(tmp_path / "log.npz", times=log.time, q=log.signals["actual"])
     files = {tmp_path / "log.npz": LogOptions(joints=3, signals={"actual": None})}
@@ -225,7 +252,10 @@ def test_a_late_clock_that_is_on_time_again_is_no_missing_row(tmp_path):
     late[50::23] += 0.004  # s, of steps of 5 ms
     files = {tmp_path / "log.npz": LogOptions(joints=3, signals={"actual": None})}
     rows = jittered(400).signals["actual"]
-    for times, words in ((late, "of [0-9]+ rows are uneven"), (np.delete(late, 60), "are missing")):
+    for times, words in (
+        (late, "of [0-9]+ rows are uneven"),
+        (np.delete(late, 60), "are missing"),
+    ):
         np.savez(tmp_path / "log.npz", times=times, q=rows[: len(times)])
         with pytest.raises(RecordingError, match=words):
             movement.read_movement(files, 200.0)

@@ -17,7 +17,12 @@ from pipeline.core.options.dataset import Depth, Pose, Workspace
 from pipeline.formats.depth.image import write_depth, write_index
 from pipeline.formats.depth.intrinsics import Intrinsics, write_intrinsics
 from pipeline.recordings.depth import frame_rows, take_paths
-from pipeline.recordings.depth_takes import CameraTake, arm_points, on_motion_clock, with_markers
+from pipeline.recordings.depth_takes import (
+    CameraTake,
+    arm_points,
+    on_motion_clock,
+    with_markers,
+)
 
 ROTATION = Rotation.from_euler("z", 0.4).as_matrix()
 ARM = Arm(planar_chain(0.02, 0.1), ROTATION, np.array([0.03, -0.02, 0.0]))
@@ -38,7 +43,9 @@ def camera_position(arm: Arm) -> np.ndarray:
 def depth_image(arm: Arm, place: np.ndarray, units: float) -> np.ndarray:
     """A patch of the arm's plane about ``place``, seen by the camera; no depth anywhere else."""
     rotation = Rotation.from_euler("xyz", RPY).as_matrix()
-    observed = (arm.to_base(np.array([place[0], 0.0, place[1]])) - camera_position(arm)) @ rotation
+    observed = (
+        arm.to_base(np.array([place[0], 0.0, place[1]])) - camera_position(arm)
+    ) @ rotation
     assert observed[2] > 0.5
     x, y = observed[:2] / observed[2]
     u, v = round(CAMERA.fx * x + CAMERA.cx), round(CAMERA.fy * y + CAMERA.cy)
@@ -66,9 +73,16 @@ def record(folder: Path, arm: Arm, units: float = 1000.0) -> tuple[Path, Depth]:
         takes="kinect/test_*",
         index="depth.txt",
         intrinsics="kinect/intrinsics.yaml",
-        **{"width": WIDTH, "height": HEIGHT, "encoding": "plain", "units_per_metre": units},
+        **{
+            "width": WIDTH,
+            "height": HEIGHT,
+            "encoding": "plain",
+            "units_per_metre": units,
+        },
         **{"rate": 30.0, "start": 0.0, "camera": camera, "search": 0.4},
-        workspace=Workspace(0.05, 0.05, 0.06, -0.02, 0.0, min_pixels=10, max_points=500),
+        workspace=Workspace(
+            0.05, 0.05, 0.06, -0.02, 0.0, min_pixels=10, max_points=500
+        ),
     )
 
 
@@ -85,7 +99,11 @@ def off(points: np.ndarray, place: np.ndarray) -> float:
 def read(path: Path, depth: Depth, folder: Path):
     """Rows of the table, the points of each, and the quality of the take in ``path``."""
     rows, quality = frame_rows(("take", path), depth, ARM, folder, folder)
-    return rows, arm_points(rows, folder), {row["quantity"]: row["value"] for row in quality}
+    return (
+        rows,
+        arm_points(rows, folder),
+        {row["quantity"]: row["value"] for row in quality},
+    )
 
 
 @pytest.mark.parametrize("units", [1000.0, 5000.0])
@@ -99,7 +117,9 @@ def test_a_patch_of_the_arm_is_found_where_it_is(tmp_path, units):
         assert len(points) == PIXELS
         # half a pixel in the middle of the patch, and the rounding of the depth
         assert off(points, place) < 0.5 * 1.2 / CAMERA.fx + 0.5 / units
-        np.testing.assert_allclose(np.ptp(points, axis=0), 2 * PATCH * 1.15 / CAMERA.fx, rtol=0.1)
+        np.testing.assert_allclose(
+            np.ptp(points, axis=0), 2 * PATCH * 1.15 / CAMERA.fx, rtol=0.1
+        )
 
 
 def test_frozen_frames_are_left_out_and_empty_ones_stay(tmp_path):
@@ -122,7 +142,9 @@ def test_a_bag_of_images_gives_the_points_of_the_images(tmp_path, form):
     images = [(t, image(depth_image(ARM, place, 1000.0), t)) for t, place in stamped]
     info = [(STAMPS[0], camera_info(CAMERA_MATRIX, [0.0] * 5, (WIDTH, HEIGHT)))]
     (tmp_path / "bags").mkdir()
-    bag = write_bag(tmp_path / "bags", form, {"/depth/image": images, "/depth/camera_info": info})
+    bag = write_bag(
+        tmp_path / "bags", form, {"/depth/image": images, "/depth/camera_info": info}
+    )
     recorded = replace(depth, takes="bags/*", index=None, intrinsics=None, start=None)
     assert take_paths(tmp_path, recorded) == {"take": bag}
     rows, of_bag, _ = read(bag, recorded, tmp_path)
@@ -154,7 +176,9 @@ def test_clouds_enter_at_the_points(tmp_path, form):
     if form == "bag":
         fields = [(name, 4 * i, 7, 1) for i, name in enumerate("xyz")]
         stamped = zip(STAMPS, clouds, strict=True)
-        messages = [(stamp, cloud(points, stamp, fields, 16)) for stamp, points in stamped]
+        messages = [
+            (stamp, cloud(points, stamp, fields, 16)) for stamp, points in stamped
+        ]
         take = write_bag(tmp_path / "clouds", "ros1", {"/points": messages})
     for number, points in enumerate(clouds if form != "bag" else [], 1):
         head = f"{PCD.format(len(points))}DATA binary\n".encode()
@@ -162,12 +186,18 @@ def test_clouds_enter_at_the_points(tmp_path, form):
     keys = dict.fromkeys(("index", "intrinsics", "width", "height", "start"))
     described = replace(depth, **keys, frames="*.pcd", units_per_metre=1.0)
     rows, found, _ = read(take, described, tmp_path)
-    for points, arm, valid, place in zip(clouds, found, rows["valid"], PLACES, strict=True):
-        assert len(arm) == PIXELS and off(arm, place) < 0.5 * 1.2 / CAMERA.fx + 0.5 / 1000
+    for points, arm, valid, place in zip(
+        clouds, found, rows["valid"], PLACES, strict=True
+    ):
+        assert (
+            len(arm) == PIXELS and off(arm, place) < 0.5 * 1.2 / CAMERA.fx + 0.5 / 1000
+        )
         assert valid == (len(points) - 9) / len(points)
 
 
-def test_what_the_description_of_the_camera_leaves_open_or_contradicts_is_refused(tmp_path):
+def test_what_the_description_of_the_camera_leaves_open_or_contradicts_is_refused(
+    tmp_path,
+):
     take, depth = record(tmp_path, ARM)
     floats = [(stamp, image(ONES.astype(np.float32), stamp)) for stamp in STAMPS]
     bag = write_bag(tmp_path, "ros1", {"/depth": floats})
@@ -189,7 +219,9 @@ def test_what_the_description_of_the_camera_leaves_open_or_contradicts_is_refuse
 TIME, MOTION = np.arange(40) / 30.0, np.arange(160) / 100.0  # s
 
 
-PLANAR = load_arm("pipeline/arm/ur5.urdf", ["joint_2", "joint_3", "joint_4"], "wrist_centre", {})
+PLANAR = load_arm(
+    "pipeline/arm/ur5.urdf", ["joint_2", "joint_3", "joint_4"], "wrist_centre", {}
+)
 
 
 def path(time: np.ndarray) -> np.ndarray:
@@ -201,12 +233,16 @@ def frames(centroid: np.ndarray, take: str = "test_001") -> pd.DataFrame:
     """Rows of the table ``frames`` of a camera that sees the arm at ``centroid``."""
     columns = {"take": take, "part": "test", "frame": np.arange(len(TIME)), "t": TIME}
     x, z = centroid.T
-    return pd.DataFrame(columns | {"file": f"kinect/{take}", "points": 5, "x": x, "z": z})
+    return pd.DataFrame(
+        columns | {"file": f"kinect/{take}", "points": 5, "x": x, "z": z}
+    )
 
 
 # rows of the table ``markers``: one marker, that runs along the path in the arm's plane
 AT = PLANAR.to_base(np.insert(path(MOTION), 1, 0.0, axis=1)).T
-MARKERS = pd.DataFrame({"take": "test_001", "part": "test", "k": np.arange(160), "t": MOTION})
+MARKERS = pd.DataFrame(
+    {"take": "test_001", "part": "test", "k": np.arange(160), "t": MOTION}
+)
 MARKERS = MARKERS.assign(link=1, marker=1, x=AT[0], y=AT[1], z=AT[2])
 
 
@@ -222,15 +258,22 @@ def test_an_offset_is_that_of_the_motion_unless_it_is_stated():
     for seen in (filmed, frames(np.ones((len(TIME), 2)))):  # whatever the motion says
         rows, quality = on_motion_clock(CameraTake(seen, MARKERS, []), stated, PLANAR)
         np.testing.assert_allclose(rows["t"], TIME - 0.25)
-        assert [(row["quantity"], row["value"]) for row in quality] == [("clock_offset", -0.25)]
+        assert [(row["quantity"], row["value"]) for row in quality] == [
+            ("clock_offset", -0.25)
+        ]
 
 
 def test_takes_that_tell_no_offset_are_refused_by_their_name():
     still = frames(np.ones((len(TIME), 2)))
     empty = frames(np.full((len(TIME), 2), np.nan)).assign(points=0)
-    for seen, words in ((still, "no motion to compare the clocks by"), (empty, "no frame shows")):
+    for seen, words in (
+        (still, "no motion to compare the clocks by"),
+        (empty, "no frame shows"),
+    ):
         with pytest.raises(RecordingError, match=words) as refused:
-            on_motion_clock(CameraTake(seen, MARKERS, []), made(Depth, search=0.3), PLANAR)
+            on_motion_clock(
+                CameraTake(seen, MARKERS, []), made(Depth, search=0.3), PLANAR
+            )
         assert refused.value.evidence["take"] == "test_001"
     with pytest.raises(RecordingError, match="no motion-capture take") as refused:
         with_markers(frames(path(TIME), "test_002"), MARKERS, MARKERS)

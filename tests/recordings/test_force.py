@@ -15,21 +15,38 @@ from pipeline.recordings.force import force_rows, remove_bias
 
 RATE, TARE, NOISE = 250.0, 2.0, 0.01  # 1/s, s, N
 BIAS, LOAD = np.array([0.4, -1.1, 7.0]), np.array([3.0, 5.0, 0.0])
-ARRANGED = {"file": "log.csv", "direction": [0.0], "tension": [1.0], "direction_bounds": [0, 1]}
-BOUNDS = {name: [1.0, 2.0] for name in ("kappa_bounds", "tension_std_bounds", "tension_bounds")}
+ARRANGED = {
+    "file": "log.csv",
+    "direction": [0.0],
+    "tension": [1.0],
+    "direction_bounds": [0, 1],
+}
+BOUNDS = {
+    name: [1.0, 2.0]
+    for name in ("kappa_bounds", "tension_std_bounds", "tension_bounds")
+}
 
 
 def record(seconds: float = 10.0, seed: int = 2, noise: float = NOISE) -> ForceRecord:
     """A record whose first seconds are unloaded."""
     rng, time = np.random.default_rng(seed), np.arange(round(seconds * RATE)) / RATE
-    force = BIAS + np.where(time[:, None] < TARE, 0, LOAD) + rng.normal(0, noise, (len(time), 3))
+    force = (
+        BIAS
+        + np.where(time[:, None] < TARE, 0, LOAD)
+        + rng.normal(0, noise, (len(time), 3))
+    )
     torque = rng.normal(0, 0.001, (len(time), 3))
     return ForceRecord(time, force, torque, RATE, "FT1", "1/2/2024 3:04:05 PM", {})
 
 
 def options(**log: object) -> Force:
     """The section force of a dataset, checked as the configuration checks it."""
-    values = {"tare": TARE, "configurations": {"C1": ARRANGED}, "tension_std": [1.0], "log": log}
+    values = {
+        "tare": TARE,
+        "configurations": {"C1": ARRANGED},
+        "tension_std": [1.0],
+        "log": log,
+    }
     return validated(Force, values | BOUNDS, "dataset.force")
 
 
@@ -37,7 +54,9 @@ def options(**log: object) -> Force:
 def test_a_record_gives_the_loaded_samples_without_their_bias(tmp_path, netft):
     log, write = record(), write_netft if netft else write_daqft
     write(tmp_path / "log.csv", log)
-    rows, quality = force_rows(tmp_path, "C1", options(format="netft" if netft else "daqft"))
+    rows, quality = force_rows(
+        tmp_path, "C1", options(format="netft" if netft else "daqft")
+    )
     loaded, logged = log.time >= TARE, np.hstack([log.force, log.torque])
     np.testing.assert_allclose(rows["t"], log.time[loaded], rtol=0, atol=1e-9)
     axes = ["fx", "fy", "fz", "mx", "my", "mz"]
@@ -48,7 +67,9 @@ def test_a_record_gives_the_loaded_samples_without_their_bias(tmp_path, netft):
     bias = [row["value"] for row in quality if row["quantity"].startswith("bias")]
     np.testing.assert_allclose(bias, [*BIAS, 0, 0, 0], atol=5e-3)
     # of the sensor's faults only those that there are
-    assert not [row for row in quality if row["quantity"].startswith(("frozen", "saturated"))]
+    assert not [
+        row for row in quality if row["quantity"].startswith(("frozen", "saturated"))
+    ]
     # a record that its instrument tared stays as it is
     _, untouched, none = remove_bias(log.time, log.force, 0.0)
     assert untouched is log.force and not none.any()
@@ -66,7 +87,9 @@ def test_moments_are_about_the_stated_point_whatever_the_bias(tmp_path):
         moments.append(rows[["mx", "my", "mz"]].to_numpy())
     np.testing.assert_allclose(moments[0], 0, atol=1e-12)
     # the control: about the origin
-    np.testing.assert_allclose(moments[1].mean(axis=0), np.cross(point, LOAD), atol=1e-3)
+    np.testing.assert_allclose(
+        moments[1].mean(axis=0), np.cross(point, LOAD), atol=1e-3
+    )
 
 
 @pytest.mark.parametrize("tare_seconds", [0.02, 20.0, -1.0])

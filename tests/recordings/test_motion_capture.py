@@ -31,7 +31,13 @@ TEMPLATE = {
 }
 BASE = Pose([0.4, 0.3, -0.2], [-np.pi / 2, 0.0, 0.0])
 MOUNT = Pose([0.01, -0.05, 0.06], [0.3, -0.2, 1.1])
-STATED = {"training": "*.csv", "base": BASE, "markers": TEMPLATE, "gate": 0.012, "max_gap": 20}
+STATED = {
+    "training": "*.csv",
+    "base": BASE,
+    "markers": TEMPLATE,
+    "gate": 0.012,
+    "max_gap": 20,
+}
 
 
 def dataset(**mocap) -> Dataset:
@@ -41,12 +47,16 @@ def dataset(**mocap) -> Dataset:
 def carried(template: np.ndarray) -> np.ndarray:
     """(N, 3, K, 3) m in the world, where the arm carries the points at ``template`` (3, K, 3)."""
     turn = Rotation.from_euler("xyz", BASE.rpy).as_matrix()
-    return ARM.to_base(marker_places(JOINTS, template, ARM.chain)) @ turn.T + BASE.position
+    return (
+        ARM.to_base(marker_places(JOINTS, template, ARM.chain)) @ turn.T + BASE.position
+    )
 
 
 def markers_of() -> dict[str, np.ndarray]:
     names = (name for link in TEMPLATE.values() for name in link)
-    return dict(zip(names, carried(PLACES).reshape(-1, 9, 3).swapaxes(0, 1), strict=True))
+    return dict(
+        zip(names, carried(PLACES).reshape(-1, 9, 3).swapaxes(0, 1), strict=True)
+    )
 
 
 def bodies_of() -> dict[str, RigidBody]:
@@ -55,21 +65,32 @@ def bodies_of() -> dict[str, RigidBody]:
     """
     tips = np.vstack([np.zeros(3), Rotation.from_euler("xyz", MOUNT.rpy).as_matrix().T])
     links = carried(np.tile(tips + MOUNT.position, (3, 1, 1))).swapaxes(0, 1)
-    turns = [Rotation.from_matrix((link[:, 1:] - link[:, :1]).swapaxes(1, 2)) for link in links]
-    return {f"B{j + 1}": RigidBody(links[j, :, 0], turns[j].as_quat()) for j in range(3)}
+    turns = [
+        Rotation.from_matrix((link[:, 1:] - link[:, :1]).swapaxes(1, 2))
+        for link in links
+    ]
+    return {
+        f"B{j + 1}": RigidBody(links[j, :, 0], turns[j].as_quat()) for j in range(3)
+    }
 
 
-def written(folder: Path, markers: dict, bodies: dict | None = None, first=0, rate=100.0) -> Path:
+def written(
+    folder: Path, markers: dict, bodies: dict | None = None, first=0, rate=100.0
+) -> Path:
     """Motive's file t.csv of a take: of its ``rate`` in Hz, from the frame ``first`` on."""
     frame = first + np.arange(STEPS + 1)
-    take = MotionTake("t", "1.23", rate, frame, (frame - first) / rate, markers, bodies or {}, {})
+    take = MotionTake(
+        "t", "1.23", rate, frame, (frame - first) / rate, markers, bodies or {}, {}
+    )
     write_motive(folder / "t.csv", take, start=START)
     return folder / "t.csv"
 
 
 def tracked(rows: pd.DataFrame) -> JointTrack:
     labelled = rows[rows.link > 0].sort_values(["link", "marker", "k"], kind="stable")
-    xyz = labelled[["x", "y", "z"]].to_numpy().reshape(9, STEPS + 1, 3).transpose(1, 0, 2)
+    xyz = (
+        labelled[["x", "y", "z"]].to_numpy().reshape(9, STEPS + 1, 3).transpose(1, 0, 2)
+    )
     return track(xyz, points_in_plane(ARM, PLACES, 0.012), max_gap=20)
 
 
@@ -98,7 +119,9 @@ def test_markers_and_bodies_give_back_the_joints_that_carried_them(tmp_path):
     assert np.abs(tracked(rows).q - JOINTS).max() > 0.01
 
 
-def test_bodies_and_markers_mix_link_by_link_and_lost_poses_are_missing_markers(tmp_path):
+def test_bodies_and_markers_mix_link_by_link_and_lost_poses_are_missing_markers(
+    tmp_path,
+):
     bodies, markers = bodies_of(), markers_of()
     bodies["B2"].position[5:8] = bodies["B2"].quaternion[5:8] = np.nan
     bodies["B2"].quaternion[20:] *= -1  # the same rotations
@@ -116,7 +139,9 @@ def test_names_stand_without_their_asset_unless_two_assets_share_them(tmp_path):
     file = written(tmp_path, markers | {"Leg:a1": markers["Arm:a1"] + 1})
     with pytest.raises(RecordingError, match="'a1' may be Arm:a1 or Leg:a1"):
         read(file)
-    first = {"Arm:a1" if name == "a1" else name: at for name, at in TEMPLATE["link1"].items()}
+    first = {
+        "Arm:a1" if name == "a1" else name: at for name, at in TEMPLATE["link1"].items()
+    }
     rows, count = read(file, markers=TEMPLATE | {"link1": first})
     require_angles(rows)
     assert count("unlabelled_markers") == 1
@@ -129,7 +154,9 @@ def test_a_body_that_the_take_lacks_or_that_has_no_link_is_named(tmp_path):
         read(file, bodies={"link1": Body("X", MOUNT)})
     with pytest.raises(ConfigError, match="no link arm; there are link1, link2, link3"):
         read(file, bodies={"arm": Body("B1", MOUNT)})
-    with pytest.raises(RecordingError, match="no marker named x8, x9 in the take; it has a1, a2"):
+    with pytest.raises(
+        RecordingError, match="no marker named x8, x9 in the take; it has a1, a2"
+    ):
         read(file, markers=TEMPLATE | {"link1": {n: [0.0] * 3 for n in ("x8", "x9")}})
 
 
@@ -138,10 +165,14 @@ def test_takes_of_another_rate_or_length_are_refused(tmp_path):
     with pytest.raises(RecordingError, match="at 120"):
         read(written(tmp_path, markers, rate=120.0))
     for size in (100, 0.01, 1 / 2.54):  # cm for m, m for cm, inches for cm
-        with pytest.raises(RecordingError, match=f"{size:.3g} times as far apart as in the"):
+        with pytest.raises(
+            RecordingError, match=f"{size:.3g} times as far apart as in the"
+        ):
             read(written(tmp_path, {name: size * xyz for name, xyz in markers.items()}))
     (tmp_path / "walk.own").write_text("OWN\n1 2 3\n4 5 6\n")
-    with pytest.raises(RecordingError, match="no take of motion capture in C3D or Motive CSV"):
+    with pytest.raises(
+        RecordingError, match="no take of motion capture in C3D or Motive CSV"
+    ):
         read(tmp_path / "walk.own")
     file = written(tmp_path, markers)
     file.write_bytes(b"".join(file.read_bytes().splitlines(keepends=True)[:-1]))
@@ -161,8 +192,16 @@ def test_takes_are_found_by_part_and_two_of_one_name_are_refused(tmp_path):
     (tmp_path / "train_1.c3d").touch()
     for error, patterns, words in (
         (RecordingError, {"training": "train_*"}, "two recordings are named 'train_1'"),
-        (RecordingError, {"training": "train_2*", "test": "none_*"}, "no test take matches"),
-        (RecordingError, {"training": "train_2*", "test": "*_2*"}, "has the same name 'train_2'"),
+        (
+            RecordingError,
+            {"training": "train_2*", "test": "none_*"},
+            "no test take matches",
+        ),
+        (
+            RecordingError,
+            {"training": "train_2*", "test": "*_2*"},
+            "has the same name 'train_2'",
+        ),
         (ConfigError, {"training": "/takes/*"}, "must be a relative path"),
     ):
         with pytest.raises(error, match=words):
@@ -197,14 +236,20 @@ def commanded(robot=UR5, rate: float = 100.0) -> Dataset:
 
 
 def test_the_steps_take_the_arm_from_each_commanded_pose_to_the_next(file):
-    table, chain, q = trajectory_rows(file, commanded()), chain_of(UR5), motion(GRID + 1)
+    table, chain, q = (
+        trajectory_rows(file, commanded()),
+        chain_of(UR5),
+        motion(GRID + 1),
+    )
     steps = chain.displacement(chain.pose(q[:-1]), chain.pose(q[1:]))
     np.testing.assert_allclose(values(table, "v")[:-1] / 100, steps, atol=1e-12)
     assert members(table, "x") == chain.task and members(table, "u") == ()
     # an arm of more joints than rows is told its joints too
     table = trajectory_rows(file, commanded(replace(UR5, task=["x", "y", "z"])))
     assert values(table, "v").shape == (GRID + 1, 3)
-    np.testing.assert_allclose(values(table, "u")[:-1] / 100, np.diff(q, axis=0), atol=1e-12)
+    np.testing.assert_allclose(
+        values(table, "u")[:-1] / 100, np.diff(q, axis=0), atol=1e-12
+    )
 
 
 @pytest.mark.parametrize(

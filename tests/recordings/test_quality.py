@@ -12,25 +12,42 @@ from pipeline.configuration import config
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.dataset import Dataset, Limits
 from pipeline.recordings import inventory
-from pipeline.recordings.quality import account, beside_limits, quality_row, reasons, require_enough
+from pipeline.recordings.quality import (
+    account,
+    beside_limits,
+    quality_row,
+    reasons,
+    require_enough,
+)
 
 
-def measured(quantity: str, values: dict[str, float], part: str = "training", unit: str = "m"):
+def measured(
+    quantity: str, values: dict[str, float], part: str = "training", unit: str = "m"
+):
     """A value of the ``quantity`` of each take."""
     given = part, "joint log", quantity
-    return pd.DataFrame([quality_row(take, *given, value, unit) for take, value in values.items()])
+    return pd.DataFrame(
+        [quality_row(take, *given, value, unit) for take, value in values.items()]
+    )
 
 
 def test_a_take_beyond_a_limit_is_left_out_whole_and_one_at_the_limit_or_without_stays():
     residual = measured("residual_rms", {"a": 1e-3, "b": 1.001e-3, "c": 2e-4})
     takes = beside_limits(residual, {"residual_rms": 1e-3})
-    assert takes[["take", "left_out"]].values.tolist() == [["a", False], ["b", True], ["c", False]]
+    assert takes[["take", "left_out"]].values.tolist() == [
+        ["a", False],
+        ["b", True],
+        ["c", False],
+    ]
     assert reasons(takes) == ["b (residual_rms 0.001 beyond 0.001)"]
     for limits in ({}, vars(Limits())):
         assert not beside_limits(residual, limits)["left_out"].any()
     # a clock may drift to neither side, and to be less disturbed than others is no reason
     drift = measured("clock_drift", {"a": -0.05, "b": 0.01}, unit="s/s")
-    other = measured("disturbance", {"a": -7.0, "b": 5.0}), measured("cut_rows", {"a": 9.0})
+    other = (
+        measured("disturbance", {"a": -7.0, "b": 5.0}),
+        measured("cut_rows", {"a": 9.0}),
+    )
     limits = {"clock_drift": 0.02, "disturbance": 6.0}
     takes = beside_limits(pd.concat([drift, *other]), limits)
     assert takes[["take", "measure", "beyond", "left_out"]].values.tolist() == [
@@ -43,7 +60,9 @@ def test_a_take_beyond_a_limit_is_left_out_whole_and_one_at_the_limit_or_without
 
 def test_fewer_than_two_takes_of_a_part_are_refused_by_the_limits_name():
     parts = {"training": {"a": 1e-4, "b": 1e-4}, "test": {"c": 5e-3, "d": 1e-4}}
-    rows = pd.concat([measured("residual_rms", each, part) for part, each in parts.items()])
+    rows = pd.concat(
+        [measured("residual_rms", each, part) for part, each in parts.items()]
+    )
     words = r"1 test take\(s\), 2 are.* c \(residual_rms 0.005.*dataset\.limits\.residual_rms"
     with pytest.raises(RecordingError, match=words):
         require_enough(beside_limits(rows, {"residual_rms": 1e-3}))
@@ -55,7 +74,11 @@ def test_fewer_than_two_takes_of_a_part_are_refused_by_the_limits_name():
 
 FILES = {
     "motion": ("trajectory.csv", "optitrack/train_001.csv", "optitrack/test_001.csv"),
-    "depth": ("kinect/intrinsics.yaml", "kinect/test_001/depth.txt", "kinect/test_001/depth/0.png"),
+    "depth": (
+        "kinect/intrinsics.yaml",
+        "kinect/test_001/depth.txt",
+        "kinect/test_001/depth/0.png",
+    ),
     "force": ("force/C1.csv", "force/C2.csv", "force/C3.csv"),
 }
 UNCLAIMED = "notes/setup.txt"
@@ -77,7 +100,9 @@ def dataset(tmp_path) -> Dataset:
     return config.compose_config(parameters(tmp_path)).dataset
 
 
-def test_each_part_has_the_files_that_its_patterns_name_and_what_none_names(recordings, dataset):
+def test_each_part_has_the_files_that_its_patterns_name_and_what_none_names(
+    recordings, dataset
+):
     parts = inventory.by_part(inventory.listing(recordings), dataset)
     assert [*parts] == [*inventory.KEYS]
     for part, named in FILES.items():
@@ -88,7 +113,9 @@ def test_each_part_has_the_files_that_its_patterns_name_and_what_none_names(reco
     assert refused.value.evidence["key"] == "dataset.depth.takes"
 
 
-def test_a_listing_tells_a_change_that_keeps_the_size_and_needs_a_file(recordings, tmp_path):
+def test_a_listing_tells_a_change_that_keeps_the_size_and_needs_a_file(
+    recordings, tmp_path
+):
     before = inventory.listing(recordings).set_index("file")
     (recordings / UNCLAIMED).write_text(UNCLAIMED[::-1])
     after = inventory.listing(recordings).set_index("file")
@@ -100,8 +127,17 @@ def test_a_listing_tells_a_change_that_keeps_the_size_and_needs_a_file(recording
 
 
 def test_evidence_of_other_files_is_named_by_their_place(recordings, tmp_path):
-    table, evidence = tmp_path / "inventory.csv", inventory.by_place(inventory.listing(recordings))
-    assert evidence["place"].tolist() == ["force", "kinect", "notes", "optitrack", "trajectory.csv"]
+    table, evidence = (
+        tmp_path / "inventory.csv",
+        inventory.by_place(inventory.listing(recordings)),
+    )
+    assert evidence["place"].tolist() == [
+        "force",
+        "kinect",
+        "notes",
+        "optitrack",
+        "trajectory.csv",
+    ]
     assert inventory.other_files(evidence, table) == ""
     inventory.listing(recordings).to_csv(table, index=False)
     assert inventory.other_files(evidence, table) == ""
@@ -117,7 +153,10 @@ def test_a_name_that_cannot_be_printed_is_refused_without_its_signs(tmp_path, na
     (tmp_path / name).write_text("")
     with pytest.raises(RecordingError, match="control character") as refused:
         inventory.named_takes(tmp_path, "run_*.csv", key="KEY")
-    assert str(refused.value.evidence["file"]).isascii() and str(refused.value).isprintable()
+    assert (
+        str(refused.value.evidence["file"]).isascii()
+        and str(refused.value).isprintable()
+    )
 
 
 @pytest.mark.parametrize(
@@ -130,20 +169,32 @@ def test_a_name_that_cannot_be_printed_is_refused_without_its_signs(tmp_path, na
         ("logs/only.csv", "logs/only.csv", "only"),
     ],
 )
-def test_a_name_is_the_part_of_the_path_that_the_pattern_leaves_open(pattern, path, name):
+def test_a_name_is_the_part_of_the_path_that_the_pattern_leaves_open(
+    pattern, path, name
+):
     assert inventory.take_name(Path("raw", path), Path("raw"), pattern) == name
 
 
 NAMES = ["a/1.csv", "a/2.csv", "LICENSE", "old/3.csv", "old/4.csv"]
-FOUND = [pd.DataFrame({"file": files}) for files in (NAMES, [*NAMES[2:], "depth/0.png"])]
+FOUND = [
+    pd.DataFrame({"file": files}) for files in (NAMES, [*NAMES[2:], "depth/0.png"])
+]
 
 
 def test_each_step_says_what_it_found_kept_and_left_out():
     rows = [
         quality_row(take, "training", "joint log", *row)
         for take, held in {
-            "a": [("repetitions", 2), ("excursions_cut_off", 1), ("excursions_other_motion", 3)],
-            "b": [("repetitions", 0), ("excursions_cut_off", 1), ("excursions_other_motion", 0)],
+            "a": [
+                ("repetitions", 2),
+                ("excursions_cut_off", 1),
+                ("excursions_other_motion", 3),
+            ],
+            "b": [
+                ("repetitions", 0),
+                ("excursions_cut_off", 1),
+                ("excursions_other_motion", 0),
+            ],
             "a_1": [("disturbance", 7.0, "robust standard deviations")],
             "a_2": [("disturbance", 0.5, "robust standard deviations")],
         }.items()

@@ -11,7 +11,9 @@ HOME, AWAY = np.array([0.3, -2.0, -1.9, -0.4]), np.array([-0.2, -3.0, -0.2, -1.5
 STEPS = 100
 
 
-def way(start: np.ndarray, end: np.ndarray, steps: int = STEPS) -> tuple[np.ndarray, np.ndarray]:
+def way(
+    start: np.ndarray, end: np.ndarray, steps: int = STEPS
+) -> tuple[np.ndarray, np.ndarray]:
     """Angles and speeds on the rows of a motion from rest to rest: the speed is not zero on the
     ``steps`` rows after the first.
     """
@@ -21,7 +23,9 @@ def way(start: np.ndarray, end: np.ndarray, steps: int = STEPS) -> tuple[np.ndar
     return start + progress[:, None] * (end - start), rate[:, None] * (end - start)
 
 
-def log(*parts: tuple, creep: float = 0.0, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+def log(
+    *parts: tuple, creep: float = 0.0, seed: int = 0
+) -> tuple[np.ndarray, np.ndarray]:
     """Commanded angles and speeds of parts ("rest", rows, pose) and ("go", from, to[, steps]); at
     rest the angles creep.
     """
@@ -41,7 +45,19 @@ def log(*parts: tuple, creep: float = 0.0, seed: int = 0) -> tuple[np.ndarray, n
 
 OUT, BACK = ("go", HOME, AWAY), ("go", AWAY, HOME)
 AT_HOME, AT_AWAY = ("rest", 50, HOME), ("rest", 50, AWAY)
-WHOLE = (AT_HOME, OUT, AT_AWAY, BACK, AT_HOME, OUT, AT_AWAY, BACK, AT_HOME, OUT, AT_AWAY)
+WHOLE = (
+    AT_HOME,
+    OUT,
+    AT_AWAY,
+    BACK,
+    AT_HOME,
+    OUT,
+    AT_AWAY,
+    BACK,
+    AT_HOME,
+    OUT,
+    AT_AWAY,
+)
 
 
 def find(angles, speeds, *, rest=20, steps=STEPS, start=HOME, end=AWAY):
@@ -55,7 +71,9 @@ def test_ways_out_and_back_are_told_apart_by_their_commands_in_spite_of_noise(no
     speeds = speeds + np.random.default_rng(1).uniform(-noise, noise, speeds.shape)
     out, back = find(angles, speeds), find(angles, speeds, start=AWAY, end=HOME)
     assert [run.first for run in out.runs] == [50, 350, 650]
-    assert [run.first for run in back.runs] == out.left_out["other_motion"] == [200, 500]
+    assert (
+        [run.first for run in back.runs] == out.left_out["other_motion"] == [200, 500]
+    )
     assert {run.steps for run in out.runs + back.runs} == {STEPS}
     # the control: a speed that encoders would see is motion
     assert find(angles, speeds + 1e-3).runs == []
@@ -63,13 +81,20 @@ def test_ways_out_and_back_are_told_apart_by_their_commands_in_spite_of_noise(no
 
 def test_a_way_without_enough_rest_beside_it_or_at_another_speed_is_another_motion():
     result = find(*log(AT_HOME, OUT, ("rest", 10, AWAY), BACK, AT_HOME, OUT, AT_AWAY))
-    assert ([run.first for run in result.runs], result.left_out["too_little_rest"]) == ([310], [50])
-    angles, speeds = log(AT_HOME, OUT, AT_AWAY, BACK, AT_HOME, ("go", HOME, AWAY, 130), AT_AWAY)
+    assert ([run.first for run in result.runs], result.left_out["too_little_rest"]) == (
+        [310],
+        [50],
+    )
+    angles, speeds = log(
+        AT_HOME, OUT, AT_AWAY, BACK, AT_HOME, ("go", HOME, AWAY, 130), AT_AWAY
+    )
     assert [run.first for run in find(angles, speeds).runs] == [50]
     assert [run.first for run in find(angles, speeds, steps=130).runs] == [350]
     # the jerk of a controller taking over is no excursion, and a record at rest holds none
     jerk = ("rest", 3, HOME), ("go", HOME, HOME + 5e-4, 3)
-    assert [run.first for run in repetitions.excursions(*log(*jerk, AT_HOME, OUT, AT_AWAY))] == [56]
+    assert [
+        run.first for run in repetitions.excursions(*log(*jerk, AT_HOME, OUT, AT_AWAY))
+    ] == [56]
     assert repetitions.excursions(*log(("rest", 300, HOME))) == []
 
 
@@ -94,7 +119,9 @@ def test_the_lag_of_the_measured_angles_is_recovered_and_none_at_rest(delay):
 def periodic(rows: int, period: float) -> np.ndarray:
     """A command (rows, 2) in rad without rest that repeats after ``period`` rows."""
     phase = 2 * np.pi * np.arange(rows) / period
-    return np.stack([np.sin(phase), 0.5 * np.cos(2 * phase) + 0.2 * np.sin(phase)], axis=1)
+    return np.stack(
+        [np.sin(phase), 0.5 * np.cos(2 * phase) + 0.2 * np.sin(phase)], axis=1
+    )
 
 
 def test_a_motion_in_passing_is_found_in_each_period_and_brought_in_phase():
@@ -109,12 +136,16 @@ def test_a_motion_in_passing_is_found_in_each_period_and_brought_in_phase():
     for number, run in enumerate(outcome.runs):
         place = in_phase(command, run.first, reference, 2)
         assert place == pytest.approx(first + number * period, abs=1e-4)
-        np.testing.assert_allclose(stretch(command, place, steps + 1), reference, atol=1e-6)
+        np.testing.assert_allclose(
+            stretch(command, place, steps + 1), reference, atol=1e-6
+        )
     # the control: by whole rows the last one is off by a third of a row
     assert np.abs(command[523 : 523 + steps + 1] - reference).max() > 5e-3
     # motions that would overlap are left out
     command = periodic(800, 200.0)
-    outcome = repetitions.find_repetitions(command, [], (command[10], command[260]), 250, rest=0)
+    outcome = repetitions.find_repetitions(
+        command, [], (command[10], command[260]), 250, rest=0
+    )
     assert [run.first for run in outcome.runs] == [10, 410]
     assert outcome.left_out == {"overlapping": [210]}
 
@@ -131,10 +162,14 @@ def residuals(takes: int, rng: np.random.Generator) -> np.ndarray:
     return common + rng.standard_t(4, (takes, 300, 3)) * 50e-6 / np.sqrt(2)
 
 
-def pushed(rows: np.ndarray, height: float, rng: np.random.Generator) -> tuple[np.ndarray, int]:
+def pushed(
+    rows: np.ndarray, height: float, rng: np.random.Generator
+) -> tuple[np.ndarray, int]:
     """``rows`` with a push in one place of one joint of one take, and that take."""
     takes, length, joints = rows.shape
-    take, start, joint = (int(rng.integers(n)) for n in (takes, length - len(PUSH), joints))
+    take, start, joint = (
+        int(rng.integers(n)) for n in (takes, length - len(PUSH), joints)
+    )
     rows[take, start : start + len(PUSH), joint] += height * rng.choice([-1, 1]) * PUSH
     return rows, take
 

@@ -25,7 +25,10 @@ SINES = np.array([0.3, 0.5, 0.7])  # Hz
 
 def wave(t: np.ndarray, phase: float = 0.0) -> np.ndarray:
     """Command (N, 3) in rad that never rests, with a period of 10 s."""
-    return np.sin(2 * np.pi * np.outer(t + phase, SINES)) + 0.2 * np.cos(2 * np.pi * t)[:, None]
+    return (
+        np.sin(2 * np.pi * np.outer(t + phase, SINES))
+        + 0.2 * np.cos(2 * np.pi * t)[:, None]
+    )
 
 
 def movement(target: np.ndarray, actual: np.ndarray) -> LoggedMovement:
@@ -62,7 +65,9 @@ def test_each_run_loses_its_own_lag_also_a_joints_own_and_below_one_sample(late)
 def test_equal_commands_are_one_motion_and_no_row_is_lost_between_them():
     logs = {"a": stops(4, 1), "b": stops(3, 2, late=0.002), "c": stops(2, 3)}
     runs, unused = joint_runs(logs, RATE)
-    assert not unused and [run.motion for run in runs] == list("121212112")[:4] + list("12112")
+    assert not unused and [run.motion for run in runs] == list("121212112")[:4] + list(
+        "12112"
+    )
     rows = sum(len(run.command) for run in runs)
     assert rows > sum(len(log.target) for log in logs.values()) - 10
     lags = {run.name[0]: run.lag[0] for run in runs}
@@ -72,7 +77,9 @@ def test_equal_commands_are_one_motion_and_no_row_is_lost_between_them():
     # a stretch of a long run is of the long run's motion; another command is not
     t = np.arange(N) / RATE
     longer = {"long": wave(t), "part": wave(t[300:1300]), "other": wave(t, phase=1.2)}
-    runs, _ = joint_runs({name: movement(q, q + 1e-6) for name, q in longer.items()}, RATE)
+    runs, _ = joint_runs(
+        {name: movement(q, q + 1e-6) for name, q in longer.items()}, RATE
+    )
     assert [run.motion for run in runs] == ["1", "1", "2"]
 
 
@@ -81,16 +88,25 @@ def test_disturbed_runs_standing_joints_and_logs_at_rest_are_named():
     logs["c"].actual[150:200, 1] += 0.01
     logs["still"] = movement(np.zeros((N, 3)), np.zeros((N, 3)))
     runs, unused = joint_runs(logs, RATE)
-    assert "disturbed" in unused["c_1"] and "never moves" in unused["still"] and len(unused) == 2
+    assert (
+        "disturbed" in unused["c_1"]
+        and "never moves" in unused["still"]
+        and len(unused) == 2
+    )
     assert len(runs) == 4 * 3 - 1
     for log in logs.values():
         log.actual[:, 2] = 0.0
     runs, unused = joint_runs(logs, RATE)
-    assert "it moves by 0 rad" in unused["joint_3"] and runs[0].joints == ("joint_1", "joint_2")
+    assert "it moves by 0 rad" in unused["joint_3"] and runs[0].joints == (
+        "joint_1",
+        "joint_2",
+    )
     with pytest.raises(RecordingError, match=r"still: the command never moves"):
         joint_runs({"still": logs["still"]}, RATE)
     # a file that was copied is no second recording
-    runs, unused = joint_runs({"a": stops(2, 1), "b": stops(2, 1), "c": stops(2, 2)}, RATE)
+    runs, unused = joint_runs(
+        {"a": stops(2, 1), "b": stops(2, 1), "c": stops(2, 2)}, RATE
+    )
     assert len(runs) == 4 and [*unused] == ["b"] and unused["b"].startswith("a copy:")
 
 
@@ -98,14 +114,20 @@ def test_disturbed_runs_standing_joints_and_logs_at_rest_are_named():
 def test_motions_to_analyse_have_ends_steps_pauses_and_repetitions(pushed):
     home, names = np.array([-1.2, 1.4, -1.0]), ["joint_2", "joint_3", "joint_4"]
     read = stops(10, 1)
-    read = read._replace(joints=names, target=read.target + home, actual=read.actual + home)
+    read = read._replace(
+        joints=names, target=read.target + home, actual=read.actual + home
+    )
     if pushed is not None:
         first = 80 + 560 * pushed + 60
         read.actual[first : first + 40, 1] += 0.02
     robot = Robot("pipeline/arm/ur5.urdf", names, "wrist_centre", plane=True)
     there, back = find_motions({"log": read}, robot, RATE)
     for motion, start in ((there, home), (back, home + np.array([0.8, -0.5, 0.3]))):
-        assert 195 < motion.steps <= 200 and 79 <= motion.pause < 85 and len(motion.places) == 5
+        assert (
+            195 < motion.steps <= 200
+            and 79 <= motion.pause < 85
+            and len(motion.places) == 5
+        )
         np.testing.assert_allclose(motion.start, start, atol=1e-3)
         assert motion.deviation < 1e-9 and motion.least_singular > 0.01
         # less than half of the pause, so that no row at rest is in two takes
@@ -120,11 +142,16 @@ def test_rows_at_the_end_where_the_arm_has_stopped_are_left_out():
     actual = wave(t - 0.001)
     actual[-20:] = actual[-20]
     (run,), _ = joint_runs({"log": movement(wave(t), actual)}, RATE)
-    assert np.abs(run.measured - run.command).max() < 1e-3 and N - 40 < len(run.command) < N - 10
+    assert (
+        np.abs(run.measured - run.command).max() < 1e-3
+        and N - 40 < len(run.command) < N - 10
+    )
     assert run.lag[0] == pytest.approx(0.001, abs=5e-5)
 
 
-@pytest.mark.parametrize(("quantum", "printed"), [(9.5e-6, 6), (1.6e-5, 8), (1e-3, 6), (0.0, 12)])
+@pytest.mark.parametrize(
+    ("quantum", "printed"), [(9.5e-6, 6), (1.6e-5, 8), (1e-3, 6), (0.0, 12)]
+)
 def test_the_step_of_recorded_angles_is_found_where_there_is_one(quantum, printed):
     rng, t = np.random.default_rng(2), np.arange(4000) / RATE
     angles = np.sin(0.1 * t) + rng.normal(0, 1e-5, len(t))
@@ -146,10 +173,16 @@ def test_arrays_of_joints_by_samples_are_read_and_other_files_change_nothing(tmp
     rec = {"time": t, "q_actual": q[:, :2], "q_target": q[:, :2]}
     np.savez(tmp_path / "gripper.npz", **rec)
     (tmp_path / "notes.txt").write_text("recorded on a Monday\n")
-    (tmp_path / "forces.csv").write_text("time,fx\n" + "".join(f"{k},{k}\n" for k in range(30)))
+    (tmp_path / "forces.csv").write_text(
+        "time,fx\n" + "".join(f"{k},{k}\n" for k in range(30))
+    )
     both = folder_logs(tmp_path, {})
-    assert [*both.movements] == ["run_A", "run_B"] and "another arm" in both.unused["gripper"]
-    np.testing.assert_array_equal(both.movements["run_A"].actual, alone.movements["run_A"].actual)
+    assert [*both.movements] == ["run_A", "run_B"] and "another arm" in both.unused[
+        "gripper"
+    ]
+    np.testing.assert_array_equal(
+        both.movements["run_A"].actual, alone.movements["run_A"].actual
+    )
     # a value that is set replaces a stated one
     slower = folder_logs(tmp_path, {"motion.rate": "100", "joint_log.time": "null"})
     assert slower.rate == 100.0
@@ -158,7 +191,9 @@ def test_arrays_of_joints_by_samples_are_read_and_other_files_change_nothing(tmp
 def test_tables_of_a_movement_take_their_rate_from_the_times(tmp_path):
     write_movement(tmp_path / "move_1", 3, noise=5e-5, late=0.001)
     logs = folder_logs(tmp_path, {})
-    assert logs.rate == 125.0 and any("angle_unit: rad" in words for words in logs.suggested)
+    assert logs.rate == 125.0 and any(
+        "angle_unit: rad" in words for words in logs.suggested
+    )
     runs, unused = joint_runs(logs.movements, logs.rate)
     assert [run.motion for run in runs] == ["1", "2", "1"] and not unused
     assert runs[0].lag == pytest.approx(np.full(6, 0.001), abs=1e-4)
@@ -167,7 +202,11 @@ def test_tables_of_a_movement_take_their_rate_from_the_times(tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("robot", "rows", "motions", "joints", "error"),
-    [("ur5", 17_005, 8, 6, 2e-3), ("lwr4", 9_440, 1, 7, 3.5e-4), ("kr300", 5_002, 2, 3, 2.6e-3)],
+    [
+        ("ur5", 17_005, 8, 6, 2e-3),
+        ("lwr4", 9_440, 1, 7, 3.5e-4),
+        ("kr300", 5_002, 2, 3, 2.6e-3),
+    ],
 )
 def test_the_runs_of_real_arms_use_their_rows(robot, rows, motions, joints, error):
     if not (SHARED / robot).is_dir():
@@ -175,7 +214,9 @@ def test_the_runs_of_real_arms_use_their_rows(robot, rows, motions, joints, erro
     logs = folder_logs(Path(SHARED / robot), {})
     runs, _ = joint_runs(logs.movements, logs.rate)
     assert sum(len(run.command) for run in runs) > 0.98 * rows
-    assert len({run.motion for run in runs}) == motions and len(runs[0].joints) == joints
+    assert (
+        len({run.motion for run in runs}) == motions and len(runs[0].joints) == joints
+    )
     assert max((run.measured - run.command).std(axis=0).max() for run in runs) < error
     if robot == "ur5":
         quanta = np.mean([run.quantum for run in runs], axis=0)

@@ -46,11 +46,15 @@ def test_every_estimate_has_a_standard_error_and_an_interval(project, choose, mo
         assert 0 < metrics[f"{name}_standard_error"] < 0.5 * abs(metrics[name]) + 0.2
     assert metrics["bootstrap_replicates"] == chosen.scale.bootstrap_replicates
     assert metrics["bootstrap_replicates_without_an_estimate"] == 0
-    for name in json.loads((fit.OUT / model / "covariance.json").read_text())["estimates"]:
+    for name in json.loads((fit.OUT / model / "covariance.json").read_text())[
+        "estimates"
+    ]:
         assert metrics.get(f"{name}_moments", metrics[name]) == metrics[name]
 
 
-def test_an_unbounded_bound_has_no_interval_and_along_its_ridge_the_level_stays(project):
+def test_an_unbounded_bound_has_no_interval_and_along_its_ridge_the_level_stays(
+    project,
+):
     fit.run("gaussian")
     metrics = metrics_of("gaussian")
     parameters = json.loads((fit.OUT / "gaussian/parameters.json").read_text())
@@ -85,20 +89,30 @@ def test_noise_of_the_measurement_alone_gives_no_model_and_later_stages_leave_it
         with pytest.raises(ModelDomainError, match="does not exceed the measurement"):
             fitted_model(fit.OUT / model)
         assert not contracts.exists("moments", fit.OUT / model)
-    assert "sigma_b" not in metrics_of("wishart") and "sigma_b_paper" in metrics_of("wishart")
+    assert "sigma_b" not in metrics_of("wishart") and "sigma_b_paper" in metrics_of(
+        "wishart"
+    )
     predict.run()
-    assert "predict: wishart is left out: the recorded process noise" in capsys.readouterr().out
+    assert (
+        "predict: wishart is left out: the recorded process noise"
+        in capsys.readouterr().out
+    )
     predicted = set(contracts.read("predictions", predict.OUT)["model"])
     assert "additive" in predicted and not {"wishart", "gaussian"} & predicted
 
 
-def test_a_closed_loop_is_fitted_beside_the_open_one_unless_the_options_say_no(project, choose):
+def test_a_closed_loop_is_fitted_beside_the_open_one_unless_the_options_say_no(
+    project, choose
+):
     fit.run("gaussian")
     model, share = fitted_closed_loop(fit.OUT / "gaussian")
     metrics = metrics_of("gaussian")
     assert metrics["closed_loop_share"] == share
     assert metrics["closed_loop_share_standard_error"] > 0
-    assert (metrics["closed_loop_alpha"], metrics["closed_loop_u"]) == (model.alpha, model.u)
+    assert (metrics["closed_loop_alpha"], metrics["closed_loop_u"]) == (
+        model.alpha,
+        model.u,
+    )
     # the takes are drawn in an open loop
     assert metrics["closed_loop_share_interval_low"] < 0.01
     choose(overrides={"models": {"gaussian": {"closed_loop": False}}})
@@ -107,7 +121,9 @@ def test_a_closed_loop_is_fitted_beside_the_open_one_unless_the_options_say_no(p
     assert "closed_loop_share" not in metrics_of("gaussian")
 
 
-def test_results_of_models_that_are_not_chosen_go_and_the_others_stay(tmp_path, monkeypatch):
+def test_results_of_models_that_are_not_chosen_go_and_the_others_stay(
+    tmp_path, monkeypatch
+):
     monkeypatch.chdir(tmp_path)
     parameters(tmp_path, models="[additive]")
     for place in ("data/fit/additive", "data/fit/gaussian", "data/filter/wishart"):
@@ -121,7 +137,9 @@ def test_results_of_models_that_are_not_chosen_go_and_the_others_stay(tmp_path, 
 
 def log_scores() -> pd.DataFrame:
     rows = contracts.read("predictions", predict.OUT)
-    return rows[(rows["steps"] == "all") & (rows["score"] == "log_score")].set_index("model")
+    return rows[(rows["steps"] == "all") & (rows["score"] == "log_score")].set_index(
+        "model"
+    )
 
 
 def test_a_stated_noise_of_a_pose_is_twice_in_the_noise_of_a_step(project):
@@ -132,7 +150,9 @@ def test_a_stated_noise_of_a_pose_is_twice_in_the_noise_of_a_step(project):
 
 
 @pytest.mark.slow
-def test_the_true_model_predicts_best_and_its_coverage_is_a_normal_ones(project, choose):
+def test_the_true_model_predicts_best_and_its_coverage_is_a_normal_ones(
+    project, choose
+):
     choose(models=["gaussian", "gaussian_ml", "additive", "wishart"])
     predict.run()
     scores = log_scores()
@@ -145,7 +165,9 @@ def test_the_true_model_predicts_best_and_its_coverage_is_a_normal_ones(project,
     # the control: twice the noise is worse by an interval that excludes zero
     wider = pairs[(pairs["model"] == "gaussian") & (pairs["rival"] == "gaussian_ml")]
     assert (wider["low"][wider["steps"] == "all"] > 0).all()
-    rows = contracts.read("predictions", predict.OUT).set_index(["steps", "model", "score"])["mean"]
+    rows = contracts.read("predictions", predict.OUT).set_index(
+        ["steps", "model", "score"]
+    )["mean"]
     assert len(rows.index.get_level_values(0).unique()) == 5
     for joint in JOINTS:
         coverage = rows["all", "gaussian", f"coverage_of_one_sigma_{joint}"]
@@ -154,7 +176,9 @@ def test_the_true_model_predicts_best_and_its_coverage_is_a_normal_ones(project,
 
 @pytest.mark.slow
 def test_without_test_takes_each_is_predicted_by_the_others(project, choose):
-    joints, noise = (contracts.read(name, fit.TRACK) for name in ("joints", "process_noise"))
+    joints, noise = (
+        contracts.read(name, fit.TRACK) for name in ("joints", "process_noise")
+    )
     training = joints[joints["part"] == "training"]
     contracts.write(training, "joints", fit.TRACK)
     choose(models=["additive"])
@@ -162,12 +186,16 @@ def test_without_test_takes_each_is_predicted_by_the_others(project, choose):
     held_out = log_scores().loc["none", "mean"]
     # the control: where every take is there twice it is predicted by itself, and far better
     for name, rows in (("joints", training), ("process_noise", noise)):
-        contracts.write(pd.concat([rows, rows.assign(take=rows["take"] + "_")]), name, fit.TRACK)
+        contracts.write(
+            pd.concat([rows, rows.assign(take=rows["take"] + "_")]), name, fit.TRACK
+        )
     predict.run()
     assert log_scores().loc["none", "mean"] > held_out + 0.3
 
 
-def test_every_other_reading_has_evidence_of_the_wishart_model_and_of_no_other(project, choose):
+def test_every_other_reading_has_evidence_of_the_wishart_model_and_of_no_other(
+    project, choose
+):
     readings.run()
     rows = contracts.read("readings", readings.OUT)
     known = contracts.read("reading_refusals", readings.OUT)
@@ -190,8 +218,12 @@ def test_every_step_of_a_take_is_scored_by_the_density_of_its_law(known_project)
     for k in (0, REST + 29):
         before, after = take[k], take[k + 1]
         mean = before + np.linalg.solve(chain.jacobian(before), v[k])
-        law = multivariate_normal(mean, TRUE.covariance(chain, before, v[k]) + recorded.measurement)
+        law = multivariate_normal(
+            mean, TRUE.covariance(chain, before, v[k]) + recorded.measurement
+        )
         error = after - mean
         assert scores["log_density"][k] == pytest.approx(law.logpdf(after))
-        assert scores["nees"][k] == pytest.approx(error @ np.linalg.solve(law.cov, error))
+        assert scores["nees"][k] == pytest.approx(
+            error @ np.linalg.solve(law.cov, error)
+        )
         assert scores["z"][k, 1] == pytest.approx(error[1] / np.sqrt(law.cov[1, 1]))

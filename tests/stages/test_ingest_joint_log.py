@@ -30,7 +30,11 @@ def test_repetitions_are_gathered_over_movements_and_their_mean_command_is_the_t
     write_movement(tmp_path / "logs/move_1", 5, offset=1e-4, **late)
     write_movement(tmp_path / "logs/move_2", 1, offset=-1e-4, seed=1, **late)
     names, q = read(tmp_path / "logs")
-    assert names == ["move_1_1", "move_1_2", "move_1_3", "move_2_1"] and q.shape == (4, 141, 3)
+    assert names == ["move_1_1", "move_1_2", "move_1_3", "move_2_1"] and q.shape == (
+        4,
+        141,
+        3,
+    )
     # three takes 0.1 mrad above and one as much below: 0.05 and 0.15 mrad off their mean
     deviations = [quality("command_deviation", name) for name in names]
     np.testing.assert_allclose(deviations, [5e-5, 5e-5, 5e-5, 1.5e-4], atol=1e-6)
@@ -46,11 +50,17 @@ def test_repetitions_are_gathered_over_movements_and_their_mean_command_is_the_t
     ("choice", "words"),
     [
         ({"movements": "run_*"}, "no folder"),
-        ({"end": [0.0] * 3}, r"0 repet.*-1.9, -0.4\] to \[-3.0, -0.3, -1.5\] in 100 steps"),
+        (
+            {"end": [0.0] * 3},
+            r"0 repet.*-1.9, -0.4\] to \[-3.0, -0.3, -1.5\] in 100 steps",
+        ),
         ({"steps": 200}, "0 repetition.*in 100 steps"),
         ({"rest": 58, "steps": 216}, "0 repetition"),
         ({"movements": "move_2"}, "1 repetition"),
-        ({"movements": "move_3"}, "a motion from row 60, cut off by the end of the log"),
+        (
+            {"movements": "move_3"},
+            "a motion from row 60, cut off by the end of the log",
+        ),
         ({"tolerance": 1e-4}, "another motion"),
     ],
 )
@@ -68,7 +78,9 @@ def test_too_few_or_unequal_repetitions_are_refused_with_what_there_is(
     assert not list(Path("data/ingest").iterdir())
 
 
-def test_recordings_that_are_not_there_are_refused_by_their_folder(log_project, tmp_path):
+def test_recordings_that_are_not_there_are_refused_by_their_folder(
+    log_project, tmp_path
+):
     nowhere, inventory = tmp_path / "nowhere", tmp_path / "inventory.csv"
     log_project("ur5_planar", nowhere)
     for run in (files.run, lambda: command.run(nowhere, inventory)):
@@ -89,7 +101,9 @@ def test_recordings_that_are_not_there_are_refused_by_their_folder(log_project, 
         ({"signals": {"actual": [0, 1]}}, "must name 6 columns or one array"),
     ],
 )
-def test_options_that_contradict_each_other_are_refused(log_project, tmp_path, choice, words):
+def test_options_that_contradict_each_other_are_refused(
+    log_project, tmp_path, choice, words
+):
     with pytest.raises(ConfigError, match=words):
         log_project("ur5_planar", tmp_path, joint_log=choice)
 
@@ -105,7 +119,9 @@ def write_table(folder: Path, source: Path) -> None:
 TABLES = {"movements": "*.txt", "time": None, "angle_unit": "deg"}
 TABLES |= dict.fromkeys(("actual", "target", "speed"))
 LABELS = {"actual": "ist", "target": "soll", "speed": "v"}
-SIGNALS = {signal: [f"{label}_{j}" for j in range(1, 7)] for signal, label in LABELS.items()}
+SIGNALS = {
+    signal: [f"{label}_{j}" for j in range(1, 7)] for signal, label in LABELS.items()
+}
 ANGLES = {signal: SIGNALS[signal] for signal in ("actual", "target")}
 
 
@@ -115,7 +131,10 @@ def test_one_table_a_movement_gives_what_one_file_a_signal_does(read, tmp_path):
     names, q = read(tmp_path / "logs")
     write_table(tmp_path / "tables", tmp_path / "logs/move_1")
     for signals, error in ((SIGNALS, 1e-9), (ANGLES, 1e-4)):
-        table = TABLES | {"signals": signals, "rest_speed": 1e-4 if signals is SIGNALS else 1e-3}
+        table = TABLES | {
+            "signals": signals,
+            "rest_speed": 1e-4 if signals is SIGNALS else 1e-3,
+        }
         result = read(tmp_path / "tables", **table)
         assert result[0] == names
         assert quality("speed_from_angles", "move") == (signals is ANGLES)
@@ -155,21 +174,41 @@ def logs(tmp_path) -> Path:
     return tmp_path / "logs"
 
 
-def spoil(folder: Path, *, factor: float = 1.0, order: bool = False, early: int = 0) -> None:
+def spoil(
+    folder: Path, *, factor: float = 1.0, order: bool = False, early: int = 0
+) -> None:
     """Log what is commanded in another unit, with columns exchanged, or ``early`` rows before."""
     for name in FILES[1:]:
         log = read_joint_log(folder / name, joints=6)
-        rows = log.signals["actual"][:, [0, 2, 1, 3, 4, 5]] if order else log.signals["actual"]
+        rows = (
+            log.signals["actual"][:, [0, 2, 1, 3, 4, 5]]
+            if order
+            else log.signals["actual"]
+        )
         rows = np.vstack([rows[early:], np.repeat(rows[-1:], early, axis=0)])
-        write_joint_log(folder / name, JointLog(log.time, {"actual": rows * factor}, {}))
+        write_joint_log(
+            folder / name, JointLog(log.time, {"actual": rows * factor}, {})
+        )
 
 
 @pytest.mark.parametrize(
     ("wrong", "words", "option"),
     [
-        ({"factor": np.pi / 180}, "target_factor: 57.2957", {"target_factor": 180 / np.pi}),
-        ({"order": True}, r"\[1, 3, 2, 4, 5, 6\]", {"signals": {"target": ORDER, "speed": ORDER}}),
-        ({"early": ROWS}, "target_delay: 0.24", {"target_delay": {"move_1": 0.24, "move_2": 0.24}}),
+        (
+            {"factor": np.pi / 180},
+            "target_factor: 57.2957",
+            {"target_factor": 180 / np.pi},
+        ),
+        (
+            {"order": True},
+            r"\[1, 3, 2, 4, 5, 6\]",
+            {"signals": {"target": ORDER, "speed": ORDER}},
+        ),
+        (
+            {"early": ROWS},
+            "target_delay: 0.24",
+            {"target_delay": {"move_1": 0.24, "move_2": 0.24}},
+        ),
     ],
 )
 def test_a_command_that_is_no_pair_is_refused_and_settled_by_its_option(
@@ -193,7 +232,9 @@ def test_a_command_that_is_no_pair_is_refused_and_settled_by_its_option(
 def test_joints_that_are_locked_elsewhere_than_logged_are_refused(read, tmp_path):
     # joint 1 turns by 0.2 rad in this motion, joint 6 by 0.1
     write_movement(tmp_path / "logs/move_1", 5)
-    with pytest.raises(RecordingError, match=r"joint_1 is locked at 1 rad.*0.8 to 1") as refused:
+    with pytest.raises(
+        RecordingError, match=r"joint_1 is locked at 1 rad.*0.8 to 1"
+    ) as refused:
         read(tmp_path / "logs", robot={"locked": {"joint_1": float(HOME[0])}})
     assert refused.value.evidence["key"] == "dataset.robot.locked.joint_1"
     assert refused.value.evidence["take"] == "move_1_1"
@@ -204,11 +245,15 @@ def test_joints_that_are_locked_elsewhere_than_logged_are_refused(read, tmp_path
         read(tmp_path / "logs", robot=robot, joints=names)
 
 
-def test_a_step_that_the_joint_cannot_make_is_refused_with_joint_time_speed_and_limit(read, logs):
+def test_a_step_that_the_joint_cannot_make_is_refused_with_joint_time_speed_and_limit(
+    read, logs
+):
     log = read_joint_log(logs / "move_2" / FILES[0], joints=6)
     log.signals["actual"][200, 4] += 0.2
     write_joint_log(logs / "move_2" / FILES[0], log)
     words = r"joint_5 \(actual\) steps by 0\.\d+ rad at 1\.6 s .* rad/s, where .* 3\.142 rad/s"
     with pytest.raises(RecordingError, match=words):
         read(logs)
-    assert not list(Path("data/ingest").iterdir())  # what is refused leaves nothing behind
+    assert not list(
+        Path("data/ingest").iterdir()
+    )  # what is refused leaves nothing behind

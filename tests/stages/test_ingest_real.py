@@ -40,7 +40,9 @@ def spread_of(noise: np.ndarray) -> np.ndarray:
     return np.sqrt(np.mean(varying**2, axis=(0, 1)))
 
 
-def process_noise(log_project, dataset: str, ur5: Path) -> tuple[list[str], np.ndarray, np.ndarray]:
+def process_noise(
+    log_project, dataset: str, ur5: Path
+) -> tuple[list[str], np.ndarray, np.ndarray]:
     """Names of the takes, joint angles and process noise by the stages."""
     log_project(dataset, ur5)
     ingest.run("motion")
@@ -79,7 +81,9 @@ def test_the_real_logs_go_from_raw_files_to_process_noise(
     assert np.all(moving > 40e-6) and np.all(moving < 145e-6)
     # a position-controlled arm does not wander: what one step adds the next takes back
     varying = (w - w.mean(axis=0))[:, ~still]
-    recoil = np.sum(varying[:, 1:] * varying[:, :-1], axis=(0, 1)) / np.sum(varying**2, axis=(0, 1))
+    recoil = np.sum(varying[:, 1:] * varying[:, :-1], axis=(0, 1)) / np.sum(
+        varying**2, axis=(0, 1)
+    )
     assert np.all(recoil < -0.3)
 
 

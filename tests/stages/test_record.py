@@ -73,7 +73,9 @@ def test_angles_are_measured_as_well_as_their_noise_lets_them():
     assert quality.mean()["residual_rms"] < 1e-3
     assert quality.sum()[["interpolated", "rejected"]].sum() == 0
     trajectory = contracts.read("trajectory", Path("data/ingest/motion"))
-    assert values(trajectory, "v").shape == (321, 6) and values(trajectory, "u").shape == (321, 7)
+    assert values(trajectory, "v").shape == (321, 6) and values(
+        trajectory, "u"
+    ).shape == (321, 7)
     noise = values(contracts.read("process_noise", Path("data/track")), "w")
     assert noise.shape == (3 * 320, 7) and 1e-4 < noise.std() < 1e-2
 
@@ -91,9 +93,12 @@ def test_takes_beyond_a_limit_are_left_out_and_named_and_the_others_stay(capsys)
     track.run()
     printed = capsys.readouterr().out
     assert (
-        "1 of 5 takes left out: train_001 (" in printed and "longest_gap 41 beyond 20)" in printed
+        "1 of 5 takes left out: train_001 (" in printed
+        and "longest_gap 41 beyond 20)" in printed
     )
-    assert {*contracts.read("takes", track.OUT).query("left_out")["take"]} == {"train_001"}
+    assert {*contracts.read("takes", track.OUT).query("left_out")["take"]} == {
+        "train_001"
+    }
     stay = before[before["take"] != "train_001"].reset_index(drop=True)
     pd.testing.assert_frame_equal(contracts.read("joints", track.OUT), stay)
 
@@ -112,10 +117,22 @@ def test_a_perfect_arm_is_measured_to_the_digits_of_its_files():
 @pytest.mark.parametrize(
     ("mocap", "error", "words"),
     [
-        ({"markers": {"link_9": {"a": [0.0, 0.0, 0.1]}}}, ConfigError, "every link of markers"),
+        (
+            {"markers": {"link_9": {"a": [0.0, 0.0, 0.1]}}},
+            ConfigError,
+            "every link of markers",
+        ),
         ({"posture": [0.0] * 6}, ConfigError, "6 angles for an arm of 7 joints"),
-        ({"bodies": {"flange": {"name": "Foot"}}}, RecordingError, "no rigid body named Foot"),
-        ({"base": {"position": [0.35, 0.72, -0.31]}}, RecordingError, "no posture of the arm has"),
+        (
+            {"bodies": {"flange": {"name": "Foot"}}},
+            RecordingError,
+            "no rigid body named Foot",
+        ),
+        (
+            {"base": {"position": [0.35, 0.72, -0.31]}},
+            RecordingError,
+            "no posture of the arm has",
+        ),
     ],
 )
 def test_what_does_not_fit_the_arm_is_refused_with_one_message(mocap, error, words):

@@ -63,7 +63,9 @@ def written() -> list[bytes]:
 def decided() -> pd.Series:
     """The verdicts in claims.csv by claim and dataset."""
     rows = pd.read_csv("reports/youbot/claims.csv")
-    return rows.drop_duplicates(["claim", "dataset"]).set_index(["claim", "dataset"])["verdict"]
+    return rows.drop_duplicates(["claim", "dataset"]).set_index(["claim", "dataset"])[
+        "verdict"
+    ]
 
 
 def test_every_claim_has_its_verdict_in_both_forms():
@@ -85,8 +87,12 @@ def test_every_link_of_the_report_leads_to_a_file_that_a_run_has():
     page = Path("reports/youbot/report.md").read_text()
     links = {link.partition("#")[0] for link in re.findall(r"\]\((.*?)\)", page)}
     here = (ROOT / "reports/youbot", Path("reports/youbot"))
-    missing = {link for link in links if not any((place / link).exists() for place in here)}
-    assert all(link.startswith("../studies/") for link in missing)  # of a pipeline of their own
+    missing = {
+        link for link in links if not any((place / link).exists() for place in here)
+    }
+    assert all(
+        link.startswith("../studies/") for link in missing
+    )  # of a pipeline of their own
     anchors = set(re.findall(r"errata\.md#([\w-]+)", page))
     errata = Path("reports/youbot/errata.md").read_text()
     assert anchors and all(f'<a id="{anchor}">' in errata for anchor in anchors)
@@ -119,9 +125,13 @@ def test_an_altered_number_a_dataset_of_the_paper_and_another_dataset_are_seen()
     YOUBOT.write_text(run.to_json())
     joints = ["joint_2", "joint_3", "joint_4"]
     changes = {"dataset": "ur5", "synthetic": False, "joints": joints, "tables": {}}
-    YOUBOT.with_name("ur5.json").write_text(replace(run, metrics={}, **changes).to_json())
+    YOUBOT.with_name("ur5.json").write_text(
+        replace(run, metrics={}, **changes).to_json()
+    )
     report.run()
-    assert all(before != after for before, after in zip(first[:3], written(), strict=False))
+    assert all(
+        before != after for before, after in zip(first[:3], written(), strict=False)
+    )
     verdicts = decided()
     assert {"youbot", "ur5"} < {*verdicts.index.get_level_values("dataset")}
     assert verdicts["sigma-omega", "youbot"] in ("reproduced", "not reproduced")
@@ -135,7 +145,12 @@ def test_an_altered_number_a_dataset_of_the_paper_and_another_dataset_are_seen()
         (CLAIMS, "rule: less", "rule: fewer", "rule"),
         (CLAIMS, "claims:", "claims: 3 #", "claims"),
         (CLAIMS, "model: wishart", "model: wishrat", "'wishrat'; did you mean wishart"),
-        (CLAIMS, "estimator: paper", "estimator: papers", "'papers'; did you mean paper"),
+        (
+            CLAIMS,
+            "estimator: paper",
+            "estimator: papers",
+            "'papers'; did you mean paper",
+        ),
         (CLAIMS, 'entry: ["11"', 'entry: ["1l"', "the entry '1l'"),
         (CLAIMS, "lwr4_lab:", "lwr4_lba:", "no dataset lwr4_lba"),
         (YOUBOT.with_name("ur5.json"), "", "{}", r"ur5\.json"),
@@ -143,7 +158,9 @@ def test_an_altered_number_a_dataset_of_the_paper_and_another_dataset_are_seen()
         (YOUBOT, None, "", "no evidence of the dataset youbot"),
     ],
 )
-def test_malformed_claims_or_evidence_are_refused_and_earlier_pages_are_left(file, old, new, words):
+def test_malformed_claims_or_evidence_are_refused_and_earlier_pages_are_left(
+    file, old, new, words
+):
     before, text = written(), file.read_text() if file.exists() else ""
     file.write_text(text.replace(old, new, 1)) if old is not None else file.unlink()
     with pytest.raises((ConfigError, ContractError), match=words):

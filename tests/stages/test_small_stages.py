@@ -21,7 +21,16 @@ from pipeline.evidence.outcomes import evaluate
 from pipeline.evidence.table import KEYS, NUMBERS
 from pipeline.filtering.measurement import measured_takes
 from pipeline.perception.depth_noise import errors_of, leave_one_out
-from pipeline.stages import articulate, choose, figures, filter, fit, publish, score, wrench
+from pipeline.stages import (
+    articulate,
+    choose,
+    figures,
+    filter,
+    fit,
+    publish,
+    score,
+    wrench,
+)
 from pipeline.verdicts.claims import read_claims
 from pipeline.verdicts.decision import claim_verdicts
 from pipeline.verdicts.run import ArmNames
@@ -31,10 +40,14 @@ THREE = ["additive", "wishart", "gaussian"]
 
 def write_camera() -> None:
     """Joint angles at every fourth step of the test takes, and the moments of their noise."""
-    joints = contracts.read("joints", Path("data/track")).query("part == 'test' and k % 4 == 0")
+    joints = contracts.read("joints", Path("data/track")).query(
+        "part == 'test' and k % 4 == 0"
+    )
     rng = np.random.default_rng(3)
     noise = rng.multivariate_normal([0.01, 0.0, -0.01], 1e3 * MEASUREMENT, len(joints))
-    seen = joints[["take", "part", "t"]].assign(frame=joints["k"] // 4, points=9, objective=0.0)
+    seen = joints[["take", "part", "t"]].assign(
+        frame=joints["k"] // 4, points=9, objective=0.0
+    )
     for joint, angle in zip(JOINTS, (values(joints, "q") + noise).T, strict=True):
         seen[f"q:{joint}"] = angle
     seen = seen.assign(**dict.fromkeys(["x2", "z2", "x3", "z3", "xe", "ze"], 0.0))
@@ -61,7 +74,11 @@ def test_a_case_with_the_choices_of_the_run_has_the_runs_evidence_and_verdicts(
     settings = config.sections("readings")
     measured = {take.take: take for take in measured_takes(settings.dataset)}
     base = replace(Choices.of_run(settings), closed=True)
-    sizes = (settings.dataset.motion.rate, len(measured), settings.simulation.realizations)
+    sizes = (
+        settings.dataset.motion.rate,
+        len(measured),
+        settings.simulation.realizations,
+    )
     cameras = {base.clock: Camera(None, measured)}
     recordings = Recordings(takes, cameras, *sizes, settings.seed)
     ((again, _),) = evaluate([base], recordings, map)
@@ -70,16 +87,24 @@ def test_a_case_with_the_choices_of_the_run_has_the_runs_evidence_and_verdicts(
     for table in (run, again):
         fitted = table["quantity"].isin([*NOISE, *PAPERS])
         table.loc[fitted, ["low", "high", "standard_error"]] = np.nan
-    indexed = [table.set_index([*KEYS])[[*NUMBERS]].astype(float) for table in (run, again)]
-    pd.testing.assert_frame_equal(*indexed, check_like=True, rtol=1e-9, check_exact=False)
+    indexed = [
+        table.set_index([*KEYS])[[*NUMBERS]].astype(float) for table in (run, again)
+    ]
+    pd.testing.assert_frame_equal(
+        *indexed, check_like=True, rtol=1e-9, check_exact=False
+    )
     assert {"additive", "additive_closed", "none"} < {*run["model"]}
     arm = ArmNames(tuple(JOINTS), tuple(takes.training.chain.task))
-    own, other = (claim_verdicts(read_claims(), table, arm)["verdict"] for table in (run, again))
+    own, other = (
+        claim_verdicts(read_claims(), table, arm)["verdict"] for table in (run, again)
+    )
     assert own.tolist() == other.tolist() and {"holds", "fails"} < {*own}
     # control: other random numbers
     ((drawn, _),) = evaluate([replace(base, draw=1)], recordings, map)
     places = ["quantity", "model"]
-    means = [t.set_index(places).loc["greatest_mean_error", "value"] for t in (run, drawn)]
+    means = [
+        t.set_index(places).loc["greatest_mean_error", "value"] for t in (run, drawn)
+    ]
     assert not np.allclose(*means)
 
 
@@ -91,10 +116,15 @@ def test_the_chosen_dataset_is_written_and_an_unknown_one_is_refused_by_key(proj
     Path("params.yaml").write_text("dataset: nowhere\n")
     with pytest.raises(ConfigError) as refused:
         choose.run()
-    assert refused.value.evidence["key"] == "dataset" and choose.CHOSEN.read_text() == "youbot\n"
+    assert (
+        refused.value.evidence["key"] == "dataset"
+        and choose.CHOSEN.read_text() == "youbot\n"
+    )
 
 
-def test_without_a_depth_camera_or_a_force_transducer_what_needs_them_is_left_out(project, choose):
+def test_without_a_depth_camera_or_a_force_transducer_what_needs_them_is_left_out(
+    project, choose
+):
     bounds = {"agents": [3, 4], "systems": 4, "test_systems": 5, "repeats": 2}
     absent = {"dataset": {"depth": None, "force": None}, "wrench": bounds}
     choose(overrides=absent)
@@ -107,7 +137,9 @@ def test_without_a_depth_camera_or_a_force_transducer_what_needs_them_is_left_ou
     assert errors.groupby("agents").size().to_dict() == {3: 5, 4: 5}
 
 
-def test_figures_without_tables_are_left_out_and_publish_replaces_earlier_files(project, choose):
+def test_figures_without_tables_are_left_out_and_publish_replaces_earlier_files(
+    project, choose
+):
     choose(overrides={"dataset": {"force": None}})
     for part in ("tables", "metrics"):
         (score.OUT / part).mkdir(parents=True)

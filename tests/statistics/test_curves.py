@@ -41,22 +41,32 @@ LAWS = {
 
 def curve(variation: float) -> np.ndarray:
     """(STEPS, 2) standard deviations of so much variation over their mean."""
-    wave = 1 + np.sqrt(2) * variation * np.sin(np.linspace(0, 4 * np.pi, STEPS, endpoint=False))
+    wave = 1 + np.sqrt(2) * variation * np.sin(
+        np.linspace(0, 4 * np.pi, STEPS, endpoint=False)
+    )
     return 1e-3 * np.stack([wave, wave[::-1]], axis=1)
 
 
-def takes_of(std: np.ndarray, law: str, share: float, takes: int, rng, *repeats) -> np.ndarray:
+def takes_of(
+    std: np.ndarray, law: str, share: float, takes: int, rng, *repeats
+) -> np.ndarray:
     """(..., takes, STEPS, 2) noise, correlated from step to step by ``share``."""
     unit = LAWS[law](rng, (*repeats, takes, *std.shape))
     for k in range(1, STEPS):
-        unit[..., k, :] = share * unit[..., k - 1, :] + np.sqrt(1 - share**2) * unit[..., k, :]
+        unit[..., k, :] = (
+            share * unit[..., k - 1, :] + np.sqrt(1 - share**2) * unit[..., k, :]
+        )
     return std * unit
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("variation", [0.05, 0.4])
 @pytest.mark.parametrize(
-    ("law", "share", "of_many"),  # the variation of which many takes are drawn, else few
+    (
+        "law",
+        "share",
+        "of_many",
+    ),  # the variation of which many takes are drawn, else few
     [("normal", 0.0, 0.05), ("normal", 0.7, 0.4), ("heavy-tailed", 0.0, 0.05)],
 )
 def test_a_true_model_passes_in_all_joints_and_constant_noise_fails_as_often_as_the_power_says(
@@ -73,7 +83,9 @@ def test_a_true_model_passes_in_all_joints_and_constant_noise_fails_as_often_as_
     own, constant = ([tested(truth) for _ in range(OWN)] for truth in (std, flat))
     assert max(rows["limit"].max() for rows in own) <= HALF_EXPLAINED
     passed = [(rows["correlation"] >= rows["limit"]).all() for rows in own]
-    assert np.mean(passed) >= RECOGNISED - 4 * np.sqrt(RECOGNISED * (1 - RECOGNISED) / OWN)
+    assert np.mean(passed) >= RECOGNISED - 4 * np.sqrt(
+        RECOGNISED * (1 - RECOGNISED) / OWN
+    )
     rejected = np.mean([rows["correlation"] < rows["limit"] for rows in constant])
     power = np.mean([rows["power"] for rows in own])
     assert rejected == pytest.approx(power, abs=0.15)
@@ -88,7 +100,9 @@ def test_a_true_model_passes_in_all_joints_and_constant_noise_fails_as_often_as_
 
 @pytest.mark.slow
 @pytest.mark.parametrize("law", [2.5, np.inf])  # degrees of freedom of Student's law
-def test_few_takes_with_heavy_tails_refute_no_true_model_and_vary_no_constant_noise(law):
+def test_few_takes_with_heavy_tails_refute_no_true_model_and_vary_no_constant_noise(
+    law,
+):
     """Residuals about the mean of four takes have lighter tails than the noise; shares of wrong
     verdicts over five joints at once are within 3.5 standard errors of 1 − RECOGNISED.
     """
@@ -112,12 +126,16 @@ def test_few_takes_with_heavy_tails_refute_no_true_model_and_vary_no_constant_no
 
 
 @pytest.mark.parametrize("law", LAWS)
-def test_noise_that_varies_is_above_its_limits_and_constant_noise_of_many_takes_below(law):
+def test_noise_that_varies_is_above_its_limits_and_constant_noise_of_many_takes_below(
+    law,
+):
     rng, found = np.random.default_rng(50), []
     for variation in (0.0, 0.6):
         noise = takes_of(curve(variation), law, 0.3, 100, rng)
         curves = noise.std(axis=0, ddof=1)
-        found.append(curves.std(axis=0) / curves.mean(axis=0) - variation_limits(noise, rng).T)
+        found.append(
+            curves.std(axis=0) / curves.mean(axis=0) - variation_limits(noise, rng).T
+        )
     constant, varying = np.array(found)
     assert (constant < 0).all() and (varying > 0).all()
 
@@ -146,7 +164,9 @@ def test_errors_are_compared_at_one_level_and_the_true_model_has_the_least(level
     noise = noise_of(np.sqrt(RAMP**2 + MEASUREMENT), TAKES, 2)
     motion = {"flat": level * FLAT**2, "ramp": RAMP**2, "same": 2 * FLAT**2}
     motion["even"] = level * np.mean(RAMP**2, 1)[:, None] * np.ones(2)
-    modelled = {name: ModelledNoise(own, MEASUREMENT, noise) for name, own in motion.items()}
+    modelled = {
+        name: ModelledNoise(own, MEASUREMENT, noise) for name, own in motion.items()
+    }
     errors, sizes = jackknifed_spreads(modelled, noise)
     assert jackknife_difference(errors["ramp"][:, 0] - errors["flat"][:, 0]).high < 0
     assert errors["ramp"][0, 0] < 0.2 < errors["flat"][0, 0] < 1
@@ -172,7 +192,9 @@ def means(values: dict[str, np.ndarray]):
 
 
 def resampled(a: np.ndarray, b: np.ndarray, rng: np.random.Generator):
-    return resampled_differences(means({"a": a, "b": b}), ["a", "b"], len(a), rng)["b"][0]
+    return resampled_differences(means({"a": a, "b": b}), ["a", "b"], len(a), rng)["b"][
+        0
+    ]
 
 
 def test_the_interval_of_a_paired_difference_is_that_of_the_paired_t_test():
@@ -181,9 +203,13 @@ def test_the_interval_of_a_paired_difference_is_that_of_the_paired_t_test():
     a, b = takes + rng.normal(0.3, 0.2, 12), takes + rng.normal(0, 0.2, 12)
     expected = ttest_rel(a, b).confidence_interval(0.95)
     differences = paired_difference(a, b)
-    assert differences[:3] == pytest.approx(((a - b).mean(), expected.low, expected.high))
+    assert differences[:3] == pytest.approx(
+        ((a - b).mean(), expected.low, expected.high)
+    )
     for few in (3, 4, 12):  # the jackknife of a mean is the same
-        assert jackknife((a - b)[:few]) == pytest.approx(paired_difference(a[:few], b[:few]))
+        assert jackknife((a - b)[:few]) == pytest.approx(
+            paired_difference(a[:few], b[:few])
+        )
     # control: unpaired, the takes' own spread would hide the difference
     assert differences.low > 0 > paired_difference(a, b[::-1]).low
 
@@ -212,7 +238,9 @@ def test_intervals_cover_the_true_mean_as_often_as_they_say(interval, takes, rep
 def test_one_further_value_lies_in_a_percentile_interval_as_often_as_it_says():
     draws = np.random.default_rng(11).normal(size=(79, 4000))
     low, high = percentile_interval(draws[:-1])
-    assert np.mean((low <= draws[-1]) & (draws[-1] <= high)) == pytest.approx(0.95, abs=0.014)
+    assert np.mean((low <= draws[-1]) & (draws[-1] <= high)) == pytest.approx(
+        0.95, abs=0.014
+    )
     # the linear form would be too short
     low, high = np.quantile(draws[:39], (0.025, 0.975), axis=0)
     assert np.mean((low <= draws[-1]) & (draws[-1] <= high)) < 0.93
@@ -222,14 +250,18 @@ def test_an_interval_that_does_not_exist_is_a_gap():
     single = paired_difference(np.array([2.0]), np.array([0.5]))
     assert single.difference == 1.5 and np.isnan(single[1:]).all()
     for missing in (np.nan, -np.inf):
-        assert np.isnan(paired_difference(np.array([1.0, missing]), np.array([0.0, missing]))).all()
+        assert np.isnan(
+            paired_difference(np.array([1.0, missing]), np.array([0.0, missing]))
+        ).all()
     alone = resampled(np.ones(1), np.zeros(1), np.random.default_rng(3))
     assert np.isnan(alone.low) and alone.difference == -1
     assert np.isnan(jackknife(np.array([0.0, 1.0])).low)
     assert np.isfinite(jackknife(np.array([0.0, 1.0, 3.0]))).all()
     # a resampling of one take alone has no variance
     drawn = drawn_takes(2, np.random.default_rng(4))
-    assert 0 < len(drawn) < REPLICATES and all(len({*indices}) == 2 for indices in drawn)
+    assert 0 < len(drawn) < REPLICATES and all(
+        len({*indices}) == 2 for indices in drawn
+    )
 
 
 def test_the_lag_one_correlation_is_that_of_its_law_whatever_the_mean_at_each_step():

@@ -40,12 +40,16 @@ def grid(points, reach):
 
 
 @pytest.mark.parametrize(("count", "reach"), [(5, 4.0), (5000, 4.0), (3000, 0.5)])
-def test_binning_agrees_with_direct_summation_also_on_a_grid_that_leaves_samples_out(count, reach):
+def test_binning_agrees_with_direct_summation_also_on_a_grid_that_leaves_samples_out(
+    count, reach
+):
     samples = draw(count)
     bandwidth = normal_reference_bandwidth(samples)
     x, y = grid(61, reach)
     direct = direct_summation(samples, x, y, bandwidth)
-    difference = np.abs(kernel_density(samples, x, y, bandwidth) - direct).max() / direct.max()
+    difference = (
+        np.abs(kernel_density(samples, x, y, bandwidth) - direct).max() / direct.max()
+    )
     assert difference < 1e-3
     # samples that are no numbers, or far off, count in N alone
     lost = np.array([[np.nan, 0.0], [np.inf, 5.0], [3.0, -1e300]])
@@ -56,14 +60,24 @@ def test_binning_agrees_with_direct_summation_also_on_a_grid_that_leaves_samples
 
 def test_the_bandwidth_of_a_normal_sample_is_the_normal_reference_and_outliers_leave_it_alone():
     samples = draw(40_000)
-    reference = np.sqrt(np.diag(COVARIANCE)) * 40_000 ** (-1 / 6)  # (4/((p+2)N))^{1/(p+4)} at p = 2
-    np.testing.assert_allclose(normal_reference_bandwidth(samples), reference, rtol=0.03)
+    reference = np.sqrt(np.diag(COVARIANCE)) * 40_000 ** (
+        -1 / 6
+    )  # (4/((p+2)N))^{1/(p+4)} at p = 2
+    np.testing.assert_allclose(
+        normal_reference_bandwidth(samples), reference, rtol=0.03
+    )
     samples[:400] *= 1000
-    np.testing.assert_allclose(normal_reference_bandwidth(samples), reference, rtol=0.05)
-    column = np.array([0.0, 1.0, 2.0, 4.0, 9.0])  # median 2, deviations 2 1 0 2 7: MAD 2
+    np.testing.assert_allclose(
+        normal_reference_bandwidth(samples), reference, rtol=0.05
+    )
+    column = np.array(
+        [0.0, 1.0, 2.0, 4.0, 9.0]
+    )  # median 2, deviations 2 1 0 2 7: MAD 2
     for p in (1, 2, 3):
         rule = 2 / 0.6745 * (4 / ((p + 2) * 5)) ** (1 / (p + 4))
-        np.testing.assert_allclose(normal_reference_bandwidth(np.tile(column[:, None], p)), rule)
+        np.testing.assert_allclose(
+            normal_reference_bandwidth(np.tile(column[:, None], p)), rule
+        )
     samples[:24_000, 1] = 5.0
     with pytest.raises(ModelDomainError, match="median absolute deviation"):
         normal_reference_bandwidth(samples)
@@ -123,7 +137,11 @@ def test_thinned_correlated_records_are_rejected_as_often_as_stated_and_whole_on
 
     # 300 tests at 0.05: within the central 99.9 % of the binomial law, widened to 0.08 for the
     # correlation that thinning leaves
-    assert binom.ppf(5e-4, 300, 0.05) <= rejections(thin, 300, 63) <= binom.ppf(1 - 5e-4, 300, 0.08)
+    assert (
+        binom.ppf(5e-4, 300, 0.05)
+        <= rejections(thin, 300, 63)
+        <= binom.ppf(1 - 5e-4, 300, 0.08)
+    )
     assert rejections(whole, 30, 64) > 24
 
 
@@ -133,13 +151,23 @@ def test_the_autocorrelation_time_is_that_of_the_slowest_component():
     assert autocorrelation_time(fast) == pytest.approx(1.3 / 0.7, rel=0.1)
     both = np.column_stack([fast[:, 0], slow[:, 0]])
     assert autocorrelation_time(both) == pytest.approx(19, rel=0.1)
-    assert autocorrelation_time(rng.standard_normal((200_000, 2))) == pytest.approx(1, abs=0.05)
-    means = [record(4000, DECAY, rng).mean(axis=0) for rng in np.random.default_rng(68).spawn(1000)]
+    assert autocorrelation_time(rng.standard_normal((200_000, 2))) == pytest.approx(
+        1, abs=0.05
+    )
+    means = [
+        record(4000, DECAY, rng).mean(axis=0)
+        for rng in np.random.default_rng(68).spawn(1000)
+    ]
     assert np.var(means) * 4000 == pytest.approx(19, rel=0.15)
 
 
 @pytest.mark.parametrize(
-    "values", [np.ones((50, 2)), np.column_stack([np.arange(50.0), np.zeros(50)]), np.zeros((1, 2))]
+    "values",
+    [
+        np.ones((50, 2)),
+        np.column_stack([np.arange(50.0), np.zeros(50)]),
+        np.zeros((1, 2)),
+    ],
 )
 def test_a_record_that_does_not_vary_or_is_too_short_is_refused(values):
     with pytest.raises(ModelDomainError, match="autocorrelation time"):

@@ -19,11 +19,15 @@ def test_the_normal_log_score_is_the_log_density():
     stacked = COVARIANCE * np.arange(1.0, 21)[:, None, None]
     pairs = zip(errors, stacked, strict=True)
     expected = [multivariate_normal(np.zeros(3), c).logpdf(e) for e, c in pairs]
-    np.testing.assert_allclose(scores.normal_log_score(errors, stacked), expected, rtol=1e-12)
+    np.testing.assert_allclose(
+        scores.normal_log_score(errors, stacked), expected, rtol=1e-12
+    )
 
 
 @pytest.mark.parametrize("scale", [0.5, 2.0])
-def test_the_log_score_prefers_the_true_law_and_the_nees_is_chi_squared_under_it_alone(scale):
+def test_the_log_score_prefers_the_true_law_and_the_nees_is_chi_squared_under_it_alone(
+    scale,
+):
     rng = np.random.default_rng(5)
     outcome = rng.standard_normal((2000, 3)) @ np.linalg.cholesky(COVARIANCE).T
     log = (scores.normal_log_score(outcome, s**2 * COVARIANCE) for s in (scale, 1))
@@ -43,12 +47,14 @@ def test_an_honest_posterior_covers_as_it_says_in_every_joint_and_a_narrow_one_d
     assert one is two is None
     for joint, rms in zip(JOINTS, std, strict=True):
         assert honest[f"rms_error_{joint}_rad"].mean() == pytest.approx(rms, rel=0.02)
-        assert honest[f"coverage_of_one_sigma_{joint}"].mean() == pytest.approx(0.683, abs=0.02)
+        assert honest[f"coverage_of_one_sigma_{joint}"].mean() == pytest.approx(
+            0.683, abs=0.02
+        )
         assert narrow[f"coverage_of_one_sigma_{joint}"].mean() < 0.42
     assert honest["nees"].mean() == pytest.approx(len(JOINTS), rel=0.05)
-    table = scores.score_comparison({"honest": honest, "narrow": narrow}, "honest").set_index(
-        ["model", "score"]
-    )
+    table = scores.score_comparison(
+        {"honest": honest, "narrow": narrow}, "honest"
+    ).set_index(["model", "score"])
     assert table.loc[("narrow", "log_score"), "high"] < 0
 
 
@@ -58,7 +64,9 @@ def takes() -> tuple[np.ndarray, np.ndarray]:
     rng = np.random.default_rng(1)
     std = np.linspace(0.01, 0.03, FRAMES)[:, None] * [1.0, 2.0]
     middle = np.sin(np.arange(FRAMES))[:, None]
-    return tuple(middle + std * rng.standard_normal((count, FRAMES, 2)) for count in (200, 60))
+    return tuple(
+        middle + std * rng.standard_normal((count, FRAMES, 2)) for count in (200, 60)
+    )
 
 
 def test_without_a_filter_the_training_takes_predict_the_test_takes_as_they_say(takes):

@@ -16,7 +16,12 @@ from pipeline.randommatrix.wishart import degrees_of_freedom
 from pipeline.studies.frame import dataset_option
 from pipeline.studies.which_decomposition import evidence as laws
 from pipeline.studies.which_decomposition import stage
-from pipeline.studies.which_decomposition.evidence import PIVOTED, PLAIN, QR, QR_TRANSPOSED
+from pipeline.studies.which_decomposition.evidence import (
+    PIVOTED,
+    PLAIN,
+    QR,
+    QR_TRANSPOSED,
+)
 from pipeline.studies.which_decomposition.paths import KINDS, TimeLaw, draw_paths
 from pipeline.studies.which_decomposition.stage import PAPER_ARM, SPACE_ARM
 from pipeline.verdicts.claims import read_claims
@@ -45,7 +50,9 @@ def paths(arm, stated):
 @pytest.fixture(scope="module")
 def drawn(arm, paths, stated):
     """Return the widths of both models on all paths."""
-    return np.concatenate([laws.widths(arm, part, stated, kind) for kind, part in paths.items()])
+    return np.concatenate(
+        [laws.widths(arm, part, stated, kind) for kind, part in paths.items()]
+    )
 
 
 def made_by(drawn, stated, reading, path):
@@ -58,7 +65,9 @@ def made_by(drawn, stated, reading, path):
 
 
 @pytest.mark.parametrize("reading", [PIVOTED, "lu_xzp", "lu_zxp", QR_TRANSPOSED])
-def test_the_reading_that_made_the_numbers_is_the_most_likely_on_its_path(drawn, stated, reading):
+def test_the_reading_that_made_the_numbers_is_the_most_likely_on_its_path(
+    drawn, stated, reading
+):
     number, found = laws.READINGS.index(reading), []
     for path in range(0, 120, 6):
         models, printed = made_by(drawn, stated, reading, path)
@@ -76,12 +85,18 @@ def test_the_likelihood_is_the_mean_of_normal_densities(stated):
     two["wishart"] = np.sqrt(np.diag(stated.covariance))
     two["wishart"][1] *= 2
     two["gaussian"] = np.sqrt(np.trace(stated.covariance) / 3)
-    density = laws.densities(laws.log_quantities(two, stated), ("joint 1", "gaussian"), 2.0)
+    density = laws.densities(
+        laws.log_quantities(two, stated), ("joint 1", "gaussian"), 2.0
+    )
     at_zero = 1 / (2 * np.pi * np.log(2) ** 2)
-    np.testing.assert_allclose(density, np.tile([at_zero, at_zero * np.exp(-0.5)], (9, 1)))
+    np.testing.assert_allclose(
+        density, np.tile([at_zero, at_zero * np.exp(-0.5)], (9, 1))
+    )
 
 
-def test_pivoted_lu_is_more_than_twice_as_wide_as_the_gaussian_model_on_every_path(drawn, stated):
+def test_pivoted_lu_is_more_than_twice_as_wide_as_the_gaussian_model_on_every_path(
+    drawn, stated
+):
     ratios = np.exp(laws.log_quantities(drawn, stated)["difference"])
     difference = dict(zip(laws.READINGS, ratios, strict=True))
     assert difference[PIVOTED].min() > 2.2 and difference["qr"].min() > 2.5
@@ -94,7 +109,10 @@ def test_every_path_keeps_the_limits_and_the_bound(arm, stated, paths, kind):
     part = paths[kind]
     assert part.q.shape == part.step.shape == (40, 320, 3)
     assert np.all(arm.within_limits(part.q))
-    assert np.linalg.norm(np.linalg.inv(arm.jacobian(part.q)), axis=(2, 3)).max() < stated.u
+    assert (
+        np.linalg.norm(np.linalg.inv(arm.jacobian(part.q)), axis=(2, 3)).max()
+        < stated.u
+    )
     speed = np.abs(part.step * 100 / arm.max_speed).max(axis=(1, 2))
     assert 0.19 < speed.min() and speed.max() < 1.13 and speed.std() > 0.1
     np.testing.assert_allclose(np.diff(part.q, axis=1), part.step[:, :-1], atol=1e-12)
@@ -104,10 +122,15 @@ def test_lines_are_straight_and_loops_close(arm, paths, stated):
     for kind, points in (("joint line", lambda q: q), ("task line", arm.pose)):
         q = points(paths[kind].q)
         middle = q[:, 150] - q[:, 0]
-        off = np.cross(q - q[:, :1], middle[:, None]) / np.vecdot(middle, middle)[:, None, None]
+        off = (
+            np.cross(q - q[:, :1], middle[:, None])
+            / np.vecdot(middle, middle)[:, None, None]
+        )
         assert np.abs(off).max() < 1e-6
     loop = paths["loop"]
-    np.testing.assert_allclose(loop.q[:, -1] + loop.step[:, -1], loop.q[:, 0], atol=1e-9)
+    np.testing.assert_allclose(
+        loop.q[:, -1] + loop.step[:, -1], loop.q[:, 0], atol=1e-9
+    )
 
 
 SIGMA_B, DRAWS = 0.25, 40_000
@@ -120,7 +143,10 @@ def first_factor(reading, jacobian):
     rows, first = list(PLAIN[reading]), np.eye(3)
     for k in range(2):
         for i in range(k + 1, 3):
-            minors = [np.linalg.det(jacobian[[*rows[:k], r], : k + 1]) for r in (rows[i], rows[k])]
+            minors = [
+                np.linalg.det(jacobian[[*rows[:k], r], : k + 1])
+                for r in (rows[i], rows[k])
+            ]
             first[i, k] = minors[0] / minors[1]
     result = np.empty((3, 3))
     result[rows] = first
@@ -142,7 +168,9 @@ def test_the_variances_are_those_of_algorithm_1(poses, reading):
     """
     rng = np.random.default_rng(5)
     d = degrees_of_freedom(SIGMA_B, 3)
-    redundant = [] if reading in PLAIN else [(rng.normal(size=(3, 5)), rng.normal(size=3))]
+    redundant = (
+        [] if reading in PLAIN else [(rng.normal(size=(3, 5)), rng.normal(size=3))]
+    )
     for jacobian, v in [*poses, *redundant]:
         first = first_factor(reading, jacobian)
         second = np.linalg.solve(first, jacobian)
@@ -150,7 +178,9 @@ def test_the_variances_are_those_of_algorithm_1(poses, reading):
         steps = np.linalg.solve(draws, np.linalg.solve(first, v)[:, None])
         drawn = (np.linalg.pinv(second) @ steps)[..., 0].std(axis=0)
         np.testing.assert_allclose(
-            np.sqrt(laws.wishart_variance(reading, jacobian, v, SIGMA_B)), drawn, rtol=0.025
+            np.sqrt(laws.wishart_variance(reading, jacobian, v, SIGMA_B)),
+            drawn,
+            rtol=0.025,
         )
 
 
@@ -158,7 +188,9 @@ def test_the_gaussian_width_is_the_models_root_mean_variance(arm, paths, drawn, 
     part, own = paths["task line"], drawn[drawn["kind"] == "task line"]
     v = np.matvec(arm.jacobian(part.q), part.step)
     model = GaussianModel(stated.alpha, stated.u).covariance(arm, part.q, v)
-    np.testing.assert_allclose(own["gaussian"] ** 2, model[..., 2, 2].mean(axis=1), rtol=1e-9)
+    np.testing.assert_allclose(
+        own["gaussian"] ** 2, model[..., 2, 2].mean(axis=1), rtol=1e-9
+    )
 
 
 def test_every_reading_has_its_invariance_in_space():
@@ -167,6 +199,8 @@ def test_every_reading_has_its_invariance_in_space():
     arm = chain_of(dataset_option(Robot, SPACE_ARM, "robot"))
     units = stage.unit_rows(arm, q, options.turns, 0.25)
     noise = units.set_index(["reading", "unit", "turn"])["noise"]
-    np.testing.assert_allclose(noise[QR_TRANSPOSED], noise[QR_TRANSPOSED, "m", 0.0], rtol=1e-6)
+    np.testing.assert_allclose(
+        noise[QR_TRANSPOSED], noise[QR_TRANSPOSED, "m", 0.0], rtol=1e-6
+    )
     np.testing.assert_allclose(noise[QR, "m", 75.0], noise[QR, "m", 0.0], rtol=1e-6)
     assert noise[PIVOTED, "mm", 0.0] > 10 * noise[PIVOTED, "m", 0.0]

@@ -25,7 +25,8 @@ OPTIONS = options_of("outlook", "paper")
 MOTION = motion_of(OPTIONS)
 LAWS = equal_models(MOTION, OPTIONS.noise, OPTIONS.bound)
 POSES = [
-    pose_of(np.array(p), np.array(t)) for p, t in zip(OPTIONS.position, OPTIONS.turn, strict=True)
+    pose_of(np.array(p), np.array(t))
+    for p, t in zip(OPTIONS.position, OPTIONS.turn, strict=True)
 ]
 RANGES = ((3.0, 5.0), (np.pi / 4, np.pi), (0.5, 1.0), (100.0, 800.0))
 BOUNDS = Bounds(*RANGES, elevation=(0.26, 1.3), attachment=(-0.25, 0.25))
@@ -45,7 +46,9 @@ def displacement(start: np.ndarray, legs: np.ndarray) -> np.ndarray:
     poses = np.broadcast_to(start, (len(legs), 12))
     for _ in range(30):
         lengths, inverse = legs_at(OPTIONS, poses)
-        poses = moved(poses, np.linalg.solve(inverse, (legs - lengths)[..., None])[..., 0])
+        poses = moved(
+            poses, np.linalg.solve(inverse, (legs - lengths)[..., None])[..., 0]
+        )
     np.testing.assert_allclose(legs_at(OPTIONS, poses)[0], legs, atol=1e-10)
     after, before = poses[:, 3:].reshape(-1, 3, 3), start[3:].reshape(3, 3)
     turn = Rotation.from_matrix(after @ before.T).as_rotvec()
@@ -73,7 +76,9 @@ def test_the_noise_of_the_pose_is_that_of_drawn_legs_through_newtons_method(name
         left, right = (first, second) if name == "qr" else (second.T, first.T)
         d = 7 / law.sigma_b**2
         b = wishart(d, np.eye(6) / d, seed=rng).rvs(draws)
-        steps = np.linalg.solve(left @ b @ right, np.tile(v, (draws, 1))[..., None])[..., 0]
+        steps = np.linalg.solve(left @ b @ right, np.tile(v, (draws, 1))[..., None])[
+            ..., 0
+        ]
     share = k / (len(MOTION.q) - 1)
     turn = Rotation.from_rotvec(share * np.array(OPTIONS.turn[1])).as_matrix().ravel()
     pose = np.concatenate([POSES[0][:3] + share * (POSES[1] - POSES[0])[:3], turn])
@@ -88,14 +93,21 @@ def test_the_noise_of_the_pose_is_that_of_drawn_legs_through_newtons_method(name
 def test_the_inverse_jacobian_is_that_of_finite_differences_of_the_legs():
     pose, h = POSES[0] + 0, 1e-6
     steps, poses = h * np.eye(6), np.tile(pose, (6, 1))
-    ahead, behind = (legs_at(OPTIONS, moved(poses, sign * steps))[0] for sign in (1, -1))
-    np.testing.assert_allclose(legs_at(OPTIONS, pose)[1], (ahead - behind).T / (2 * h), atol=1e-9)
+    ahead, behind = (
+        legs_at(OPTIONS, moved(poses, sign * steps))[0] for sign in (1, -1)
+    )
+    np.testing.assert_allclose(
+        legs_at(OPTIONS, pose)[1], (ahead - behind).T / (2 * h), atol=1e-9
+    )
 
 
 @pytest.mark.parametrize(
     ("changes", "key"),
     [
-        ({"platform": (0.5 * np.array(OPTIONS.base)).tolist(), "legs": [0.3, 2.0]}, "turn"),
+        (
+            {"platform": (0.5 * np.array(OPTIONS.base)).tolist(), "legs": [0.3, 2.0]},
+            "turn",
+        ),
         ({"legs": [0.7, 0.9]}, "legs"),
         ({"noise": 1e6}, "noise"),
         # Fichter (1986): at a quarter turn above the base's centre the legs do not hold the yaw
@@ -110,9 +122,13 @@ def test_what_is_no_robot_or_motion_is_refused_by_its_key(changes, key):
 
 
 def test_errors_fall_with_the_number_of_cables():
-    assert lever(BOUNDS) == pytest.approx(0.25)  # a cube's root mean square, half its side
+    assert lever(BOUNDS) == pytest.approx(
+        0.25
+    )  # a cube's root mean square, half its side
     rows = [
-        error_rows(BOUNDS, [3, 6, 12, 24], (200, 300), np.random.default_rng(n)).assign(repeat=n)
+        error_rows(BOUNDS, [3, 6, 12, 24], (200, 300), np.random.default_rng(n)).assign(
+            repeat=n
+        )
         for n in range(2)
     ]
     slopes = slope_rows(pd.concat(rows))["slope"]

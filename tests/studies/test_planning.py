@@ -24,7 +24,10 @@ OPTIONS = options_of("planning")
 def coarse(task: list[str]) -> Bench:
     """Return the youBot at 25 steps of the motion and 200 of the servo a second."""
     own = Bench.of_dataset("youbot", task, OPTIONS, seed=1)
-    motion, dynamics = replace(own.trajectory, rate=25.0), replace(own.dynamics, rate=200.0)
+    motion, dynamics = (
+        replace(own.trajectory, rate=25.0),
+        replace(own.dynamics, rate=200.0),
+    )
     return replace(own, trajectory=motion, dynamics=dynamics, takes=6)
 
 
@@ -41,7 +44,10 @@ def motions(bench):
 def test_the_motions_share_their_task_path_and_no_more(bench, motions):
     path = bench.chain.pose(bench.recorded)
     for joints in motions.values():
-        assert np.abs(bench.chain.displacement(bench.chain.pose(joints), path)).max() < 1e-8
+        assert (
+            np.abs(bench.chain.displacement(bench.chain.pose(joints), path)).max()
+            < 1e-8
+        )
     assert np.array_equal(motions["minimum_norm"][0], motions["recorded"][0])
     least = {
         name: np.linalg.svd(bench.chain.jacobian(joints), compute_uv=False)[:, -1].min()
@@ -82,35 +88,57 @@ def test_orders_agree_in_part_and_equal_predictions_have_no_order():
     realised = [1.0, 2.0, 3.0, 4.0]
 
     def tau(predicted: list[float]) -> float:
-        return stage.agreement(pd.DataFrame({"predicted": predicted, "ratio": realised}))
+        return stage.agreement(
+            pd.DataFrame({"predicted": predicted, "ratio": realised})
+        )
 
-    assert tau(realised) == 1.0 and tau([2.5, 2.0, 3.0, 4.0]) == pytest.approx(1 - 2 / 6)
-    assert np.isnan(tau([1.0 + 1e-13 * value for value in realised]))  # equal but for rounding
+    assert tau(realised) == 1.0 and tau([2.5, 2.0, 3.0, 4.0]) == pytest.approx(
+        1 - 2 / 6
+    )
+    assert np.isnan(
+        tau([1.0 + 1e-13 * value for value in realised])
+    )  # equal but for rounding
 
 
 def test_the_takes_of_two_motions_err_alike_and_those_of_training_are_others(bench):
     moved = bench.recorded + np.array([0.0, 0.0, 0.01])
-    first, second = (bench.poses(path, "take") - path for path in (bench.recorded, moved))
+    first, second = (
+        bench.poses(path, "take") - path for path in (bench.recorded, moved)
+    )
     training = bench.poses(bench.recorded, "training") - bench.recorded
     spread = first.std()
     assert np.abs(first - second).max() < 0.2 * spread < np.abs(first - training).max()
     # a take does not depend on the number of takes
     fewer = replace(bench, takes=2)
-    assert np.array_equal(fewer.poses(bench.recorded, "take"), (first + bench.recorded)[:2])
+    assert np.array_equal(
+        fewer.poses(bench.recorded, "take"), (first + bench.recorded)[:2]
+    )
 
 
 def test_the_task_that_is_planned_changes_nothing_of_the_arm_that_moves(bench):
     whole = coarse([])
     assert (bench.chain.task, whole.chain.task) == (("x", "z"), ("x", "z", "phi"))
-    assert np.array_equal(bench.poses(bench.recorded, "take"), whole.poses(whole.recorded, "take"))
+    assert np.array_equal(
+        bench.poses(bench.recorded, "take"), whole.poses(whole.recorded, "take")
+    )
     with pytest.raises(ConfigError, match="joint limits"):
         bench.poses(bench.recorded + 3.0, "take")
 
 
 def test_the_page_counts_plans_of_least_sum():
-    sums = {"recorded": 2.0, "minimum_norm": 1.0, "best_conditioned": 3.0, "gaussian": 0.5}
+    sums = {
+        "recorded": 2.0,
+        "minimum_norm": 1.0,
+        "best_conditioned": 3.0,
+        "gaussian": 0.5,
+    }
     rows = stage.sum_rows({name: np.full(3, x) for name, x in sums.items()})
-    assert rows["least"].tolist() == [0, 0, 0, 1] and rows["ratio"].tolist() == [2, 1, 3, 0.5]
+    assert rows["least"].tolist() == [0, 0, 0, 1] and rows["ratio"].tolist() == [
+        2,
+        1,
+        3,
+        0.5,
+    ]
     place = {"arm": "youbot", "physics": "base condition"}
     predicted = pd.DataFrame({"motion": list(sums), "sum": [2.0, 1.0, 0.5, 0.4]})
     tables = {
@@ -118,4 +146,8 @@ def test_the_page_counts_plans_of_least_sum():
         "planning_predictions": predicted.assign(model="gaussian", **place),
     }
     facts = stage.facts(tables, OPTIONS)
-    assert (facts["sure"], facts["pairs"], facts["medians"]) == (1, 1, "0.333 (gaussian)")
+    assert (facts["sure"], facts["pairs"], facts["medians"]) == (
+        1,
+        1,
+        "0.333 (gaussian)",
+    )

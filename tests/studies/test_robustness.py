@@ -18,22 +18,38 @@ from pipeline.studies.robustness import grid, stage
 from pipeline.studies.robustness.stage import changes
 from pipeline.verdicts.claims import parse_claims
 
-FILES = ("pipeline/verdicts/claims.yaml", "pipeline/studies/robustness/conclusions.yaml")
-CLAIMS = tuple(c for file in FILES for c in parse_claims(read_yaml(ROOT / file)["claims"]))
-FURTHER = {"wishart": {"decomposition": "pivoted_lu", "floor": 0.2}, "gaussian": {"beta": 0.5}}
+FILES = (
+    "pipeline/verdicts/claims.yaml",
+    "pipeline/studies/robustness/conclusions.yaml",
+)
+CLAIMS = tuple(
+    c for file in FILES for c in parse_claims(read_yaml(ROOT / file)["claims"])
+)
+FURTHER = {
+    "wishart": {"decomposition": "pivoted_lu", "floor": 0.2},
+    "gaussian": {"beta": 0.5},
+}
 MODELS = {
-    kind: options_type(kind)(kind, estimator="paper", **FURTHER.get(kind, {})) for kind in KINDS
+    kind: options_type(kind)(kind, estimator="paper", **FURTHER.get(kind, {}))
+    for kind in KINDS
 }
 CASE = Choices(MODELS, filter_options(60, "systematic", 0.5), "one_step", closed=True)
 # sway of one size at any speed, and no other disturbance: the additive model is true
 ABSENT = "clearance speed_error_std encoder_ripple jitter_std start_std speed_exponent"
-ADDITIVE = tuple((name, 0.0) for name in f"{ABSENT} encoder_offset_std length_std".split())
+ADDITIVE = tuple(
+    (name, 0.0) for name in f"{ABSENT} encoder_offset_std length_std".split()
+)
 
 
 @pytest.fixture(scope="module")
 def common(laboratory) -> dict:
     ways = {"straight": {"folded": [1.8, -2.6, 2.0], "extended": [1.8, -2.5, 2.0]}}
-    sizes = {"training_takes": 40, "test_takes": 4, "realizations": 12, "trajectories": ways}
+    sizes = {
+        "training_takes": 40,
+        "test_takes": 4,
+        "realizations": 12,
+        "trajectories": ways,
+    }
     options = options_of("robustness", **sizes)
     parts = {"laboratory": laboratory, "case": CASE, "claims": CLAIMS}
     return parts | {"options": options, "wrench": None}
@@ -42,7 +58,10 @@ def common(laboratory) -> dict:
 @pytest.mark.slow
 def test_verdicts_are_those_of_the_law_that_is_true(common):
     claims = ["gaussian-predicts-better", "noise-is-dynamic", "wishart-predicts-worse"]
-    levels, verdict = {"base": (), "additive": ADDITIVE, "still": (("disturbances", 0.0),)}, {}
+    levels, verdict = (
+        {"base": (), "additive": ADDITIVE, "still": (("disturbances", 0.0),)},
+        {},
+    )
     for name, each in levels.items():
         rows = grid.verdicts(grid.Condition("motion", 3, each), **common)
         verdict[name] = rows.groupby("claim")["verdict"].first()
@@ -54,7 +73,9 @@ def test_verdicts_are_those_of_the_law_that_is_true(common):
 
 
 @pytest.mark.slow
-def test_a_motion_through_a_singular_pose_is_no_evidence_and_loops_stand_beside_the_mean(common):
+def test_a_motion_through_a_singular_pose_is_no_evidence_and_loops_stand_beside_the_mean(
+    common,
+):
     straight = grid.Condition("motion", 3, (("trajectory", "straight"),))
     of_motion = {name: common[name] for name in ("laboratory", "case", "options")}
     assert grid.motion_evidence(straight, **of_motion).empty
@@ -67,9 +88,17 @@ def test_a_motion_through_a_singular_pose_is_no_evidence_and_loops_stand_beside_
 
 def test_the_wrench_has_evidence_that_depends_on_the_seed():
     bounds = {"tension": [3.0, 5.0], "direction": [0.8, 3.1], "tension_std": [0.5, 1.0]}
-    systems = {"agents": [3, 20], "systems": 40, "test_systems": 80, "repeats": 2, "grid": 2}
+    systems = {
+        "agents": [3, 20],
+        "systems": 40,
+        "test_systems": 80,
+        "repeats": 2,
+        "grid": 2,
+    }
     study = Wrench(**bounds, kappa=[100.0, 800.0], **systems)
-    first, other = (grid.wrench_evidence(grid.Condition("wrench", n), study) for n in (1, 2))
+    first, other = (
+        grid.wrench_evidence(grid.Condition("wrench", n), study) for n in (1, 2)
+    )
     assert {*first["configuration"]} == {"3", "20"} and not first.equals(other)
 
 
@@ -79,7 +108,9 @@ def test_the_grid_has_each_level_alone_and_the_combinations_that_are_named():
     assert len(small) == 2 * (1 + 4) and all(len(each.levels) <= 1 for each in small)
     large = grid.conditions(factors, [1], "motion", ["sway_std", "clearance"])
     combined = [(("sway_std", x), ("clearance", 2.0)) for x in (0.0, 2.0)]
-    assert [each.levels for each in large[5:]] == combined and len(set(large)) == len(large)
+    assert [each.levels for each in large[5:]] == combined and len(set(large)) == len(
+        large
+    )
 
 
 def test_every_decision_changes_the_case_and_names_what_it_changes(laboratory):
@@ -93,13 +124,17 @@ def test_every_decision_changes_the_case_and_names_what_it_changes(laboratory):
     assert control.decomposition == "qr_transposed"
     assert by_place["particles", "6"].filter.particles == 6
     free = by_place["realisations", "free running"]
-    assert free == replace(base, mode="free_running") and grid.without_camera(free, base)
+    assert free == replace(base, mode="free_running") and grid.without_camera(
+        free, base
+    )
     assert not any(grid.without_camera(by_place["clock", x], base) for x in levels)
 
 
 def test_a_clock_that_is_off_alike_goes_into_the_bias_and_one_that_is_not_widens_the_noise():
     speed, rng = np.array([0.5, -1.0, 2.0]), np.random.default_rng(3)
-    offsets = pd.Series(0.1 + 0.02 * rng.standard_normal(8), [f"test_{n}" for n in range(8)])
+    offsets = pd.Series(
+        0.1 + 0.02 * rng.standard_normal(8), [f"test_{n}" for n in range(8)]
+    )
 
     def moved(start: float, count: int, step: float, noise: float) -> pd.DataFrame:
         frame = np.tile(np.arange(count), 8)
@@ -110,10 +145,14 @@ def test_a_clock_that_is_off_alike_goes_into_the_bias_and_one_that_is_not_widens
 
     angles, joints = moved(0.3, 15, 0.03, 1e-3), moved(0.0, 101, 0.01, 0.0)
     seen_by = grid.cameras(angles, joints, offsets, (0.03, 0.01), 1)
-    noise = {x: camera.noise[camera.noise["take"] == "none"] for x, camera in seen_by.items()}
+    noise = {
+        x: camera.noise[camera.noise["take"] == "none"] for x, camera in seen_by.items()
+    }
     mean, variance = ["b:a", "b:b", "b:c"], ["r:a:a", "r:b:b", "r:c:c"]
     late = noise["a frame late"][mean] - noise["aligned"][mean]
-    np.testing.assert_allclose(late, np.broadcast_to(-speed * 0.03, (15, 3)), atol=1e-12)
+    np.testing.assert_allclose(
+        late, np.broadcast_to(-speed * 0.03, (15, 3)), atol=1e-12
+    )
     widened = noise["not aligned"][variance].mean() - noise["aligned"][variance].mean()
     np.testing.assert_allclose(widened, speed**2 * offsets.var(), rtol=0.1)
 
@@ -127,13 +166,36 @@ HOLDS = {  # base, another decision, another seed
 
 def test_changes_tell_decisions_from_chance_and_count_other_seeds_as_chance():
     levels = {"factor": ["", "floor", grid.CHANCE], "level": ["", "0.1", "draws 1"]}
-    parts = [pd.DataFrame({"claim": name, "holds": own} | levels) for name, own in HOLDS.items()]
-    table = pd.concat(parts).assign(grid="decisions", fails=lambda rows: 1 - rows["holds"])
-    both = {"grid": "motion", "factor": "", "level": "", "claim": "steady", "holds": 1, "fails": 1}
+    parts = [
+        pd.DataFrame({"claim": name, "holds": own} | levels)
+        for name, own in HOLDS.items()
+    ]
+    table = pd.concat(parts).assign(
+        grid="decisions", fails=lambda rows: 1 - rows["holds"]
+    )
+    both = {
+        "grid": "motion",
+        "factor": "",
+        "level": "",
+        "claim": "steady",
+        "holds": 1,
+        "fails": 1,
+    }
     table = pd.concat([table, pd.DataFrame([both])]).assign(about="method")
-    changed = changes(table).set_index(["grid", "claim", "factor"])["changed"].sort_index()
-    assert changed["decisions", "turns", "floor"] and not changed["decisions", "turns", grid.CHANCE]
-    assert changed["decisions", "lucky", grid.CHANCE] and not changed["decisions", "lucky", "floor"]
-    assert not changed["decisions", "steady"].any() and changed["motion", "steady", grid.CHANCE]
+    changed = (
+        changes(table).set_index(["grid", "claim", "factor"])["changed"].sort_index()
+    )
+    assert (
+        changed["decisions", "turns", "floor"]
+        and not changed["decisions", "turns", grid.CHANCE]
+    )
+    assert (
+        changed["decisions", "lucky", grid.CHANCE]
+        and not changed["decisions", "lucky", "floor"]
+    )
+    assert (
+        not changed["decisions", "steady"].any()
+        and changed["motion", "steady", grid.CHANCE]
+    )
     facts = stage.facts({"robustness": table}, options_of("robustness"))
     assert (facts["decisions"], facts["lucky"], facts["names"]) == (1, 2, "none")

@@ -29,32 +29,47 @@ from pipeline.verdicts.run import Run
 
 QUICK = ("outlook", "recovery")  # the others take longer than ten seconds
 WORKERS = ("recovery",)  # run with two workers too: all studies run their trials alike
-RUN = [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in NAMES]
+RUN = [
+    name if name in QUICK else pytest.param(name, marks=pytest.mark.slow)
+    for name in NAMES
+]
 
 
 @pytest.mark.parametrize("name", RUN)
-def test_a_study_writes_its_answer_and_equal_bytes_with_any_number_of_workers(name, project):
+def test_a_study_writes_its_answer_and_equal_bytes_with_any_number_of_workers(
+    name, project
+):
     folder = ROOT / "pipeline/studies" / name
     run(name)
     first = written()
     declared = {table for table in read_yaml(folder / "tables.yaml") if table[0] != "."}
     assert {Path(file).stem for file in first if file.endswith(".csv")} <= declared
-    assert {f"reports/studies/{name}/{name}.{kind}" for kind in ("png", "svg")} < {*first}
+    assert {f"reports/studies/{name}/{name}.{kind}" for kind in ("png", "svg")} < {
+        *first
+    }
     text = first[f"reports/studies/{name}.md"].decode()
     question, *rest = text.partition("\n\n")[2].split("\n\n")
-    assert "?" in question and re.search(r"\d", "".join(rest[:4])) and len(text.split()) <= 1000
+    assert (
+        "?" in question
+        and re.search(r"\d", "".join(rest[:4]))
+        and len(text.split()) <= 1000
+    )
     assert text.count(f"]({name}/{name}.png)\n\n**") == 1
     assert "| --- |" in text and "What would change" in text
     assert not re.search(r"\bnan\b|\{|\}", text)
     if name in WORKERS:
-        config.COMPOSED.write_text(config.COMPOSED.read_text().replace("workers: 1", "workers: 2"))
+        config.COMPOSED.write_text(
+            config.COMPOSED.read_text().replace("workers: 1", "workers: 2")
+        )
         run(name)
         assert written() == first
 
 
 def test_a_factor_that_does_not_exist_is_refused_by_its_name(project):
     options = options_of("robustness", factors={"swing": [1.0]})
-    with pytest.raises(ConfigError, match="no factor swing; known factors are disturbances"):
+    with pytest.raises(
+        ConfigError, match="no factor swing; known factors are disturbances"
+    ):
         study_of("robustness").evaluate(None, options)
 
 
@@ -65,20 +80,26 @@ def test_the_page_states_why_a_dataset_gives_no_answer(project, capsys):
     run("recovery")
     text = Path("reports/studies/recovery.md").read_text()
     assert "No answer for this dataset: " in text and reason in text
-    assert reason in capsys.readouterr().out and set(written()) == {"reports/studies/recovery.md"}
+    assert reason in capsys.readouterr().out and set(written()) == {
+        "reports/studies/recovery.md"
+    }
 
 
 def test_the_answer_on_the_pose_follows_from_interval_and_power(tmp_path, monkeypatch):
     numbers = [(1.0, 0.6, 1.4, 0.1), (-1.0, -1.4, -0.6, 0.9), (0.1, -0.2, 0.4, 0.9)]
     numbers += [(0.1, -0.2, 0.6, 0.9), (0.1, -0.2, 0.4, 0.7)]
     table = pd.DataFrame(numbers, columns=["exponent", "low", "high", "power"])
-    table = table.assign(quantity=pose.NORM, windows=40, groups=8, spread=0.1, needed=0.2)
+    table = table.assign(
+        quantity=pose.NORM, windows=40, groups=8, spread=0.1, needed=0.2
+    )
     run = Run("ur5", "paper", False, ["a"], ["x"], {}, {}, {"pose_effect": table})
     (tmp_path / "ur5.json").write_text(run.to_json())
     monkeypatch.setattr(pose, "DATASETS", tmp_path)
     tables = pose.evaluate(None, None)
     answers = [pose.YES, pose.FALLS, pose.NO, pose.UNKNOWN, pose.UNKNOWN]
-    assert tables["pose"]["answer"].tolist() == answers and {*answers} == {*pose.ANSWERS}
+    assert tables["pose"]["answer"].tolist() == answers and {*answers} == {
+        *pose.ANSWERS
+    }
     assert [row.answer for row in pose.facts(tables, None)["norm"]] == answers
 
 
@@ -90,7 +111,9 @@ def test_a_study_leaves_the_tables_and_page_of_an_earlier_run_where_a_part_of_it
     first, evaluate = written(), study.evaluate
 
     def undeclared_column(*arguments):
-        return {name: rows.assign(width=1.0) for name, rows in evaluate(*arguments).items()}
+        return {
+            name: rows.assign(width=1.0) for name, rows in evaluate(*arguments).items()
+        }
 
     for name, part, error in (
         ("facts", lambda *_: 1 / 0, ZeroDivisionError),
@@ -111,7 +134,9 @@ def option_kinds(options: dict[str, object]) -> dict[str, type]:
 def test_every_scale_of_a_study_has_the_same_options(name):
     scales = read_yaml(ROOT / f"pipeline/studies/{name}/params.yaml")
     assert {"paper", "smoke"} <= set(scales)
-    assert all(option_kinds(each) == option_kinds(scales["paper"]) for each in scales.values())
+    assert all(
+        option_kinds(each) == option_kinds(scales["paper"]) for each in scales.values()
+    )
 
 
 @pytest.fixture
@@ -122,14 +147,20 @@ def recorded(project):
 
 
 def test_drawn_noise_has_the_covariance_of_its_law_and_of_the_measurement(recorded):
-    parts = {"q": recorded.q[:, ::20], "v": recorded.v[::20], "noise": recorded.noise[:, ::20]}
+    parts = {
+        "q": recorded.q[:, ::20],
+        "v": recorded.v[::20],
+        "noise": recorded.noise[:, ::20],
+    }
     part = replace(recorded, **parts, known_measurement=recorded.measurement)
     model = WishartModel(0.25, Decomposition("pivoted_lu"))
     rng = np.random.default_rng(4)
     noise = np.stack([draw_data(model, part, rng).noise for _ in range(1500)])
     expected = model.covariance(part.chain, part.q, part.v) + part.measurement
     rms = np.sqrt(np.diagonal(expected.mean(axis=(0, 1))))
-    np.testing.assert_allclose(np.sqrt(noise.var(axis=0).mean(axis=(0, 1))), rms, rtol=0.03)
+    np.testing.assert_allclose(
+        np.sqrt(noise.var(axis=0).mean(axis=(0, 1))), rms, rtol=0.03
+    )
     # the nominal step is the project's: measured minus nominal has the bias of E[B⁻¹]
     nominal = part.chain.nominal_step(part.q, part.v)
     bias = noise.mean(axis=0) - nominal / 15  # d/(d − n − 1) − 1 at σ_B = .25
@@ -140,7 +171,9 @@ def test_a_row_has_bias_error_and_coverage_of_the_estimates():
     rng = np.random.default_rng(2)
     estimates = 0.26 + 0.02 * rng.standard_normal(4000)
     again = estimates + 0.02 * rng.standard_normal(4000)
-    pairs = [({"a": one}, {"a": other}) for one, other in zip(estimates, again, strict=True)]
+    pairs = [
+        ({"a": one}, {"a": other}) for one, other in zip(estimates, again, strict=True)
+    ]
     row = recovery_row("a", 0.25, [None, *pairs, ({"b": 0.2}, {"b": 0.2})])
     assert row["lost"] == 2 and row["datasets"] == 4000
     assert row["mean"] == pytest.approx(0.26, abs=0.001) and row["mean_low"] > 0.25
@@ -155,9 +188,15 @@ def test_a_row_has_bias_error_and_coverage_of_the_estimates():
 
 
 @pytest.mark.parametrize("name", ["additive", "gaussian"])
-def test_a_known_law_has_the_recorded_variance_and_the_names_of_the_estimates(recorded, name):
+def test_a_known_law_has_the_recorded_variance_and_the_names_of_the_estimates(
+    recorded, name
+):
     (case,) = stage.known_laws(recorded, options_of("recovery", estimators={name: []}))
     law = build_model(case.truth.parameters)
     mean = law.covariance(recorded.chain, recorded.q, recorded.v).mean(axis=(0, 1))
-    np.testing.assert_allclose(np.trace(mean), np.trace(mean_covariance(recorded.noise)), rtol=1e-6)
-    assert set(case.truth.values) == set(estimate(recorded, case.estimators["–"]).estimates)
+    np.testing.assert_allclose(
+        np.trace(mean), np.trace(mean_covariance(recorded.noise)), rtol=1e-6
+    )
+    assert set(case.truth.values) == set(
+        estimate(recorded, case.estimators["–"]).estimates
+    )

@@ -38,12 +38,16 @@ def test_innovations_are_as_large_as_predicted(kind, share, chain, tmp_path):
     for each, target in zip(v, targets, strict=False):
         q = model.step(q, task_step=model.command(q, target, task_step=each), rng=rng)
         true.append(q)
-    poses = np.stack(true, axis=1) + rng.multivariate_normal(np.zeros(3), POSE, (60, 41))
+    poses = np.stack(true, axis=1) + rng.multivariate_normal(
+        np.zeros(3), POSE, (60, 41)
+    )
 
     def square(pose: np.ndarray) -> float:
         """Mean normalised square for the noise ``pose``."""
         model.record["pose_covariance_rad2"] = pose.tolist()
-        error, covariance = command.innovations_of(model, Commands(v, targets[:-1], share), poses)
+        error, covariance = command.innovations_of(
+            model, Commands(v, targets[:-1], share), poses
+        )
         white = np.linalg.solve(covariance, error[..., None])[..., 0]
         return float(np.vecdot(error, white).mean())
 
@@ -83,7 +87,9 @@ def test_a_push_is_found_in_its_joint_and_span(joint, first):
     pushed = verdict(drawn)
     assert not pushed.behaves and pushed.p_spans <= pushed.limit
     text = command.assessment("new", "model.json", 0, pushed)
-    assert "new does NOT behave as the 50 takes it is compared with (model.json)." in text
+    assert (
+        "new does NOT behave as the 50 takes it is compared with (model.json)." in text
+    )
     begins = f"{JOINTS[joint]} from {first / 100:.3g} to {(first + 10) / 100:.3g} s, less likely"
     assert f"largest difference: {begins}" in text
 
@@ -108,7 +114,9 @@ def test_a_log_of_the_dataset_is_read_as_the_dataset_has_it(logs):
     write_movement(logs / "other", 1, offset=0.5)
     with pytest.raises(RecordingError, match="no repetition of the dataset's motion"):
         command.new_takes(logs / "other", settings.dataset, q.mean(axis=0))
-    with pytest.raises(ConfigError, match="of the dataset other, which has no run here"):
+    with pytest.raises(
+        ConfigError, match="of the dataset other, which has no run here"
+    ):
         command.run_folder("other", Path("other.json"))
     with pytest.raises(ConfigError, match="none of ur5_planar in data/export"):
         command.run(logs / "move_1")

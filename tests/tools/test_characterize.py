@@ -16,7 +16,9 @@ from pipeline.tools.characterize import command
 RECORDINGS = ROOT.parent / "shared/recordings"
 
 
-def test_a_folder_of_logs_alone_becomes_a_card_and_a_model(tmp_path, monkeypatch, capsys):
+def test_a_folder_of_logs_alone_becomes_a_card_and_a_model(
+    tmp_path, monkeypatch, capsys
+):
     logs = tmp_path / "bench"
     write_movement(logs / "move_1", 3, noise=5e-5, late=2e-3)
     write_movement(logs / "move_2", 2, noise=5e-5, seed=2, offset=0.2)
@@ -38,16 +40,24 @@ def test_a_folder_of_logs_alone_becomes_a_card_and_a_model(tmp_path, monkeypatch
     model = load("data/export/bench_joint_step.json", period=0.008)
     std = np.sqrt(np.diag(model.law.covariance_of_joint_step(np.full(6, 5e-3))))
     np.testing.assert_allclose(std, np.sqrt(2) * 5e-5, rtol=0.2)
-    with pytest.raises(ConfigError, match="pose_noise must be a number > 0 in rad, got 'some'"):
+    with pytest.raises(
+        ConfigError, match="pose_noise must be a number > 0 in rad, got 'some'"
+    ):
         tool_call("characterize", [str(logs), "--set", "motion.pose_noise=some"])()
-    with pytest.raises(ConfigError, match="model wishart needs a Jacobian: give --urdf"):
+    with pytest.raises(
+        ConfigError, match="model wishart needs a Jacobian: give --urdf"
+    ):
         tool_call("characterize", [str(logs), "--model", "wishart"])()
 
 
 def test_a_folder_without_a_usable_log_names_the_reason(tmp_path):
     table = np.arange(400).reshape(100, 4) / 100
-    np.savetxt(tmp_path / "a.csv", table, delimiter=",", header="t,q_1,q_2,q_3", comments="")
-    with pytest.raises(ConfigError, match=r"can be used: a\.csv: no log of joints.* --urdf FILE"):
+    np.savetxt(
+        tmp_path / "a.csv", table, delimiter=",", header="t,q_1,q_2,q_3", comments=""
+    )
+    with pytest.raises(
+        ConfigError, match=r"can be used: a\.csv: no log of joints.* --urdf FILE"
+    ):
         tool_call("characterize", [str(tmp_path)])()
     t = np.linspace(0, 6, 601)
     one, two = 0.5 * np.sin(t), 0.8 * np.sin(1.7 * t) ** 2
@@ -70,7 +80,9 @@ def test_the_logs_of_a_real_arm_take_one_command(robot, tmp_path, monkeypatch, c
     (file,) = Path("data/export").glob("lab_*.json")
     assert load(file).law.traits.memory
     if robot == "kr300":
-        assert all(f"not used: joint_{j}: its command moves by" in said for j in (4, 5, 6))
+        assert all(
+            f"not used: joint_{j}: its command moves by" in said for j in (4, 5, 6)
+        )
 
 
 def test_what_is_not_there_is_refused_before_anything_is_written(root, logs):
@@ -80,4 +92,6 @@ def test_what_is_not_there_is_refused_before_anything_is_written(root, logs):
         tool_call("characterize", [str(logs), "--model", "laplace"])()
     with pytest.raises(ConfigError, match="no scale 'tiny'; there are "):
         tool_call("characterize", [str(logs), "--scale", "tiny"])()
-    assert [file for file in root.rglob("*") if file.is_file()] == [root / "params.yaml"]
+    assert [file for file in root.rglob("*") if file.is_file()] == [
+        root / "params.yaml"
+    ]

@@ -95,8 +95,19 @@ def test_everything_that_is_wrong_is_printed_at_once(files, capsys):
     edit(option, "rest: 10", "rest: -1")
     edit(option, "  tolerance: 1.0e-4\n", "  disturbed_beyond: 0\n")
     printed = refused(capsys, 9)
-    keys = ("beyond:", "about.source", "key dataset.joint_log.angle_unit", "robot.tol", "walks")
-    for key in (*keys, "key dataset.motion.rate", "key dataset.joint_log.rest", "tolerance"):
+    keys = (
+        "beyond:",
+        "about.source",
+        "key dataset.joint_log.angle_unit",
+        "robot.tol",
+        "walks",
+    )
+    for key in (
+        *keys,
+        "key dataset.motion.rate",
+        "key dataset.joint_log.rest",
+        "tolerance",
+    ):
         assert printed.count(key) == 1, key
 
 
@@ -108,11 +119,17 @@ def test_everything_that_is_wrong_is_printed_at_once(files, capsys):
         ("q_actual.csv", "q.csv", "No2_slow/q.csv"),
         ("joint_6]", "joint_7]", "joint_6 of robot.joints is not logged"),
         ("joint_log:", "joint_log:\n  angle_unit: deg", "no motion"),
-        ("joint_log:", "joint_log:\n  rest: 10", "also in lab.yaml: dataset.joint_log.rest"),
+        (
+            "joint_log:",
+            "joint_log:\n  rest: 10",
+            "also in lab.yaml: dataset.joint_log.rest",
+        ),
         ("logs\n", f"logs\n{MOCAP}", "Link1:Markr3"),
     ],
 )
-def test_what_configure_and_ingest_would_refuse_is_printed(files, capsys, old, new, words):
+def test_what_configure_and_ingest_would_refuse_is_printed(
+    files, capsys, old, new, words
+):
     edit(files[0], old, new)
     assert words in refused(capsys, "[0-9]+")
 
@@ -123,7 +140,9 @@ UNITS = {"time_unit": "s", "angle_unit": "rad"}  # suggested, as no archive stat
 
 def angles(t: np.ndarray) -> np.ndarray:
     """Angles in rad of three joints that repeat a motion without rest."""
-    return np.stack([np.sin(t), 0.7 * np.cos(1.4 * t), 0.4 * np.sin(0.8 * t + 1)], axis=1)
+    return np.stack(
+        [np.sin(t), 0.7 * np.cos(1.4 * t), 0.4 * np.sin(0.8 * t + 1)], axis=1
+    )
 
 
 def test_an_archive_states_its_traps_and_the_values_that_settle_them(root, tmp_path):
@@ -135,7 +154,11 @@ def test_an_archive_states_its_traps_and_the_values_that_settle_them(root, tmp_p
         np.savez(logs / f"run_{number}.npz", times=1.5e9 + TIME + jitter, **arrays)
     findings = inspect(logs)
     assert [finding.format for finding in findings] == ["NumPy archive of joints"] * 2
-    settled = {"clock": "rows", "target_factor": "57.29577951308232", "rest": "0"} | UNITS
+    settled = {
+        "clock": "rows",
+        "target_factor": "57.29577951308232",
+        "rest": "0",
+    } | UNITS
     for finding, delay in zip(findings, ("0.8", "0.96"), strict=True):
         assert finding.suggested.keys() == {*settled, "target_delay", "pose_noise"}
         assert finding.suggested.items() >= (settled | {"target_delay": delay}).items()
@@ -146,15 +169,27 @@ def test_an_archive_states_its_traps_and_the_values_that_settle_them(root, tmp_p
     proposed = (root / "data/raw/lab/dataset.yaml").read_text()
     assert "clock: ??? # suggested is rows; " in proposed
     assert "joints: ??? # 3 joints; names of the logged joints" in proposed
-    assert "suggested is {run_1: 0.8, run_2: 0.96}; the command differs from the" in proposed
-    assert "rate: ??? # suggested is 125; 1/s" in (root / "conf/dataset/lab.yaml").read_text()
+    assert (
+        "suggested is {run_1: 0.8, run_2: 0.96}; the command differs from the"
+        in proposed
+    )
+    assert (
+        "rate: ??? # suggested is 125; 1/s"
+        in (root / "conf/dataset/lab.yaml").read_text()
+    )
 
 
-def test_a_unit_in_an_arrays_name_is_no_question_and_a_joint_that_stands_still_is_named(tmp_path):
+def test_a_unit_in_an_arrays_name_is_no_question_and_a_joint_that_stands_still_is_named(
+    tmp_path,
+):
     commanded, measured = (np.rad2deg(angles(TIME)) for _ in range(2))
     measured[:, 2] = 0.0
     for word in ("_deg", ""):
-        arrays = {f"actual_pos{word}": measured, f"target_pos{word}": commanded, "time": TIME}
+        arrays = {
+            f"actual_pos{word}": measured,
+            f"target_pos{word}": commanded,
+            "time": TIME,
+        }
         np.savez(tmp_path / "run.npz", **arrays)
         (finding,) = inspect(tmp_path)
         assert ("angle_unit" in finding.suggested) == (word == "")

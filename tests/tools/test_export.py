@@ -25,7 +25,9 @@ from pipeline.models.joint_error.samples import HORIZONS
 from pipeline.tools.export import command
 from pipeline.tools.export.command import READER_NAME, reader_source
 
-REFUSED = "dvc hydra omegaconf pydantic numba llvmlite pandas pinocchio scipy yaml matplotlib"
+REFUSED = (
+    "dvc hydra omegaconf pydantic numba llvmlite pandas pinocchio scipy yaml matplotlib"
+)
 ALONE = """
 import importlib, json, sys, time
 class Refused:
@@ -70,7 +72,9 @@ def folder(tmp_path_factory) -> Path:
 
 @pytest.mark.parametrize("module", [READER_NAME.removesuffix(".py"), "pipeline.models"])
 @pytest.mark.parametrize("kind", PARAMETERS)
-def test_both_readers_give_the_projects_numbers_by_numpy_alone(kind, module, folder, chain):
+def test_both_readers_give_the_projects_numbers_by_numpy_alone(
+    kind, module, folder, chain
+):
     file = folder / f"{kind}.json"
     write_model(file, kind, chain)
     done = alone(module, file)
@@ -89,8 +93,14 @@ def test_a_wrong_shape_and_a_singular_pose_are_named(folder, chain):
     straight = np.array([0.3, chain.straight, -0.4])
     for call, words in (
         (lambda: model.covariance(straight, task_step=np.zeros(3)), "singular"),
-        (lambda: model.mean(np.zeros(2), task_step=np.zeros(3)), r"q must have 3 .*\(2,\)"),
-        (lambda: model.mean(np.zeros(3), task_step=np.zeros(6)), r"v must have 3 .*\(6,\)"),
+        (
+            lambda: model.mean(np.zeros(2), task_step=np.zeros(3)),
+            r"q must have 3 .*\(2,\)",
+        ),
+        (
+            lambda: model.mean(np.zeros(3), task_step=np.zeros(6)),
+            r"v must have 3 .*\(6,\)",
+        ),
     ):
         with pytest.raises(Exception, match=words):
             call()
@@ -110,12 +120,16 @@ def test_an_exported_error_law_predicts_what_its_draws_do(errors, monkeypatch):
     model, rng = load(errors, period=0.01), np.random.default_rng(2)
     commanded = sweep(1)[:160]
     steps = np.diff(commanded, axis=0)
-    poses = model.sample(commanded[0], commanded[0], joint_steps=steps, size=400, rng=rng)
+    poses = model.sample(
+        commanded[0], commanded[0], joint_steps=steps, size=400, rng=rng
+    )
     off = poses - commanded
     ahead = np.stack([model.predict(each[:154], commanded, 6)[0] for each in off])
     mean, covariance = model.predict(off[0, :154], commanded, 6)
     left = off[:, -1] - ahead
-    np.testing.assert_allclose(left.std(axis=0), np.sqrt(np.diag(covariance)), rtol=0.15)
+    np.testing.assert_allclose(
+        left.std(axis=0), np.sqrt(np.diag(covariance)), rtol=0.15
+    )
     # control: without the past the errors spread more
     assert np.all(off[:, -1].std(axis=0) > 1.2 * left.std(axis=0))
     density = model.log_density(off[0, :154], commanded, mean)
@@ -125,17 +139,27 @@ def test_an_exported_error_law_predicts_what_its_draws_do(errors, monkeypatch):
     for one, other in zip(again, (mean, covariance), strict=True):
         np.testing.assert_array_equal(one, other)
     options = config.model_options(["joint_step"])["joint_step"]
-    record = command.error_record("joint_step", options, runs_of_law(known_law(), rng), "bench")
+    record = command.error_record(
+        "joint_step", options, runs_of_law(known_law(), rng), "bench"
+    )
     command.write_export(record, white := errors.parent / "white.json")
     with pytest.warns(UnconfirmedBands, match=r"σ of a at 0\.5 s is .* such in record"):
         load(white)
-    with pytest.warns(OutsideRanges, match=r"0\.6 s ahead is beyond 0\.5 s, the longest"):
+    with pytest.warns(
+        OutsideRanges, match=r"0\.6 s ahead is beyond 0\.5 s, the longest"
+    ):
         model.predict(off[0, :100], commanded, 60)
     assert SCORED == max(HORIZONS)
     for call, words in (
-        (lambda: model.predict(off[0, :154], commanded, 3), "a row for each of the 154 errors"),
+        (
+            lambda: model.predict(off[0, :154], commanded, 3),
+            "a row for each of the 154 errors",
+        ),
         (lambda: model.predict(off[0, 0], commanded, 6), "errors and commands must be"),
-        (lambda: model.step(poses[:, 0], off, joint_step=np.zeros(6), rng=rng), "have 2 numbers"),
+        (
+            lambda: model.step(poses[:, 0], off, joint_step=np.zeros(6), rng=rng),
+            "have 2 numbers",
+        ),
     ):
         with pytest.raises(ModelDomainError, match=words):
             call()
@@ -144,7 +168,11 @@ def test_an_exported_error_law_predicts_what_its_draws_do(errors, monkeypatch):
 EDITS = {  # name of the edit → text replaced, new text, and the key and value of the message
     "rate": ('"rate_per_s": 100.0', '"rate_per_s": -5.0', r"rate_per_s .*> 0, got -5"),
     "text": ('"rate_per_s": 100.0', '"rate_per_s": "fast"', r"rate_per_s .*got 'fast'"),
-    "share": ('"closed_loop_share": 0.0', '"closed_loop_share": 1e9', "share must .*got 1000"),
+    "share": (
+        '"closed_loop_share": 0.0',
+        '"closed_loop_share": 1e9',
+        "share must .*got 1000",
+    ),
     "nan": ('"alpha": 0.05', '"alpha": NaN', "numbers must be finite .*got NaN"),
     "json": ('{"format"', '["format"', "delimiter"),
     "format": ("motion model", "motion muddle", "format must be 'motion model 2', got"),
@@ -152,18 +180,46 @@ EDITS = {  # name of the edit → text replaced, new text, and the key and value
     "large": ('"alpha": 0.05', '"alpha": 1e30', "at most 1e[+]12, got 1e30"),
     "infinite": ('"alpha": 0.05', '"alpha": 1e400', "finite and .*got 1e400"),
     "flag": ('"rate_per_s": 100.0', '"rate_per_s": true', "rate_per_s .*got True"),
-    "twice": ('"alpha": 0.05', '"alpha": 0.1, "alpha": 0.05', "alpha must be stated once"),
+    "twice": (
+        '"alpha": 0.05',
+        '"alpha": 0.1, "alpha": 0.05',
+        "alpha must be stated once",
+    ),
     "ranges": ('"ranges": {', '"ranges": [], "other": {', "no attribute 'items'"),
-    "shape": ('"signs": [', '"signs": [1.0, ', r"arm.signs must be numbers of shape \(3,\), got"),
+    "shape": (
+        '"signs": [',
+        '"signs": [1.0, ',
+        r"arm.signs must be numbers of shape \(3,\), got",
+    ),
     "limits": ('"upper": [3.0,', '"upper": [-30.0,', "arm.lower must be ≤ arm.upper"),
-    "two rates": ('"u": 30.0', '"u": 30.0, "rate": 50', "rate_per_s must be 50 as .*got 100"),
+    "two rates": (
+        '"u": 30.0',
+        '"u": 30.0, "rate": 50',
+        "rate_per_s must be 50 as .*got 100",
+    ),
     "kind": ('"kind": "gaussian"', '"kind": "laplace"', "laplace"),
 }
 LAW = {  # of a joint error law
-    "memory": ('"memory": [', '"memory": 3, "was": [', "parameters.memory must be .*, got 3"),
-    "variance": ('"scale": [[', '"scale": [[-', "parameters.scale must be numbers from 0 .*got"),
-    "degrees": ('"degrees": [null', '"degrees": [0.5', r"degrees must be .*, got \[0.5"),
-    "power": ('"power": ', '"power": [], "was": ', r"parameters.power must be .*got \[\]"),
+    "memory": (
+        '"memory": [',
+        '"memory": 3, "was": [',
+        "parameters.memory must be .*, got 3",
+    ),
+    "variance": (
+        '"scale": [[',
+        '"scale": [[-',
+        "parameters.scale must be numbers from 0 .*got",
+    ),
+    "degrees": (
+        '"degrees": [null',
+        '"degrees": [0.5',
+        r"degrees must be .*, got \[0.5",
+    ),
+    "power": (
+        '"power": ',
+        '"power": [], "was": ',
+        r"parameters.power must be .*got \[\]",
+    ),
 }
 
 
@@ -189,7 +245,10 @@ def test_another_period_and_joint_steps_for_task_steps_are_errors(tmp_path, chai
 
 
 def test_a_wishart_model_whose_step_has_no_covariance_is_not_exported(chain):
-    recorded, parameters = SimpleNamespace(chain=chain), PARAMETERS["wishart"] | {"kind": "wishart"}
+    recorded, parameters = (
+        SimpleNamespace(chain=chain),
+        PARAMETERS["wishart"] | {"kind": "wishart"},
+    )
     command.require_known("wishart", parameters | {"sigma_b": 0.81}, recorded)
     with pytest.raises(ModelDomainError, match=r"0\.82 is not below 0\.816"):  # √(4/6)
         command.require_known("wishart", parameters | {"sigma_b": 0.82}, recorded)
@@ -203,7 +262,10 @@ def copied_reader(folder: Path, monkeypatch) -> types.ModuleType:
     """The reader in a colleague's ``folder``, as a module."""
     module = types.ModuleType("read_motion_model")
     monkeypatch.setitem(sys.modules, "read_motion_model", module)
-    exec(compile((folder / READER_NAME).read_text(), READER_NAME, "exec"), module.__dict__)
+    exec(
+        compile((folder / READER_NAME).read_text(), READER_NAME, "exec"),
+        module.__dict__,
+    )
     return module
 
 
@@ -228,7 +290,10 @@ def test_the_readmes_filters_of_joint_errors_are_nearer_than_measured(
     package, errors, tmp_path, monkeypatch
 ):
     pytest.importorskip(package, reason=f"{package} is missing here")
-    for name, file in (("model.json", errors), (READER_NAME, errors.parent / READER_NAME)):
+    for name, file in (
+        ("model.json", errors),
+        (READER_NAME, errors.parent / READER_NAME),
+    ):
         (tmp_path / name).write_text(file.read_text())
     own = BLOCKS[1 if package == "filterpy" else 2]
     known = run_blocks([BLOCKS[0], own], tmp_path, monkeypatch)
@@ -236,7 +301,10 @@ def test_the_readmes_filters_of_joint_errors_are_nearer_than_measured(
         assert error(known, "by_particles") < 0.5 * error(known, "measured")
         return
     true = known["path"][known["known"] + known["lost"] - 1]
-    off = {name: np.abs(known[name] - true).max() for name in ("by_kalman", "predicted", "camera")}
+    off = {
+        name: np.abs(known[name] - true).max()
+        for name in ("by_kalman", "predicted", "camera")
+    }
     assert off["by_kalman"] < off["camera"] and off["predicted"] < off["camera"]
 
 

@@ -47,23 +47,35 @@ def zoo(tmp_path_factory) -> Path:
 @pytest.fixture(scope="module")
 def findings(zoo) -> dict[str, Finding]:
     """The account of each recording, by its place in the folder."""
-    return {finding.file.relative_to(zoo).as_posix(): finding for finding in inspect(zoo)}
+    return {
+        finding.file.relative_to(zoo).as_posix(): finding for finding in inspect(zoo)
+    }
 
 
 def options(finding: Finding) -> list[str]:
     return [question.option for question in finding.open]
 
 
-def test_every_format_is_named_and_what_it_states_and_leaves_open_is_shown(zoo, findings):
+def test_every_format_is_named_and_what_it_states_and_leaves_open_is_shown(
+    zoo, findings
+):
     expected = {name: form for form, names in FORMATS.items() for name in names}
     assert {name: finding.format for name, finding in findings.items()} == expected
     for name, finding in findings.items():
-        assert not finding.stops and ("[" in name or describe_file(zoo / name) == finding), name
+        assert not finding.stops and (
+            "[" in name or describe_file(zoo / name) == finding
+        ), name
     length, force = {"length": "m"}, {"force": "N", "torque": "N-m"}
     stated = {
         "columns.csv": ("1.23", 100.0, 0.49, length, []),
         "take.c3d": (None, 100.0, 0.19, {"length": "mm"}, []),
-        "rows.csv": ("1.1", 120.0, 29 / 120, {"length": "not stated"}, ["dataset.mocap.unit"]),
+        "rows.csv": (
+            "1.1",
+            120.0,
+            29 / 120,
+            {"length": "not stated"},
+            ["dataset.mocap.unit"],
+        ),
         "commas.csv": (None, 100.0, 4.99, force, []),
         "netft.csv": (None, 100.0, 4.99, force, []),
         "sized.json": (None, None, None, {}, []),
@@ -75,19 +87,32 @@ def test_every_format_is_named_and_what_it_states_and_leaves_open_is_shown(zoo, 
         assert (one.version, one.rate, one.units) == (version, rate, units), name
         assert one.duration == (duration and pytest.approx(duration)), name
         assert options(one) == open_options, name
-    held = {"columns.csv": {"missing_samples": 5}, "indexed/depth.txt": {"dropped_frames": 1}}
+    held = {
+        "columns.csv": {"missing_samples": 5},
+        "indexed/depth.txt": {"dropped_frames": 1},
+    }
     assert {name: findings[name].gaps for name in held} == held
     assert len(findings["columns.csv"].facts["markers"]) == 9
     facts = {"commas.csv": ("decimal", ","), "FT7.cal": ("serial", "FT7")}
-    facts |= {"camera.yaml": ("cx", 16.0), "sized.json": ("width", 32), "cloud.pcd": ("points", 10)}
+    facts |= {
+        "camera.yaml": ("cx", 16.0),
+        "sized.json": ("width", 32),
+        "cloud.pcd": ("points", 10),
+    }
     facts |= {"q.csv": ("step_of_time", 0.008), "indexed/depth.txt": ("frames", 4)}
     facts |= {"columns.csv": ("bodies", ["Base"])}
-    assert {name: (key, findings[name].facts[key]) for name, (key, _) in facts.items()} == facts
+    assert {
+        name: (key, findings[name].facts[key]) for name, (key, _) in facts.items()
+    } == facts
     assert findings["q.csv"].rate is None, "the unit of the times is not stated"
     for name in ("single.png", "indexed/depth.txt", "metres.tiff", "mcap/take"):
         assert "dataset.depth.units_per_metre" in options(findings[name]), name
     assert "dataset.depth.rate" in options(findings["numbered/[0-9]*.png"])
-    for name, version in (("ros1/take.bag", "1"), ("sqlite3/take", "2"), ("mcap/take", "2")):
+    for name, version in (
+        ("ros1/take.bag", "1"),
+        ("sqlite3/take", "2"),
+        ("mcap/take", "2"),
+    ):
         bag = findings[name]
         assert bag.version == f"ROS {version}" and abs(bag.duration - 0.2) < 1e-6
         assert bag.facts["topics"]["/depth"] == ["sensor_msgs/msg/Image", 3]
@@ -114,8 +139,16 @@ def test_a_robot_states_its_arms_and_planar_chains(tmp_path, zoo, findings):
     ("name", "text", "said"),
     [
         ("empty.csv", "", "empty"),
-        ("take.csv", "Format Version;1.23;Length Units;Meters\n\n", "another program saved"),
-        ("a.urdf", "<robot name='a'><link name='foot'/></robot>", "no revolute or prismatic"),
+        (
+            "take.csv",
+            "Format Version;1.23;Length Units;Meters\n\n",
+            "another program saved",
+        ),
+        (
+            "a.urdf",
+            "<robot name='a'><link name='foot'/></robot>",
+            "no revolute or prismatic",
+        ),
         ("take.bag", "#ROSBAG V2.0\n", "damaged"),
         ("c.npz", b"PK\3\4" + bytes(200), "unpack an archive"),
         ("f.bin", b"\1\2\0\3" * 9, "binary data"),
@@ -128,7 +161,9 @@ def test_what_a_reader_refuses_says_why_and_what_to_do(tmp_path, name, text, sai
     reason = finding.facts.get("reason", "")
     assert said in " ".join([reason, *finding.stops, *map(str, finding.open)])
     table = as_table([finding], tmp_path).splitlines()
-    assert said in table[-1] and (not reason or table[-1].startswith("not recognised, "))
+    assert said in table[-1] and (
+        not reason or table[-1].startswith("not recognised, ")
+    )
 
 
 def test_a_sequence_names_its_damaged_and_missing_frames(zoo, tmp_path):
@@ -161,7 +196,9 @@ def test_recordings_that_differ_in_a_number_share_a_line_and_json_has_each(tmp_p
     assert read[0]["open"][0].keys() == {"question", "option", "suggested"}
 
 
-def test_the_command_prints_a_table_json_and_one_line_of_error(zoo, tmp_path, monkeypatch, capsys):
+def test_the_command_prints_a_table_json_and_one_line_of_error(
+    zoo, tmp_path, monkeypatch, capsys
+):
     def call(*words: object) -> tuple[int, str, str]:
         monkeypatch.setattr(sys, "argv", ["pipeline", "inspect", *map(str, words)])
         return (main(), *capsys.readouterr())
@@ -180,7 +217,9 @@ def test_the_command_prints_a_table_json_and_one_line_of_error(zoo, tmp_path, mo
 SAMPLES = ROOT.parent / "shared/samples"
 
 
-@pytest.mark.skipif(not SAMPLES.is_dir(), reason="files of real instruments are not beside it")
+@pytest.mark.skipif(
+    not SAMPLES.is_dir(), reason="files of real instruments are not beside it"
+)
 def test_files_that_real_instruments_wrote_are_told_apart():
     findings = {finding.file.name: finding for finding in inspect(SAMPLES)}
     for version in ("1.1", "1.21", "1.23"):
@@ -190,4 +229,6 @@ def test_files_that_real_instruments_wrote_are_told_apart():
     assert findings["motive_v1.1_rigidbody.csv"].open[0].option == "dataset.mocap.unit"
     force = findings["daqft_dotnet_semicolon.csv"]
     assert (force.rate, force.facts["decimal"]) == (62.5, ",")
-    assert findings["kinect2_ir_intrinsics.yaml"].facts["fx"] == pytest.approx(366.95, abs=0.01)
+    assert findings["kinect2_ir_intrinsics.yaml"].facts["fx"] == pytest.approx(
+        366.95, abs=0.01
+    )

@@ -19,7 +19,9 @@ ENTRY = """  {0}:
       md5: 0123456789abcdef0123456789abcdef
       size: 10
 """
-LOCK = "schema: '2.0'\nstages:\n" + "".join(map(ENTRY.format, ("files", "track", "fit")))
+LOCK = "schema: '2.0'\nstages:\n" + "".join(
+    map(ENTRY.format, ("files", "track", "fit"))
+)
 
 
 @pytest.fixture
@@ -32,14 +34,18 @@ def project(tmp_path, monkeypatch):
     return tmp_path
 
 
-def test_a_lock_file_cut_off_at_any_byte_is_one_that_dvc_reads_and_keeps_what_is_whole(project):
+def test_a_lock_file_cut_off_at_any_byte_is_one_that_dvc_reads_and_keeps_what_is_whole(
+    project,
+):
     lock = project / "dvc.lock"
     for length in range(len(LOCK)):
         lock.write_text(LOCK[:length])
         command.run()
         kept = read_yaml(lock)["stages"] if lock.is_file() else {}
         assert not kept or COMPILED_LOCKFILE_SCHEMA(read_yaml(lock))
-        whole = LOCK[:length].count("    outs:\n    - path")  # entries begun to their outputs
+        whole = LOCK[:length].count(
+            "    outs:\n    - path"
+        )  # entries begun to their outputs
         assert whole - 1 <= len(kept) <= 3
 
 
@@ -50,14 +56,19 @@ def test_the_entries_of_a_lock_are_sorted_as_its_pipeline(project, capsys):
     head, lock = LOCK[: LOCK.index("  files:")], project / "dvc.lock"
     track, a, b, gone = map(ENTRY.format, ("track", "fit@a", "fit@b", "gone"))
     lock.write_text(head + b + gone + track + a)
-    for printed in ("lock: dvc.lock put in order\n", "lock: every dvc.lock is in order\n"):
+    for printed in (
+        "lock: dvc.lock put in order\n",
+        "lock: every dvc.lock is in order\n",
+    ):
         command.run()
         assert capsys.readouterr().out == printed
         assert lock.read_text() == head + track + a + b
 
 
 def test_a_lock_file_with_a_conflict_is_left_to_the_user(project):
-    text = LOCK.replace("  track:", "<<<<<<< ours\n  track:").replace("  fit:", "=======\n  fit:")
+    text = LOCK.replace("  track:", "<<<<<<< ours\n  track:").replace(
+        "  fit:", "=======\n  fit:"
+    )
     (project / "dvc.lock").write_text(text)
     command.run()
     assert (project / "dvc.lock").read_text() == text

@@ -32,7 +32,9 @@ def run(*words: object) -> None:
     tool_call("new_dataset", [*map(str, words)])()
 
 
-def write_takes(folder: Path, *names: str, frames: int = 9, bodies: bool = False) -> None:
+def write_takes(
+    folder: Path, *names: str, frames: int = 9, bodies: bool = False
+) -> None:
     """Takes of motion capture, of markers or of rigid bodies alone."""
     folder.mkdir(parents=True, exist_ok=True)
     for name in names:
@@ -46,14 +48,20 @@ def write_takes(folder: Path, *names: str, frames: int = 9, bodies: bool = False
 def exports(tmp_path) -> Path:
     """Takes of motion capture, two of which a depth camera saw, and a force log."""
     folder = tmp_path / "exports"
-    write_takes(folder / "mocap", "fit_1", "fit_2", "fit_3", "hold_1", "hold_2", frames=21)
+    write_takes(
+        folder / "mocap", "fit_1", "fit_2", "fit_3", "hold_1", "hold_2", frames=21
+    )
     for name in ("hold_1", "hold_2"):
         (folder / "kinect" / name / "depth").mkdir(parents=True)
         files = tuple(f"depth/{number}.png" for number in range(3))
         for file in files:
-            write_depth(folder / "kinect" / name / file, np.full((12, 16), 1000, np.uint16))
+            write_depth(
+                folder / "kinect" / name / file, np.full((12, 16), 1000, np.uint16)
+            )
         write_index(folder / "kinect" / name / "depth.txt", np.arange(3) / 30, files)
-    write_intrinsics(folder / "kinect/camera.yaml", Intrinsics(20.0, 20.0, 8.0, 6.0, 16, 12))
+    write_intrinsics(
+        folder / "kinect/camera.yaml", Intrinsics(20.0, 20.0, 8.0, 6.0, 16, 12)
+    )
     values = np.random.default_rng(1).normal(size=(50, 3))
     record = ForceRecord(np.arange(50) / 100, values, values, 100.0, "FT1", START, {})
     (folder / "force").mkdir()
@@ -66,7 +74,9 @@ def space_exports(tmp_path) -> Path:
     """Takes of rigid bodies alone, with a controller's logs of their names, and a URDF."""
     folder, takes = tmp_path / "space", ("move_1", "move_2", "hold_1")
     write_takes(folder / "mocap", *takes, bodies=True)
-    rows = [",".join(f"{0.01 * k + column:.3f}" for column in range(4)) for k in range(9)]
+    rows = [
+        ",".join(f"{0.01 * k + column:.3f}" for column in range(4)) for k in range(9)
+    ]
     (folder / "logs").mkdir()
     for take in takes:
         labels = "time,measured_a,measured_b,target_a"
@@ -95,19 +105,29 @@ def require_known_keys() -> None:
     assert datasheet.check_values(values)[1] == []
 
 
-def test_what_the_recordings_state_is_filled_in_and_the_rest_is_asked_for(root, exports, capsys):
+def test_what_the_recordings_state_is_filled_in_and_the_rest_is_asked_for(
+    root, exports, capsys
+):
     shutil.copy(ROOT / "pipeline/arm/youbot.urdf", exports / "robot.urdf")
     whole = (exports / "force/C1.csv").read_text()
-    (exports / "force/C2.csv").write_text(whole[: whole.index("\n") + 1])  # without samples
+    (exports / "force/C2.csv").write_text(
+        whole[: whole.index("\n") + 1]
+    )  # without samples
     run("lab", "--from", exports)
     sheet, option = written()
     require_known_keys()
     assert sheet["recordings"] == "../exports"
-    assert contains(sheet["mocap"], {"training": "mocap/fit_*.csv", "test": "mocap/hold_*.csv"})
+    assert contains(
+        sheet["mocap"], {"training": "mocap/fit_*.csv", "test": "mocap/hold_*.csv"}
+    )
     assert sheet["mocap"]["markers"] == {
         f"Link{n}": {f"Link{n}:Marker{k}": "???" for k in (1, 2, 3)} for n in (1, 2, 3)
     }
-    depth = {"takes": "kinect/hold_*", "index": "depth.txt", "intrinsics": "kinect/camera.yaml"}
+    depth = {
+        "takes": "kinect/hold_*",
+        "index": "depth.txt",
+        "intrinsics": "kinect/camera.yaml",
+    }
     assert contains(sheet["depth"], depth | {"width": 16, "height": 12, "rate": 30.0})
     assert [*sheet["force"]["configurations"]] == ["C1"]
     assert sheet["force"]["log"] == {"format": "daqft"}
@@ -119,12 +139,20 @@ def test_what_the_recordings_state_is_filled_in_and_the_rest_is_asked_for(root, 
     assert asked <= unfilled() and "mocap.unit" not in unfilled()
     for file in (datasheet.path_of("lab"), config.CONF / "dataset/lab.yaml"):
         for line in file.read_text().splitlines():
-            assert "???" not in line or " # " in line.partition("???")[2] or line[0] == "#", line
+            assert (
+                "???" not in line or " # " in line.partition("???")[2] or line[0] == "#"
+            ), line
     printed = capsys.readouterr().out.splitlines()
-    assert "1 files not placed" in printed[0] and printed[1].endswith("data/raw/lab/dataset.yaml")
-    assert printed[-2].startswith(f"new-dataset: {len(unfilled())} values are open: about.subject")
+    assert "1 files not placed" in printed[0] and printed[1].endswith(
+        "data/raw/lab/dataset.yaml"
+    )
+    assert printed[-2].startswith(
+        f"new-dataset: {len(unfilled())} values are open: about.subject"
+    )
     stage = OmegaConf.load(root / "data/raw/lab/dvc.yaml").stages.inventory
-    assert stage.outs == [{"data/raw/lab/inventory.csv": {"cache": False, "persist": True}}]
+    assert stage.outs == [
+        {"data/raw/lab/inventory.csv": {"cache": False, "persist": True}}
+    ]
 
 
 def test_rigid_bodies_follow_an_arm_in_space_and_logs_named_as_takes_are_its_encoders(
@@ -136,8 +164,13 @@ def test_rigid_bodies_follow_an_arm_in_space_and_logs_named_as_takes_are_its_enc
     (body,) = random_take(9).bodies
     mount = {"position": "???", "rpy": "???"}
     assert sheet["mocap"]["bodies"] == {body: {"name": body, "mount": mount}}
-    assert contains(sheet["encoders"], {"time": "time", "actual": ["measured_a", "measured_b"]})
-    assert "one of logs/hold_*.csv, logs/move_*.csv" in datasheet.path_of("lab").read_text()
+    assert contains(
+        sheet["encoders"], {"time": "time", "actual": ["measured_a", "measured_b"]}
+    )
+    assert (
+        "one of logs/hold_*.csv, logs/move_*.csv"
+        in datasheet.path_of("lab").read_text()
+    )
     assert option["measurement"] == "encoders" and len(option["robot"]["joints"]) == 7
     assert "plane" not in option["robot"] and "joint_log" not in option
     # without a test take, the test part of the encoders is open
@@ -164,7 +197,9 @@ def test_numbered_frames_and_bags_are_takes_and_several_topics_a_choice(root, ex
     assert contains(written()[0]["depth"], numbered)
     shutil.rmtree(exports / "kinect")
     info = camera_info([20, 0, 8, 0, 20, 6, 0, 0, 1], [0] * 5, (16, 12))
-    frames = [(k / 10, image(np.full((12, 16), 900, np.uint16), 1 + k / 10)) for k in range(3)]
+    frames = [
+        (k / 10, image(np.full((12, 16), 900, np.uint16), 1 + k / 10)) for k in range(3)
+    ]
     for topics, topic in ((["/depth"], "/depth"), (["/depth", "/infrared"], "???")):
         shutil.rmtree(exports / "bags", ignore_errors=True)
         (exports / "bags").mkdir()
@@ -178,7 +213,9 @@ def test_numbered_frames_and_bags_are_takes_and_several_topics_a_choice(root, ex
         assert contains(depth, bags) and "index" not in depth
 
 
-def test_units_groups_and_steps_that_nothing_settles_are_asked_for(root, exports, tmp_path):
+def test_units_groups_and_steps_that_nothing_settles_are_asked_for(
+    root, exports, tmp_path
+):
     (tmp_path / "old").mkdir()
     rows = [f"frame,{k},{k / 100:.6f},1,1,{k},0,1,0,0,0,1,0,0,0,0" for k in range(9)]
     rows_file(tmp_path / "old", "rigidbody,Hand,1,0", *rows)
@@ -194,17 +231,29 @@ def test_units_groups_and_steps_that_nothing_settles_are_asked_for(root, exports
 
 
 def test_labelled_tables_are_joint_logs_only_if_their_labels_say_it(root, tmp_path):
-    labels = ["t (s)", *(f"{word}_{j} (deg)" for word in ("measured", "target") for j in (1, 2))]
+    labels = [
+        "t (s)",
+        *(f"{word}_{j} (deg)" for word in ("measured", "target") for j in (1, 2)),
+    ]
     rows = [",".join(f"{0.01 * k + c:.3f}" for c in range(5)) for k in range(9)]
     for place, header in (("runs", ",".join(labels)), ("others", "t,a,b,c,d")):
         (tmp_path / place).mkdir()
         for number in (1, 2):
-            (tmp_path / place / f"run_{number}.csv").write_text("\n".join([header, *rows, ""]))
+            (tmp_path / place / f"run_{number}.csv").write_text(
+                "\n".join([header, *rows, ""])
+            )
         shutil.copy(ROOT / "pipeline/arm/youbot.urdf", tmp_path / place / "arm.urdf")
         run(place, "--from", tmp_path / place)
-    assert written("runs")[1]["robot"]["task"] == "???"  # five joints, a pose has six rows
+    assert (
+        written("runs")[1]["robot"]["task"] == "???"
+    )  # five joints, a pose has six rows
     log = written("runs")[0]["joint_log"]
-    expected = {"movements": "run_*.csv", "time": "t (s)", "time_unit": "s", "angle_unit": "deg"}
+    expected = {
+        "movements": "run_*.csv",
+        "time": "t (s)",
+        "time_unit": "s",
+        "angle_unit": "deg",
+    }
     assert contains(log, expected)
     assert log["signals"] == {"actual": labels[1:3], "target": labels[3:]}
     assert "joint_log" not in written("others")[0]
@@ -228,17 +277,23 @@ def named_urdf(file: Path, limit: float = 6.3) -> None:
     text = UR5.read_text()
     for number, joint in enumerate(UR_JOINTS, start=1):
         text = text.replace(f'"joint_{number}"', f'"{joint}_joint"')
-    file.write_text(re.sub('(?s)(elbow_joint.*?upper=)"[^"]*"', rf'\1"{limit}"', text, count=1))
+    file.write_text(
+        re.sub('(?s)(elbow_joint.*?upper=)"[^"]*"', rf'\1"{limit}"', text, count=1)
+    )
 
 
 @pytest.mark.parametrize("kind", [k for k in joint_kinds.KINDS if k.number in ("19", "20")
                                   and not k.stops], ids=lambda kind: kind.number)  # fmt: skip
-def test_joints_follow_the_names_in_the_logs_whatever_the_order_of_the_urdf(root, tmp_path, kind):
+def test_joints_follow_the_names_in_the_logs_whatever_the_order_of_the_urdf(
+    root, tmp_path, kind
+):
     (tmp_path / "logs").mkdir()
     kind.make(tmp_path / "logs")
     named_urdf(tmp_path / "logs/arm.urdf")
     run("lab", "--from", tmp_path / "logs", "--suggested", "--set", "robot.tool=flange")
-    assert written()[0]["joint_log"]["joints"] == [f"{joint}_joint" for joint in sorted(UR_JOINTS)]
+    assert written()[0]["joint_log"]["joints"] == [
+        f"{joint}_joint" for joint in sorted(UR_JOINTS)
+    ]
 
 
 @pytest.mark.parametrize("labels", NAMELESS)
@@ -255,7 +310,14 @@ def test_without_names_the_limits_support_the_positions_and_other_names_contradi
     assert note in datasheet.path_of("lab").read_text()
     # control: angles beyond a limit of the joint at their position
     named_urdf(tmp_path / "logs/arm.urdf", limit=0.2)
-    run("other", "--from", tmp_path / "logs", "--suggested", "--set", "robot.tool=flange")
+    run(
+        "other",
+        "--from",
+        tmp_path / "logs",
+        "--suggested",
+        "--set",
+        "robot.tool=flange",
+    )
     assert written("other")[0]["joint_log"]["joints"] == "???"
 
 
@@ -266,7 +328,15 @@ def test_what_is_left_is_asked_for_and_each_answer_is_checked_at_once(
     run("lab", "--from", logs, "--set", "about.subject=an arm")
     text = datasheet.path_of("lab").read_text()
     assert "time_unit: ??? # suggested is s; " in text and "movements: No*_slow" in text
-    given = ["no.urdf", os.path.relpath(UR5), "", "nowhere", "flange", "the laboratory", "MIT"]
+    given = [
+        "no.urdf",
+        os.path.relpath(UR5),
+        "",
+        "nowhere",
+        "flange",
+        "the laboratory",
+        "MIT",
+    ]
     answers = iter([*given, "[a, b]", "", "minutes", "s", "rad", "fast", "", "7", "2"])
 
     def answer(prompt: str) -> str:
@@ -277,20 +347,35 @@ def test_what_is_left_is_asked_for_and_each_answer_is_checked_at_once(
 
     monkeypatch.setattr(builtins, "input", answer)
     run("lab", "--ask")
-    refused = [line for line in capsys.readouterr().out.splitlines() if line.startswith("! ")]
-    words = ["no.urdf", "nowhere", "not logged", "input should be", "fast", "no motion 7"]
+    refused = [
+        line for line in capsys.readouterr().out.splitlines() if line.startswith("! ")
+    ]
+    words = [
+        "no.urdf",
+        "nowhere",
+        "not logged",
+        "input should be",
+        "fast",
+        "no motion 7",
+    ]
     assert all(word in line for line, word in zip(refused, words, strict=True)), refused
     assert not unfilled(), [*answers]
-    assert written()[0]["joint_log"]["time_unit"] == "s" and written()[1]["motion"]["rate"] == 100
+    assert (
+        written()[0]["joint_log"]["time_unit"] == "s"
+        and written()[1]["motion"]["rate"] == 100
+    )
 
 
 def test_a_value_that_is_set_or_not_yet_written_can_be_set(root, logs):
     run("lab", "--from", logs, "--suggested")
     assert written()[0]["joint_log"]["time_unit"] == "s"
-    given = (
-        "joint_log.time_unit=ms joint_log.clock=rows limits.longest_gap=5 limits.residual_rms=0.01"
+    settings = (
+        "joint_log.time_unit=ms",
+        "joint_log.clock=rows",
+        "limits.longest_gap=5",
+        "limits.residual_rms=0.01",
     )
-    run("lab", *(word for each in given.split() for word in ("--set", each)))
+    run("lab", *(word for setting in settings for word in ("--set", setting)))
     sheet, option = written()
     assert contains(sheet["joint_log"], {"time_unit": "ms", "clock": "rows"})
     assert option["motion"]["rate"] == 100
@@ -299,7 +384,9 @@ def test_a_value_that_is_set_or_not_yet_written_can_be_set(root, logs):
     with pytest.raises(ConfigError, match="'s', 'ms', 'us' or 'ns', got 'minutes'"):
         run("lab", "--set", "joint_log.time_unit=minutes")
     assert option["limits"] == {"residual_rms": 0.01, "longest_gap": 5}
-    with pytest.raises(ConfigError, match=r"motion.rate is 100: set motion.rate to \{key: value"):
+    with pytest.raises(
+        ConfigError, match=r"motion.rate is 100: set motion.rate to \{key: value"
+    ):
         run("lab", "--set", "motion.rate.unit=Hz")
 
 
@@ -316,24 +403,39 @@ def test_a_value_that_is_set_or_not_yet_written_can_be_set(root, logs):
         *((([name]), "cannot name a dataset") for name in ("1st", "../up", "ü")),
     ],
 )
-def test_an_option_name_or_folder_that_does_not_fit_writes_nothing(root, logs, words, said):
+def test_an_option_name_or_folder_that_does_not_fit_writes_nothing(
+    root, logs, words, said
+):
     with pytest.raises(PipelineError, match=said):
         run(*(words if "--from" in words else [*words, "--from", logs]))
     with pytest.raises(ConfigError, match=r"make it with --from|cannot name"):
         run(words[0], "--ask")
-    assert [file for file in root.rglob("*") if file.is_file()] == [root / "params.yaml"]
+    assert [file for file in root.rglob("*") if file.is_file()] == [
+        root / "params.yaml"
+    ]
 
 
 def test_motions_through_a_singular_pose_or_made_once_are_offered_last(monkeypatch):
     twice = [("a", 0), ("a", 9)]
     offered = [
         FoundMotion(np.zeros(2), np.ones(2), number, None, places, [], least)
-        for number, (places, least) in enumerate([(twice, 1e-3), (twice[:1], 1.0), (twice, 0.9)])
+        for number, (places, least) in enumerate(
+            [(twice, 1e-3), (twice[:1], 1.0), (twice, 0.9)]
+        )
     ]
     dataset = SimpleNamespace(robot=None, motion=SimpleNamespace(rate=1.0))
-    for name, result in (("find_motions", offered), ("validated", dataset), ("read_movements", {})):
+    for name, result in (
+        ("find_motions", offered),
+        ("validated", dataset),
+        ("read_movements", {}),
+    ):
         monkeypatch.setattr(command, name, lambda *_, result=result: result)
-    values = {"robot": {"joints": ["a", "b"]}, "motion": {"rate": 1}, "name": "", "recordings": ""}
+    values = {
+        "robot": {"joints": ["a", "b"]},
+        "motion": {"rate": 1},
+        "name": "",
+        "recordings": "",
+    }
     found = command.motions_in_logs(values | {"joint_log": {}})
     assert [motion.steps for motion in found] == [2, 0, 1]
 

@@ -16,11 +16,17 @@ from pipeline.tools.page.command import RESULTS, page
 
 
 def test_the_page_of_the_studies_depends_on_the_code_that_writes_it():
-    stages = OmegaConf.to_container(OmegaConf.load(ROOT / "pipeline/studies/dvc.yaml"))["stages"]
+    stages = OmegaConf.to_container(OmegaConf.load(ROOT / "pipeline/studies/dvc.yaml"))[
+        "stages"
+    ]
     deps = stages["studies_page"]["deps"]
     harmless = {name for name in MODULES if package(name) in ("configuration", "core")}
-    modules = [MODULES[name] for name in needed("pipeline.tools.page.command", harmless)]
-    files = [file.relative_to(ROOT).as_posix() for file in modules if file.stat().st_size]
+    modules = [
+        MODULES[name] for name in needed("pipeline.tools.page.command", harmless)
+    ]
+    files = [
+        file.relative_to(ROOT).as_posix() for file in modules if file.stat().st_size
+    ]
     files.remove("pipeline/__init__.py")
     assert [file for file in files if not any(covers(dep, file) for dep in deps)] == []
 
@@ -79,7 +85,14 @@ def test_two_files_become_one_page(reports):
     outside = [address for address in addresses if not address.startswith("#")]
     assert outside == ["errata.md#sign", "https://example.org/a"]
     contents = [each.text for each in tree.find(".//nav").iter("a")]
-    assert contents == ["Results: lab & more", "A table", "A figure", "Card", "Why", "Why"]
+    assert contents == [
+        "Results: lab & more",
+        "A table",
+        "A figure",
+        "Card",
+        "Why",
+        "Why",
+    ]
     shown = text(tree)
     assert "of <all>" in shown and "<br>" not in shown and "Results: " in shown
     assert not MARKDOWN.search(shown)
@@ -101,7 +114,9 @@ def test_figures_are_beside_each_other_with_their_text_and_a_card_is_folded(repo
     unseen = "<details><summary>2 more</summary>One. Two.</details>\n\n"
     text = f"# R\n\n## F\nKey.\n\n### One\n{figure}### Two\n{figure}{unseen}## Next\nThe end.\n"
     (reports / "report.md").write_text(text)
-    (reports / "model_card.md").write_text("# Card\n\nAnswer.\n\n## Why\nA rule.\n\n## More\nx\n")
+    (reports / "model_card.md").write_text(
+        "# Card\n\nAnswer.\n\n## Why\nA rule.\n\n## More\nx\n"
+    )
     tree = parsed(page("", [reports / "report.md", reports / "model_card.md"], reports))
     cards = [each for each in tree.iter("div") if each.get("class") == "card"]
     assert [each.find("h3").text for each in cards] == ["One", "Two"]
@@ -124,4 +139,6 @@ def test_the_committed_report_reads_as_a_page():
     assert inside <= {each.get("id") for each in tree.iter()}
     beside = [address.partition("#")[0] for address in addresses if ":" not in address]
     assert [name for name in beside if not (folder / name).exists()] == []
-    assert not re.search(r"""(src|href)=["'](https?:)?//""", html.partition("<main>")[0])
+    assert not re.search(
+        r"""(src|href)=["'](https?:)?//""", html.partition("<main>")[0]
+    )

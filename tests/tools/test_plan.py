@@ -46,12 +46,16 @@ def work(tmp_path, monkeypatch):
 def write_path(file, **changes: object) -> None:
     pose = chain("planar").pose(joint_path("planar", STEPS))
     t = np.arange(STEPS + 1) / 10
-    table = pd.DataFrame({"note": 0, "z": pose[:, 2], "t": t, "x": pose[:, 0]} | changes)
+    table = pd.DataFrame(
+        {"note": 0, "z": pose[:, 2], "t": t, "x": pose[:, 0]} | changes
+    )
     table.to_csv(file, index=False, lineterminator="\n")
 
 
 @pytest.mark.slow
-def test_a_plan_follows_the_path_within_the_limits_and_can_be_read_and_seen(work, capsys):
+def test_a_plan_follows_the_path_within_the_limits_and_can_be_read_and_seen(
+    work, capsys
+):
     run(["wishart", "path.csv", "out", "--margin", "0.03", "--points", "30"])
     table = read_trajectory(work / "out/joints.csv")
     assert list(table) == ["t", "q:arm_joint_2", "q:arm_joint_3", "q:arm_joint_4"]
@@ -62,7 +66,10 @@ def test_a_plan_follows_the_path_within_the_limits_and_can_be_read_and_seen(work
     assert np.all(np.abs(np.diff(q, axis=0)) <= arm.max_speed / 10 * 1.001)
     assert Image.open(work / "out/plan.png").size[0] > 1000
     said = capsys.readouterr().out
-    assert "plan: 20 steps; sum of tr Cov (rad²) " in said and "wrote out/joints.csv" in said
+    assert (
+        "plan: 20 steps; sum of tr Cov (rad²) " in said
+        and "wrote out/joints.csv" in said
+    )
     # a plan may take the place of a plan, and its own joints are a path
     run(["data/fit/wishart", "out/joints.csv", "out", "--points", "30"])
 
@@ -109,7 +116,9 @@ def test_joints_in_any_order_stand_for_their_poses_and_others_are_refused(tmp_pa
     arm, robot, file = chain("planar"), ARMS["planar"][0], tmp_path / "joints.csv"
     q = joint_path("planar", 5)
     table = {f"q:{name}": q[:, j] for j, name in reversed([*enumerate(robot.joints)])}
-    pd.DataFrame({"t": np.arange(6.0)} | table).to_csv(file, index=False, lineterminator="\n")
+    pd.DataFrame({"t": np.arange(6.0)} | table).to_csv(
+        file, index=False, lineterminator="\n"
+    )
     np.testing.assert_allclose(read_path(file, arm, robot)[0], arm.pose(q), atol=1e-12)
     file.write_text(file.read_text().replace("arm_joint_2", "wrist"))
     with pytest.raises(PipelineError, match="but the arm has arm_joint_2, arm_joint_3"):
@@ -144,7 +153,12 @@ def test_the_file_holds_arm_cloud_and_angles_with_their_bounds(monkeypatch, tmp_
     rows = Counter()
     for chunk in RrdReader(file).stream().to_chunks():
         rows[chunk.entity_path] += 0 if chunk.is_static else chunk.num_rows
-    lines = ["measured/mean", *(f"wishart/{line}" for line in ("mean", "upper", "lower"))]
-    expected = {f"/angles/{joint}/{line}": 20 for joint in PLANAR.joints for line in lines}
+    lines = [
+        "measured/mean",
+        *(f"wishart/{line}" for line in ("mean", "upper", "lower")),
+    ]
+    expected = {
+        f"/angles/{joint}/{line}": 20 for joint in PLANAR.joints for line in lines
+    }
     expected |= {"/scene/measured": 20, "/scene/wishart": 20, "/scene/cloud": 1}
     assert {path: rows[path] for path in expected} == expected

@@ -22,11 +22,20 @@ ARM = ArmNames(JOINTS, PLANE)
 
 def test_a_row_of_evidence_is_found_by_all_of_its_keys_and_no_two_rows_have_the_same():
     rows = [evidence_row("std", 2.0, model="wishart", joint=JOINTS[1])]
-    rows.append(evidence_row("std", -1.0, -2.0, 0.5, model="wishart", rival="additive", entry=12))
+    rows.append(
+        evidence_row(
+            "std", -1.0, -2.0, 0.5, model="wishart", rival="additive", entry=12
+        )
+    )
     evidence = index(evidence_table([*rows, evidence_row("u", np.inf)]))
-    template, names = Reference("std", model="{model}", joint="{joint 2}"), {"model": "wishart"}
+    template, names = (
+        Reference("std", model="{model}", joint="{joint 2}"),
+        {"model": "wishart"},
+    )
     assert template.look_up(evidence, names | ARM.numbered) == 2.0
-    difference = Reference("std", model="wishart", rival="additive", entry="12", column="low")
+    difference = Reference(
+        "std", model="wishart", rival="additive", entry="12", column="low"
+    )
     assert difference.look_up(evidence, {}) == -2.0
     for missing in (template, Reference("std", model="wishart"), Reference("u")):
         assert missing.look_up(evidence, ARM.numbered) is None
@@ -44,7 +53,9 @@ def evidence_of(numbers: dict[str, float | None]) -> pd.DataFrame:
     known = {name: value for name, value in numbers.items() if value is not None}
     ends = [known.pop(name, np.nan) for name in ("low", "high")]
     rows = [evidence_row("std", value, model=name) for name, value in known.items()]
-    return evidence_table([*rows, evidence_row("std", -0.1, *ends, model="wishart", rival="a")])
+    return evidence_table(
+        [*rows, evidence_row("std", -0.1, *ends, model="wishart", rival="a")]
+    )
 
 
 MODELS = ("additive", "wishart")
@@ -57,7 +68,11 @@ CLAIM = {key: key for key in ("where", "statement", "quantity", "reason")} | {
     "value": metric("{model}_error"),
 }
 EVERY = CLAIM | {"each": {"joint": "every"}, "value": metric("{joint}_error")}
-ORDER = {"rule": "less", "limit": None, **dict.fromkeys(("than", "difference"), metric("e"))}
+ORDER = {
+    "rule": "less",
+    "limit": None,
+    **dict.fromkeys(("than", "difference"), metric("e")),
+}
 RELATIVE = {"rule": "within_relative", "limit": None}
 
 
@@ -76,7 +91,10 @@ RELATIVE = {"rule": "within_relative", "limit": None}
         ({"unless": {"value": metric("share"), "reason": "so"}}, "unless.limit"),
         # a quantity that no stage writes, and a column that the table lacks
         ({"value": metric("e") | {"quantity": "stdd"}}, "quantity"),
-        ({"unless": {"value": {"quantity": "share"}, "limit": 1.0, "reason": "so"}}, "quantity"),
+        (
+            {"unless": {"value": {"quantity": "share"}, "limit": 1.0, "reason": "so"}},
+            "quantity",
+        ),
         ({"value": metric("e") | {"modle": "a"}}, "value.modle"),
         (RELATIVE | {"published": 1.0}, "tolerance"),
         (RELATIVE | {"tolerance": 0.1}, "published"),
@@ -101,7 +119,9 @@ def test_two_claims_of_one_name_are_refused():
 
 
 STEPS = ["all", "moving, ‖J⁻¹‖: 1, 2"]
-TABLE = pd.DataFrame({"steps": STEPS, "mean": [0.1 + 0.2, -np.inf], "low": [np.nan, 1e-300]})
+TABLE = pd.DataFrame(
+    {"steps": STEPS, "mean": [0.1 + 0.2, -np.inf], "low": [np.nan, 1e-300]}
+)
 KINDS = {"a": "additive", "g": "gaussian", "gf": "gaussian"}
 EVIDENT = evidence_table([evidence_row("sigma_s", 1 / 3, configuration=3, entry="01")])
 METRICS, TABLES = {"motion": {"x": 1 / 3}}, {"scores": TABLE, "evidence": EVIDENT}
@@ -122,7 +142,9 @@ def test_a_run_comes_back_from_its_file_with_every_digit_gap_and_infinity(tmp_pa
     assert sum("0.30000000000000004" in line for line in lines) == 1
 
 
-def test_the_run_at_hand_comes_first_and_a_file_that_is_no_run_is_refused_by_name(tmp_path):
+def test_the_run_at_hand_comes_first_and_a_file_that_is_no_run_is_refused_by_name(
+    tmp_path,
+):
     for name in ("b", "a", "c"):
         text = replace(RUN, dataset=name).to_json()
         (tmp_path / f"{name}.json").write_text(text, encoding="utf-8")
@@ -131,7 +153,15 @@ def test_the_run_at_hand_comes_first_and_a_file_that_is_no_run_is_refused_by_nam
         read_runs(tmp_path, first="d")
     twice = replace(RUN, tables={"evidence": pd.concat([EVIDENT] * 2)}).to_json()
     copy, deep = replace(RUN, dataset="ur5").to_json(), "[" * 10**5
-    broken = twice, copy, deep, "", "[]", '{"tables": 3}', RUN.to_json().replace("scale", "size")
+    broken = (
+        twice,
+        copy,
+        deep,
+        "",
+        "[]",
+        '{"tables": 3}',
+        RUN.to_json().replace("scale", "size"),
+    )
     for text in broken:
         (tmp_path / "lab.json").write_text(text, encoding="utf-8")
         with pytest.raises(ContractError, match=r"lab\.json"):
@@ -141,28 +171,44 @@ def test_the_run_at_hand_comes_first_and_a_file_that_is_no_run_is_refused_by_nam
 NUMBERS = {"additive_error": 0.01, "wishart_error": 0.015}
 
 
-def verdict(recordings="synthetic", arm=ARM, claim=CLAIM, numbers=NUMBERS, more=None, **changes):
+def verdict(
+    recordings="synthetic", arm=ARM, claim=CLAIM, numbers=NUMBERS, more=None, **changes
+):
     """Return the verdict on ``claim`` with ``changes`` from ``numbers`` and ``more`` numbers."""
     evidence = evidence_of(numbers | (more or {}))
     (result,) = d.decide(parse_claims([claim | changes]), evidence, recordings, arm)
     return result
 
 
-FAILING, FORCED = {"limit": 0.012}, {"by": "construction", "because": "the level is the recorded"}
+FAILING, FORCED = (
+    {"limit": 0.012},
+    {"by": "construction", "because": "the level is the recorded"},
+)
 PUBLISHED = RELATIVE | {"tolerance": 0.1}
 UNLESS = {"unless": {"value": metric("share"), "limit": 0.5, "reason": "a lag"}}
 POWER_OF = {"rule": "follows", "limit": None}
 POWER_OF |= {key: metric(f"{{model}}_{key}") for key in ("threshold", "power")}
-BETWEEN = {"value": metric("wishart"), "than": metric("a"), "limit": None, "margin": 0.01}
+BETWEEN = {
+    "value": metric("wishart"),
+    "than": metric("a"),
+    "limit": None,
+    "margin": 0.01,
+}
 BETWEEN |= {"difference": metric("wishart") | {"rival": "a"}}
 WITHOUT_ENDS = {"wishart": 0.0, "a": 0.1}
-AROUND_ZERO, BELOW_ZERO = (WITHOUT_ENDS | {"low": -0.2, "high": high} for high in (0.1, -0.1))
+AROUND_ZERO, BELOW_ZERO = (
+    WITHOUT_ENDS | {"low": -0.2, "high": high} for high in (0.1, -0.1)
+)
 
 
 def powers(powers, thresholds) -> dict[str, float]:
     """Return powers and thresholds of both models."""
-    power, threshold = ([f"{model}_{key}" for model in MODELS] for key in ("power", "threshold"))
-    return dict(zip(power, powers, strict=True)) | dict(zip(threshold, thresholds, strict=True))
+    power, threshold = (
+        [f"{model}_{key}" for model in MODELS] for key in ("power", "threshold")
+    )
+    return dict(zip(power, powers, strict=True)) | dict(
+        zip(threshold, thresholds, strict=True)
+    )
 
 
 @pytest.mark.parametrize(
@@ -184,8 +230,18 @@ def powers(powers, thresholds) -> dict[str, float]:
         # a missing number, and a gap in an order
         ("real", {}, {"wishart_error": None}, d.NO_EVIDENCE),
         ("real", {"rule": "decreasing", "limit": None}, {}, d.NOT_REPRODUCED),
-        ("real", {"rule": "decreasing", "limit": None}, {"additive_error": 1.0}, d.REPRODUCED),
-        ("real", {"rule": "decreasing", "limit": None}, {"additive_error": None}, d.NO_EVIDENCE),
+        (
+            "real",
+            {"rule": "decreasing", "limit": None},
+            {"additive_error": 1.0},
+            d.REPRODUCED,
+        ),
+        (
+            "real",
+            {"rule": "decreasing", "limit": None},
+            {"additive_error": None},
+            d.NO_EVIDENCE,
+        ),
         # published values go by case
         ("real", PUBLISHED | {"published": [0.01, 0.0151]}, {}, d.REPRODUCED),
         ("real", PUBLISHED | {"published": [0.0151, 0.01]}, {}, d.NOT_REPRODUCED),
@@ -205,11 +261,17 @@ def powers(powers, thresholds) -> dict[str, float]:
         ("real", BETWEEN | {"rule": "greater"}, BELOW_ZERO, d.NOT_REPRODUCED),
     ],
 )
-def test_a_verdict_follows_from_rule_numbers_and_recordings(recordings, changes, more, expected):
+def test_a_verdict_follows_from_rule_numbers_and_recordings(
+    recordings, changes, more, expected
+):
     result = verdict(recordings, more=more, **changes)
     assert result.verdict == expected
     # then no case holds or fails either
-    if {"unless", "rule"} & {*changes} and expected == d.NO_EVIDENCE and "power" not in changes:
+    if (
+        {"unless", "rule"} & {*changes}
+        and expected == d.NO_EVIDENCE
+        and "power" not in changes
+    ):
         assert {case.holds for case in result.cases} == {None}
 
 
@@ -218,7 +280,12 @@ def test_standard_errors_add_in_squares():
     changes = {"each": {}, "value": value, "standard_error": errors, "published": 6.0}
     changes |= {"more": {"e": 5.0, "se": 0.3, "ee": 0.4}, "rule": "standard_errors"}
     (case,) = verdict(**changes, limit=2.5).cases
-    known = (case.distance, case.low, case.high, case.holds)  # the interval is the rule's own
+    known = (
+        case.distance,
+        case.low,
+        case.high,
+        case.holds,
+    )  # the interval is the rule's own
     assert known == pytest.approx((2.0, 3.75, 6.25, True), abs=1e-4)
     assert verdict(**changes, limit=1.5).verdict == d.NOT_REPRODUCED
     # each of them is a number that the claim refers to
@@ -228,7 +295,9 @@ def test_standard_errors_add_in_squares():
 
 @pytest.mark.parametrize("joints", [("slide",), tuple("abcdefg")])
 def test_every_joint_of_an_arm_of_any_size_is_a_case_by_its_own_name(joints):
-    numbers = {f"{name}_error": 0.01 for name in joints[:-1]} | {f"{joints[-1]}_error": 0.03}
+    numbers = {f"{name}_error": 0.01 for name in joints[:-1]} | {
+        f"{joints[-1]}_error": 0.03
+    }
     result = verdict("real", ArmNames(joints, ("x",)), EVERY, numbers)
     assert [case.case for case in result.cases] == list(joints)
     assert [case.holds for case in result.cases] == [True] * (len(joints) - 1) + [False]
@@ -238,19 +307,28 @@ def test_every_joint_of_an_arm_of_any_size_is_a_case_by_its_own_name(joints):
 
 def test_a_joint_that_the_command_moves_by_less_than_a_hundredth_of_the_greatest_range_is_no_case():
     ranges = zip(JOINTS, (1.0, 0.02, 0.005), strict=True)
-    rows = [evidence_row("commanded_range", value, joint=joint) for joint, value in ranges]
+    rows = [
+        evidence_row("commanded_range", value, joint=joint) for joint, value in ranges
+    ]
     assert d.moving_joints(evidence_table(rows), JOINTS) == JOINTS[:2]
     assert d.moving_joints(evidence_table([]), JOINTS) == JOINTS
 
 
 def test_a_claim_that_singles_out_a_joint_has_evidence_on_the_papers_kind_of_arm_alone():
-    changes = {"each": {"joint": ["{joint 1}", "{joint 2}"]}, "value": metric("{joint}_error")}
+    changes = {
+        "each": {"joint": ["{joint 1}", "{joint 2}"]},
+        "value": metric("{joint}_error"),
+    }
     changes |= {"numbers": {f"{name}_error": 0.01 for name in JOINTS}}
     here = verdict("real", **changes)
-    assert [case.case for case in here.cases] == [*JOINTS[:2]] and here.verdict == d.REPRODUCED
+    assert [case.case for case in here.cases] == [
+        *JOINTS[:2]
+    ] and here.verdict == d.REPRODUCED
     # the same names and numbers, in space
     there = verdict("real", ARM._replace(task=("x", "y", "z")), **changes)
-    assert there.verdict == d.NO_EVIDENCE and {case.value for case in there.cases} == {None}
+    assert there.verdict == d.NO_EVIDENCE and {case.value for case in there.cases} == {
+        None
+    }
 
 
 def test_runs_are_decided_by_whose_recordings_they_are_and_claims_without_recording_once():
@@ -258,13 +336,35 @@ def test_runs_are_decided_by_whose_recordings_they_are_and_claims_without_record
     study |= {"value": metric("mean")}
     numbers = {"shoulder_error": 0.01, "hip_error": 0.02, "mean": 1.0}
     tables = {"evidence": evidence_of(numbers)}
-    known = (("youbot", True, "shoulder"), ("ur5", False, "hip"), ("lab", False, "shoulder"))
-    runs = [Run(name, "paper", own, [joint], ["x"], {}, {}, tables) for name, own, joint in known]
+    known = (
+        ("youbot", True, "shoulder"),
+        ("ur5", False, "hip"),
+        ("lab", False, "shoulder"),
+    )
+    runs = [
+        Run(name, "paper", own, [joint], ["x"], {}, {}, tables)
+        for name, own, joint in known
+    ]
     decided = d.decide_each(parse_claims([EVERY, study]), runs, ["lab"])
-    assert [whose.recordings for whose in decided] == ["synthetic", "real", "paper", "none"]
-    assert [whose.verdicts[0].cases[0].value for whose in decided[:3]] == [0.01, 0.02, 0.01]
-    assert [w.verdicts[0].verdict for w in decided[:2]] == [d.REPRODUCED, d.NOT_REPRODUCED]
-    assert [w.verdicts[1].verdict for w in decided[1::2]] == [d.NO_RECORDING, d.REPRODUCED]
+    assert [whose.recordings for whose in decided] == [
+        "synthetic",
+        "real",
+        "paper",
+        "none",
+    ]
+    assert [whose.verdicts[0].cases[0].value for whose in decided[:3]] == [
+        0.01,
+        0.02,
+        0.01,
+    ]
+    assert [w.verdicts[0].verdict for w in decided[:2]] == [
+        d.REPRODUCED,
+        d.NOT_REPRODUCED,
+    ]
+    assert [w.verdicts[1].verdict for w in decided[1::2]] == [
+        d.NO_RECORDING,
+        d.REPRODUCED,
+    ]
     table = d.verdict_table(decided)
     assert table[["claim", "dataset"]].to_numpy().tolist() == [
         *(["mean", name] for name in ("youbot", "ur5", "lab")),
@@ -275,7 +375,11 @@ def test_runs_are_decided_by_whose_recordings_they_are_and_claims_without_record
 
 
 def test_a_number_of_a_rule_is_not_printed_as_a_value_compared_with():
-    changes = {"each": {}, "value": metric("wishart") | {"rival": "a"}, "than": metric("than")}
+    changes = {
+        "each": {},
+        "value": metric("wishart") | {"rival": "a"},
+        "than": metric("than"),
+    }
     numbers = {"numbers": {"than": 0.2, "low": -0.2, "high": 0.1, "limit": 0.5}}
     changes |= {"rule": "varies", "limit": None, "threshold": metric("limit")}
     (case,) = verdict(**changes, **numbers).cases

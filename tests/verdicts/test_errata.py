@@ -48,12 +48,18 @@ def arm(metre: float = 1.0) -> PlanarChain:
 def test_the_printed_scale_and_bound_mean_a_third_of_the_noise_level(norm):
     """L is the level of the law's covariance, L² ‖v‖²/m = tr Cov, and not α·u."""
     levels = noise_levels(
-        {"noise_level": 3.364, "rms_norm_of_the_inverse_jacobian": norm}, {"alpha": 0.1, "u": 18.0}
+        {"noise_level": 3.364, "rms_norm_of_the_inverse_jacobian": norm},
+        {"alpha": 0.1, "u": 18.0},
     )
-    assert levels["published"] ** 2 / 3 == pytest.approx(3 * noise_scale(norm, 0.1, 18.0, 3, 3))
+    assert levels["published"] ** 2 / 3 == pytest.approx(
+        3 * noise_scale(norm, 0.1, 18.0, 3, 3)
+    )
     here = noise_scale(norm, levels["alpha"], 18.0, 3, 3)
     assert 3.364**2 / 3 == pytest.approx(3 * here)
-    assert levels["alpha_u"] == pytest.approx(18 * levels["alpha"]) and levels["alpha_u"] > 4.9
+    assert (
+        levels["alpha_u"] == pytest.approx(18 * levels["alpha"])
+        and levels["alpha_u"] > 4.9
+    )
     assert levels["ratio"] == pytest.approx(3.364 / levels["published"])
     assert noise_levels({}, {"alpha": 0.1, "u": 18.0}) == {}
 
@@ -82,7 +88,9 @@ def test_only_measured_minus_nominal_is_the_noise_of_a_random_jacobian():
     q = np.stack([POSE, POSE + np.linalg.solve(random, STEP)])
     meant = (np.linalg.inv(random) - chain.inverse_jacobian(POSE)) @ STEP
     printed = q[0] + chain.inverse_jacobian(q[0]) @ STEP - q[1]
-    np.testing.assert_allclose(process_noise(chain, q[None], STEP[None])[0, 0], meant, atol=1e-14)
+    np.testing.assert_allclose(
+        process_noise(chain, q[None], STEP[None])[0, 0], meant, atol=1e-14
+    )
     np.testing.assert_allclose(printed, -meant, atol=1e-14)
     assert np.abs(meant).max() > 1e-3
 
@@ -140,9 +148,13 @@ def test_steps_through_the_inverse_of_a_gaussian_matrix_have_no_variance():
     far = np.array([1.0, 4.0, 16.0])
     tail = np.array([np.mean(forward > t) for t in far])
     # four standard errors of the count beyond the farthest
-    np.testing.assert_allclose(far * tail, far[0] * tail[0], rtol=4 / np.sqrt(size * tail[-1]))
+    np.testing.assert_allclose(
+        far * tail, far[0] * tail[0], rtol=4 / np.sqrt(size * tail[-1])
+    )
     # control: the model of the inverse has nothing out there
-    inverse, _ = draw_steps(GaussianModel(0.1, 30.0), chain, np.tile(POSE, (size, 1)), STEP, rng)
+    inverse, _ = draw_steps(
+        GaussianModel(0.1, 30.0), chain, np.tile(POSE, (size, 1)), STEP, rng
+    )
     assert not np.any(np.abs(inverse[:, 0] - POSE[0]) > far[0])
 
 
@@ -208,14 +220,21 @@ def summed(problem: Problem, law: str, joints: np.ndarray) -> np.ndarray:
 def test_of_two_motions_neither_has_the_lesser_sum_and_trace_and_determinant_disagree():
     problem = path_problem("planar", 40, smoothness=1e-6)
     by_trace, by_det = (
-        least_uncertain(problem, law_cost("pivoted_lu", problem.chain, objective), 80).joints
+        least_uncertain(
+            problem, law_cost("pivoted_lu", problem.chain, objective), 80
+        ).joints
         for objective in ("trace", "log_det")
     )
-    one, other = (summed(problem, "pivoted_lu", joints) for joints in (by_trace, by_det))
+    one, other = (
+        summed(problem, "pivoted_lu", joints) for joints in (by_trace, by_det)
+    )
     difference = np.linalg.eigvalsh(other - one)
     scale = np.abs(difference).max()
     assert difference[0] < -1e-3 * scale < 1e-3 * scale < difference[-1]
-    for objective, better, worse in (("trace", by_trace, by_det), ("log_det", by_det, by_trace)):
+    for objective, better, worse in (
+        ("trace", by_trace, by_det),
+        ("log_det", by_det, by_trace),
+    ):
         cost = law_cost("pivoted_lu", problem.chain, objective)
         here, there = (cost(q[:-1], problem.steps).sum() for q in (better, worse))
         assert here < there - 1e-4 * abs(there)
@@ -232,7 +251,8 @@ def test_the_least_uncertain_motion_of_the_gaussian_model_goes_where_the_arm_is_
     steps = np.arange(0, 25, 3)
     poses = grid(problem, steps, spacing_of(problem, 30))
     ways = [
-        cheapest_paths(problem, cost, steps, poses)[0][0] for cost in (gaussian, worst_conditioned)
+        cheapest_paths(problem, cost, steps, poses)[0][0]
+        for cost in (gaussian, worst_conditioned)
     ]
     np.testing.assert_array_equal(*ways)
     uncertain = least_uncertain(problem, gaussian, 30)
@@ -275,10 +295,16 @@ PUBLISHED_SYSTEMS, CABLES = 1000, 3
 def bounds() -> dict[str, Bounds]:
     """The printed bounds of each configuration."""
     force = config.read_yaml(ROOT / "data/config.yaml")["dataset"]["force"]
-    tension, std, kappa = (force[f"{key}_bounds"] for key in ("tension", "tension_std", "kappa"))
-    directions = (force["configurations"][name]["direction_bounds"] for name in CONFIGURATIONS)
+    tension, std, kappa = (
+        force[f"{key}_bounds"] for key in ("tension", "tension_std", "kappa")
+    )
+    directions = (
+        force["configurations"][name]["direction_bounds"] for name in CONFIGURATIONS
+    )
     ranges = [map(tuple, (tension, direction, std, kappa)) for direction in directions]
-    return {name: Bounds(*each) for name, each in zip(CONFIGURATIONS, ranges, strict=True)}
+    return {
+        name: Bounds(*each) for name, each in zip(CONFIGURATIONS, ranges, strict=True)
+    }
 
 
 @pytest.fixture(scope="module")
@@ -286,7 +312,9 @@ def published() -> np.ndarray:
     """(3, 2) the published diagonals."""
     stated = config.read_yaml(ROOT / "pipeline/verdicts/claims.yaml")["claims"]
     claims = {claim["id"]: claim for claim in stated}
-    return np.array([claims[f"sigma-s-{name.lower()}"]["published"] for name in CONFIGURATIONS])
+    return np.array(
+        [claims[f"sigma-s-{name.lower()}"]["published"] for name in CONFIGURATIONS]
+    )
 
 
 @pytest.mark.slow
@@ -301,7 +329,9 @@ def test_of_the_published_sigma_s_the_second_entry_of_c2_alone_is_doubtful_and_o
         rng = np.random.default_rng(i)
 
         def drawn(systems, name=name, rng=rng):
-            return averaged_sigma_s(draw_systems(bounds[name], systems, CABLES, rng))["diagonal"]
+            return averaged_sigma_s(draw_systems(bounds[name], systems, CABLES, rng))[
+                "diagonal"
+            ]
 
         expected = np.diag(expected_sigma_s(bounds[name], CABLES, rng)["diagonal"].mean)
         many = drawn(100 * PUBLISHED_SYSTEMS)
@@ -324,7 +354,9 @@ def test_the_greatest_error_varies_over_repeats_far_more_than_the_mean(bounds):
     assert relative["maximum"] > 3 * relative["mean"]
 
 
-def test_within_the_bounds_of_the_experiment_actuation_makes_most_of_the_variance(bounds):
+def test_within_the_bounds_of_the_experiment_actuation_makes_most_of_the_variance(
+    bounds,
+):
     """The share of the random matrix in the trace of Cov(W), on average over systems within the
     printed bounds.
     """
@@ -335,7 +367,11 @@ def test_within_the_bounds_of_the_experiment_actuation_makes_most_of_the_varianc
         model = matrix_model(draw_systems(bounds[name], 2000, CABLES, rng))
         # control: with twenty times the matrix's covariance it would be most of it
         shares = [
-            np.mean(1 - trace(model.actuation_part()) / trace(model.covariance(factor * sigma_s)))
+            np.mean(
+                1
+                - trace(model.actuation_part())
+                / trace(model.covariance(factor * sigma_s))
+            )
             for factor in (1, 20)
         ]
         assert shares[0] < 0.1 < 0.4 < shares[1]

@@ -14,7 +14,12 @@ from pipeline.verdicts.run import Run
 from pipeline.verdicts.scores import choice
 
 BASELINES = {"none": 10.0, "memory": 11.0, "additive": 9.0, "gaussian": 10.5}
-PARAMETER = {"s": 0.5, "s_standard_error": 0.0125, "s_interval_low": 0.48, "s_interval_high": 0.53}
+PARAMETER = {
+    "s": 0.5,
+    "s_standard_error": 0.0125,
+    "s_interval_low": 0.48,
+    "s_interval_high": 0.53,
+}
 LIMIT = "sigma_b_limit_of_the_covariance"
 MOTIONS = ["motion", "takes", "steps", "moving"]
 RANGE = ["quantity", "name", "unit", "least", "greatest"]
@@ -29,27 +34,43 @@ def moved(predicted: float = 1.1e-4, motions: int = 3, gain: float = 1.0) -> dic
     """
     names = [str(k) for k in range(1, motions + 1)]
     rows = []
-    for (model, motion), (horizon, joint) in product(product(LAWS, names), product(HORIZONS, "ab")):
+    for (model, motion), (horizon, joint) in product(
+        product(LAWS, names), product(HORIZONS, "ab")
+    ):
         memory = model == "joint_error"
-        own = {"model": model, "motion": motion, "block": 1, "joint": joint, "horizon": horizon}
+        own = {
+            "model": model,
+            "motion": motion,
+            "block": 1,
+            "joint": joint,
+            "horizon": horizon,
+        }
         own |= {"samples": "commanded", "count": 100, "measured_rad": 1e-4}
         own |= {"score": 8.0 + (gain + 0.1 * int(motion) if memory else 0.0)}
         own |= {"predicted_rad": predicted if memory else 1.2e-4, "one_sigma": 0.7}
         rows += [own | {"two_sigma": 0.95, "autocorrelation": 0.25 if memory else 0.6}]
         rows += [rows[-1] | {"samples": "at rest", "score": 11.0}]
     known = [("joint_error", j, 2e-6, 8e-5, 0.05, 0.01, 4.5, 1.0, True) for j in "ab"]
-    columns = "model joint innovation_at_rest_rad innovation_at_greatest_speed_rad decay_s"
+    columns = (
+        "model joint innovation_at_rest_rad innovation_at_greatest_speed_rad decay_s"
+    )
     columns += " drift_share degrees greatest_speed has_mean"
     seen = [("pose", "a", "rad", -1.25, 2.5), ("joint speed", "a", "rad/s", -1.0, 0.5)]
     seen.append(("joint speed", "b", "rad/s", 0.0, 0.001))
-    matrix = [("wishart", "1", np.nan, "the Jacobian is singular at 3 measured pose(s)")]
+    matrix = [
+        ("wishart", "1", np.nan, "the Jacobian is singular at 3 measured pose(s)")
+    ]
     return {
         "joint_scores": pd.DataFrame(rows),
         "joint_parameters": pd.DataFrame(known, columns=columns.split()),
         "motions": pd.DataFrame([(k, 4, 300, "a") for k in names], columns=MOTIONS),
         "motion_ranges": pd.DataFrame(seen, columns=RANGE),
-        "unused_recordings": pd.DataFrame({"recording": ["run_9"], "reason": ["disturbed"]}),
-        "other_motions": pd.DataFrame(matrix, columns=["model", "motion", "score", "reason"]),
+        "unused_recordings": pd.DataFrame(
+            {"recording": ["run_9"], "reason": ["disturbed"]}
+        ),
+        "other_motions": pd.DataFrame(
+            matrix, columns=["model", "motion", "score", "reason"]
+        ),
     }
 
 
@@ -59,11 +80,22 @@ def predicted(half: float = 0.1, **matrix: float) -> Run:
     """
     means, rows = BASELINES | matrix, []
     for model, mean in means.items():
-        ends = {"difference": mean - 10, "low": mean - 10 - half, "high": mean - 10 + half}
+        ends = {
+            "difference": mean - 10,
+            "low": mean - 10 - half,
+            "high": mean - 10 + half,
+        }
         for score, value in (("log_score", mean), ("coverage_of_one_sigma_a", 0.7)):
-            rows.append({"steps": "all", "model": model, "score": score, "mean": value} | ends)
+            rows.append(
+                {"steps": "all", "model": model, "score": score, "mean": value} | ends
+            )
     pairs = [
-        {"steps": "all", "model": model, "rival": rival, "low": means[model] - means[rival] - half}
+        {
+            "steps": "all",
+            "model": model,
+            "rival": rival,
+            "low": means[model] - means[rival] - half,
+        }
         for model, rival in permutations(means, 2)
     ]
     seen = [("pose", "a", "rad", -1.25, 2.5), ("joint speed", "a", "rad/s", 0.0, 1.0)]
@@ -86,14 +118,18 @@ def logged(**changes) -> Run:
 def test_the_card_opens_with_the_law_its_predictions_and_what_was_not_used():
     page = model_card(logged(), [])
     first = page[: page.index("## Why")]
-    assert "**Model for another motion: joint error with memory** (`joint_error`)" in first
+    assert (
+        "**Model for another motion: joint error with memory** (`joint_error`)" in first
+    )
     assert "nats a sample above joint_step." in first
     assert "| 0.5 s | 1.10 [1.10, 1.10]; joints 1.10 to 1.10 | 0.70" in first
     assert "| 0.25 |" in first and "12 runs of 3 motion(s)" in first
     assert "Not used: run_9 (disturbed)." in first and "stood still: b." in first
     assert "| a | 2 | 80 | 0.05 | 0.01 | 4.5 |" in first
     # then the evidence, rest apart
-    assert "- Wishart matrix model: no score on motion 1: the Jacobian is singular" in page
+    assert (
+        "- Wishart matrix model: no score on motion 1: the Jacobian is singular" in page
+    )
     assert "| a | one sample | 110 | 100 | 0.70 | 0.95 | 9.20 |" in page
     assert "| 1 | 4 | 300 | a |" in page and "Joints at rest" in page
     # a joint stands still below a tenth of the greatest speed
@@ -105,43 +141,72 @@ def test_the_card_opens_with_the_law_its_predictions_and_what_was_not_used():
     scores = run.tables["joint_scores"]
     assert "at rest is" not in answer(run)
     scores.loc[scores["samples"] == "at rest", "two_sigma"] = 0.7
-    assert "rest is unusable, 6 fault(s): 0.7 of the errors of a at one sample are" in answer(run)
+    assert (
+        "rest is unusable, 6 fault(s): 0.7 of the errors of a at one sample are"
+        in answer(run)
+    )
 
 
-@pytest.mark.parametrize(("predicted", "named"), [(1.35e-4, 0), (1.45e-4, 6), (0.7e-4, 6)])
-def test_the_card_names_every_predicted_standard_deviation_that_is_not_confirmed(predicted, named):
+@pytest.mark.parametrize(
+    ("predicted", "named"), [(1.35e-4, 0), (1.45e-4, 6), (0.7e-4, 6)]
+)
+def test_the_card_names_every_predicted_standard_deviation_that_is_not_confirmed(
+    predicted, named
+):
     text = answer(logged(predicted=predicted))
     assert text.count("times the measured σ (required: 0.714 to 1.4)") == named
     first = f"confirm:** σ of a at one sample is {predicted / 1e-4:.3g} ["
     assert (first in text) == (named > 0)
     run = logged(predicted=predicted)
-    run.tables["joint_scores"]["motion"] = "quarter " + run.tables["joint_scores"]["motion"]
-    assert "confirm:** σ on another motion is unknown: one motion was recorded (req" in answer(run)
+    run.tables["joint_scores"]["motion"] = (
+        "quarter " + run.tables["joint_scores"]["motion"]
+    )
+    assert (
+        "confirm:** σ on another motion is unknown: one motion was recorded (req"
+        in answer(run)
+    )
 
 
 @pytest.mark.parametrize(
     ("changes", "law"),
     [
         ({"predicted": 1.9e-4}, "joint_error"),
-        ({"predicted": 2.1e-4}, "joint_step"),  # σ beyond a factor of 2: the simpler law
+        (
+            {"predicted": 2.1e-4},
+            "joint_step",
+        ),  # σ beyond a factor of 2: the simpler law
         ({"predicted": 4.9e-5}, "joint_step"),
         ({"gain": -0.2}, "joint_step"),  # the interval of the margin contains zero
         ({"motions": 1}, "joint_step"),  # one part shows no variation
     ],
 )
-def test_a_law_replaces_a_simpler_one_if_it_is_sound_and_its_margin_is_above_zero(changes, law):
+def test_a_law_replaces_a_simpler_one_if_it_is_sound_and_its_margin_is_above_zero(
+    changes, law
+):
     assert f"(`{law}`)" in answer(logged(**changes)).splitlines()[0]
 
 
 def test_intervals_of_few_motions_are_of_the_possible_values():
-    scores = moved()["joint_scores"].query("model == 'joint_error' and samples == 'commanded'")
+    scores = moved()["joint_scores"].query(
+        "model == 'joint_error' and samples == 'commanded'"
+    )
     numbers = scores["motion"].astype(float)
-    wide = scores.assign(predicted_rad=3e-5 * numbers**2, two_sigma=1.06 - 0.06 * numbers)
+    wide = scores.assign(
+        predicted_rad=3e-5 * numbers**2, two_sigma=1.06 - 0.06 * numbers
+    )
     wide["two_sigma"] = wide["two_sigma"].clip(upper=1.0)
-    ratio, share = (pooled_interval(left_out(wide), name) for name in ("ratio", "two_sigma"))
-    assert 0 < ratio.low < ratio.difference < ratio.high and 0 < share.low < share.high == 1
+    ratio, share = (
+        pooled_interval(left_out(wide), name) for name in ("ratio", "two_sigma")
+    )
+    assert (
+        0 < ratio.low < ratio.difference < ratio.high
+        and 0 < share.low < share.high == 1
+    )
     # control: the interval of the plain ratio would contain a negative one
-    each = [wide[wide["motion"] != n].pipe(pooled, ["model"])["ratio"].iloc[0] for n in "123"]
+    each = [
+        wide[wide["motion"] != n].pipe(pooled, ["model"])["ratio"].iloc[0]
+        for n in "123"
+    ]
     assert jackknife_difference(np.array([ratio.difference, *each])).low < 0
 
 
@@ -156,21 +221,34 @@ def test_no_law_is_an_answer_with_its_reason():
 
 
 @pytest.mark.parametrize(("score", "half"), [(10.7, 0.1), (11.05, 0.1)])
-def test_a_matrix_model_is_recommended_for_this_motion_by_its_intervals_alone(score, half):
+def test_a_matrix_model_is_recommended_for_this_motion_by_its_intervals_alone(
+    score, half
+):
     text = choice(predicted(half, wishart=score))  # below, or above within the interval
-    assert text.startswith("On lab **no matrix model** has a log score above every baseline:")
+    assert text.startswith(
+        "On lab **no matrix model** has a log score above every baseline:"
+    )
     assert " Wishart matrix model not above autoregressive baseline." in text
-    assert choice(predicted(wishart=12.0, other=11.5)).startswith("The log score of the **Wishart")
+    assert choice(predicted(wishart=12.0, other=11.5)).startswith(
+        "The log score of the **Wishart"
+    )
 
 
 def test_the_card_holds_parameters_ranges_takes_and_other_datasets():
     run, other = predicted(wishart=12.0), predicted(wishart=10.7)
     page = model_card(run, [other])
     assert "| wishart | s | 0.5 | 0.0125 | [0.48, 0.53] |" in page
-    assert "| pose | a | rad | -1.25 | 2.5 |" in page and "| all | a | 0.7 | 0.7 |" in page
-    assert "Takes kept: 1 training; left out: 1." in page and "| t2 | too long a gap |" in page
+    assert (
+        "| pose | a | rad | -1.25 | 2.5 |" in page and "| all | a | 0.7 | 0.7 |" in page
+    )
+    assert (
+        "Takes kept: 1 training; left out: 1." in page
+        and "| t2 | too long a gap |" in page
+    )
     assert page.count("- lab: ") == 1
-    run.tables["evidence"] = evidence_table([evidence_row("takes", 4, model="recorded")])
+    run.tables["evidence"] = evidence_table(
+        [evidence_row("takes", 4, model="recorded")]
+    )
     assert "| wishart | s | 0.5 | 0.0125 | – |" in model_card(run, [])
 
 

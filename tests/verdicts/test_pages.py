@@ -13,13 +13,22 @@ from pipeline.evidence.table import evidence_row, evidence_table
 from pipeline.verdicts import paper, report_page
 from pipeline.verdicts.claims import parse_claims
 from pipeline.verdicts.decision import WITHOUT_RECORDING, decide_each
-from pipeline.verdicts.report_page import datasets_page, published_and_ours, recordings_page
+from pipeline.verdicts.report_page import (
+    datasets_page,
+    published_and_ours,
+    recordings_page,
+)
 from pipeline.verdicts.run import Run
 from pipeline.verdicts.scores import filter_verdict, filters, result, widths
 from pipeline.verdicts.wording import say
 
 STATED = {key: f"the {key}" for key in ("where", "statement", "quantity", "reason")}
-STUDY = STATED | {"id": "study", "about": "method", "recording": "none", "rule": "below"}
+STUDY = STATED | {
+    "id": "study",
+    "about": "method",
+    "recording": "none",
+    "rule": "below",
+}
 STUDY |= {"published": 0.25, "parameter": "error"}
 STUDY |= {"value": {"quantity": "greatest_error_of_variances"}}
 STD = STATED | {"id": "std", "about": "method", "rule": "below", "limit": 0.5}
@@ -39,7 +48,10 @@ LEVEL = {"noise_level": 3.3643, "rms_norm_of_the_inverse_jacobian": 14.5073}
 
 def a_run(dataset: str, *stds: float, scale: str = "paper") -> Run:
     joints = ["a", "b", "c"][: len(stds)]
-    rows = [evidence_row("std", value, joint=j) for j, value in zip(joints, stds, strict=True)]
+    rows = [
+        evidence_row("std", value, joint=j)
+        for j, value in zip(joints, stds, strict=True)
+    ]
     rows.append(evidence_row("takes", 100, model="recorded"))
     rows.append(evidence_row("greatest_error_of_variances", 0.2))
     rows.append(evidence_row("sigma_b", FIT["sigma_b_paper"], estimator="paper"))
@@ -58,16 +70,35 @@ def decided():
 
 FIGURES = paper.parse_items(
     [
-        {"kind": "figure", "label": "Shown", "place": "1", "says": "x", "tests": ["a::b"]},
-        {"kind": "figure", "label": "Photo", "place": "1", "says": "x", "without_code": "a photo"},
+        {
+            "kind": "figure",
+            "label": "Shown",
+            "place": "1",
+            "says": "x",
+            "tests": ["a::b"],
+        },
+        {
+            "kind": "figure",
+            "label": "Photo",
+            "place": "1",
+            "says": "x",
+            "without_code": "a photo",
+        },
     ]
 )
-CAPTIONS = {name: {"title": f"The {name}", "caption": "Red. Compare."} for name in ("own", "more")}
+CAPTIONS = {
+    name: {"title": f"The {name}", "caption": "Red. Compare."}
+    for name in ("own", "more")
+}
 
 
-def test_claims_are_under_their_figure_with_a_verdict_a_robot_and_no_tried_out_dataset(decided):
+def test_claims_are_under_their_figure_with_a_verdict_a_robot_and_no_tried_out_dataset(
+    decided,
+):
     sources = {"Shown": [paper.Source("m.own", Path("m.py"))], "Photo": []}
-    page = report_page.report_page(RUNS[0], RUNS, decided, CAPTIONS, FIGURES, sources, [])
+    page = report_page.report_page(
+        RUNS[0], RUNS, decided, CAPTIONS, FIGURES, sources, []
+    )
     assert page.startswith("# Results: dataset youbot, scale paper\n")
     figure, _, others = page.partition(
         "### Fig. 1 (Shown)\n![The own](figures/own.png)\nCompare.\n"
@@ -76,12 +107,21 @@ def test_claims_are_under_their_figure_with_a_verdict_a_robot_and_no_tried_out_d
     first, _, others = others.partition("### Without a figure")
     assert first.startswith("- the statement<br>**youBot ✗ 2 of 3 · UR5 ✗ 0 of 2**\n")
     assert "- the statement<br>**no recording ✓ 0.2**\n" in others
-    assert "*(the paper's own arm)*<br>**youBot synthetic: rule passes 0.2877**" in others
+    assert (
+        "*(the paper's own arm)*<br>**youBot synthetic: rule passes 0.2877**" in others
+    )
     assert "<summary>1 claims without evidence" in others
     assert "[The more](figures/more.png)" in others
-    assert "hold/fail: no recording: 1/0; youBot, synthetic: 0/1; UR5, real: 0/1. Syn" in page
+    assert (
+        "hold/fail: no recording: 1/0; youBot, synthetic: 0/1; UR5, real: 0/1. Syn"
+        in page
+    )
     assert "cannot decide 1 claims; the rule passes 1 and fails 0." in page
-    assert "mine ✓" not in page and "## Filters" not in page and "## Predictors" not in page
+    assert (
+        "mine ✓" not in page
+        and "## Filters" not in page
+        and "## Predictors" not in page
+    )
     _, _, failures = page.partition("## Claims that fail\n")
     failures = failures.partition("\n\n")[0].splitlines()
     assert failures[0].endswith("b: 0.75. Reason: it mixes units.")
@@ -94,14 +134,21 @@ def test_claims_are_under_their_figure_with_a_verdict_a_robot_and_no_tried_out_d
 
 def test_the_results_of_the_readme_are_between_its_marks(decided):
     before, after = "A.\n\n<!-- results -->\n", "<!-- /results -->\n\nB.\n"
-    text = report_page.readme_with_results(f"{before}earlier\n{after}", RUNS[0], decided)
+    text = report_page.readme_with_results(
+        f"{before}earlier\n{after}", RUNS[0], decided
+    )
     assert text.startswith(before) and text.endswith(after) and "earlier" not in text
     estimates = "0.2877 by the paper's estimator and 0.227 [0.22, 0.235] by moments"
-    assert f"On youbot the Wishart model's σ̂_B is {estimates}; the paper prints 0.25.\n" in text
+    assert (
+        f"On youbot the Wishart model's σ̂_B is {estimates}; the paper prints 0.25.\n"
+        in text
+    )
     with pytest.raises(ContractError, match="put them back"):
         report_page.readme_with_results(before, RUNS[0], decided)
     # a dataset without a robot has no estimates
-    text = report_page.readme_with_results(before + after, replace(RUNS[0], metrics={}), decided)
+    text = report_page.readme_with_results(
+        before + after, replace(RUNS[0], metrics={}), decided
+    )
     assert "σ̂_B" not in text
 
 
@@ -109,14 +156,24 @@ def test_a_trial_run_prints_no_verdict():
     runs = [a_run("youbot", 0.75, scale="smoke")]
     decided = decide_each(CLAIMS, runs, [])
     sources = {"Shown": [paper.Source("m.own", Path("m.py"))], "Photo": []}
-    page = report_page.report_page(runs[0], runs, decided, CAPTIONS, FIGURES, sources, [])
+    page = report_page.report_page(
+        runs[0], runs, decided, CAPTIONS, FIGURES, sources, []
+    )
     assert page.startswith("# Trial run of dataset youbot on the scale smoke")
-    assert "figures/own.png" in page and "hold/fail" not in page and "Published" not in page
+    assert (
+        "figures/own.png" in page
+        and "hold/fail" not in page
+        and "Published" not in page
+    )
     assert not {"✓", "✗", "fails"} & {*re.split(r"\W+", page), *page}
 
 
 def test_a_claim_that_another_reading_changes_has_a_row_and_missing_numbers_a_note():
-    rows = {"claim": ["small", "small", "gap", "gap"], "reading": ["LU", "QR"] * 2, "value": ""}
+    rows = {
+        "claim": ["small", "small", "gap", "gap"],
+        "reading": ["LU", "QR"] * 2,
+        "value": "",
+    }
     rows |= {
         "holds": ["holds", "fails", "holds", "no evidence"],
         "refused": "no noise; try another",
@@ -125,7 +182,9 @@ def test_a_claim_that_another_reading_changes_has_a_row_and_missing_numbers_a_no
     run = Run("lab", "paper", True, ["a"], PLANE, {}, {}, {"readings": table})
     text = report_page.readings([run])
     assert "| small | lab | **✓** | ✗ |" in text
-    assert "- lab, QR: 1 claims lack numbers (no noise)." in text and "| gap |" not in text
+    assert (
+        "- lab, QR: 1 claims lack numbers (no noise)." in text and "| gap |" not in text
+    )
     assert report_page.readings([RUNS[0]]) == say("default")
 
 
@@ -143,7 +202,10 @@ def test_three_estimators_are_side_by_side_and_an_unbounded_one_has_no_number(de
 
 
 def test_the_level_of_the_published_pair_is_beside_the_fitted_level():
-    claims = [SIGMA | {"id": name, "published": n} for name, n in (("u", 18.0), ("alpha", 0.1))]
+    claims = [
+        SIGMA | {"id": name, "published": n}
+        for name, n in (("u", 18.0), ("alpha", 0.1))
+    ]
     known = {"fit_gaussian": GAUSSIAN | LEVEL}
     run = replace(RUNS[0], joints=["a", "b", "c"], metrics=RUNS[0].metrics | known)
     text = published_and_ours(run, decide_each(parse_claims(claims), [run], []))
@@ -161,7 +223,10 @@ def test_the_caption_of_the_stds_names_the_joints_that_a_matrix_model_misses():
     for joint, low in {"a": 0.3, "b": -0.2}.items():
         keys = {"model": "wishart", "joint": joint, "rival": "no_noise"}
         rows.append(evidence_row("std_error", low + 0.1, low, low + 0.2, **keys))
-    known = {"joints": ["a", "b"], "models": {"wishart": "wishart", "additive": "additive"}}
+    known = {
+        "joints": ["a", "b"],
+        "models": {"wishart": "wishart", "additive": "additive"},
+    }
     run = replace(RUNS[1], **known, tables={"evidence": evidence_table(rows)})
     (text,) = widths(run)
     assert "2.25 times as wide as the recordings in a and 0.5 times in b; its" in text
@@ -173,9 +238,14 @@ def test_counts_are_totals_and_no_mean_share_or_row_number_is_among_them():
     quality = pd.DataFrame(lost, columns=["instrument", "quantity", "unit", "total"])
     metrics = {
         "recordings": {"camera_cut_rows": 3, "mean_camera_missing_share": 0.007},
-        "filter_wishart": {"particle_steps_outside_the_domain": 19194, "mean_sample_size": 7},
+        "filter_wishart": {
+            "particle_steps_outside_the_domain": 19194,
+            "mean_sample_size": 7,
+        },
     }
-    page = recordings_page(replace(RUNS[1], metrics=metrics, tables={"recording_quality": quality}))
+    page = recordings_page(
+        replace(RUNS[1], metrics=metrics, tables={"recording_quality": quality})
+    )
     assert page.splitlines()[-2:] == [
         "| camera | cut rows 3 |",
         "| filter of wishart | particle steps outside the domain 19,194 |",
@@ -194,28 +264,43 @@ def filtered(**differences: tuple[float, float]) -> Run:
     """Return a run with the differences to the training mean by filter, in rms error of the joint
     a and in log score, with an interval of ±0.1; the rms error of b is smaller in every filter.
     """
-    rows = [{"model": "none", "score": score, "mean": mean} for score, mean in SCORES.items()]
+    rows = [
+        {"model": "none", "score": score, "mean": mean}
+        for score, mean in SCORES.items()
+    ]
     for model, (rms, log) in differences.items():
         for score, by in zip(SCORES, (rms, -0.5, 0.0, log), strict=True):
             ends = {"difference": by, "low": by - 0.1, "high": by + 0.1}
-            rows.append({"model": model, "score": score, "mean": SCORES[score] + by} | ends)
+            rows.append(
+                {"model": model, "score": score, "mean": SCORES[score] + by} | ends
+            )
     tables = {"filter_against_none": pd.DataFrame(rows)}
     return Run("lab", "paper", True, ["a", "b"], PLANE, {}, {}, tables)
 
 
 def test_filters_with_a_higher_log_score_are_named_and_the_result_states_the_differences():
-    run = filtered(memory=(-0.5, 0.5), wishart=(-0.5, -1.0), additive_closed=(0.05, -0.75))
+    run = filtered(
+        memory=(-0.5, 0.5), wishart=(-0.5, -1.0), additive_closed=(0.05, -0.75)
+    )
     text = filter_verdict(run)
-    assert text.startswith("On lab no particle filter has a higher log score than the mean and")
+    assert text.startswith(
+        "On lab no particle filter has a higher log score than the mean and"
+    )
     assert text.endswith("has a higher log score than the training mean.")
     assert " in every joint: wishart, open loop. The linear" in text
     rows = filters(run).splitlines()[-4:]
-    assert rows[2] == "| wishart, open loop | -0.49 | -0.49 | 0.7 | – | 4 (-1 [-1.1, -0.9]) |"
+    assert (
+        rows[2]
+        == "| wishart, open loop | -0.49 | -0.49 | 0.7 | – | 4 (-1 [-1.1, -0.9]) |"
+    )
     higher = filter_verdict(filtered(wishart_closed=(0.0, 0.5), additive=(0.5, -1.0)))
     assert higher.startswith("On lab these particle filters have a higher log score")
     assert higher.endswith(": wishart, closed loop.")
     means = {"none": 5.0, "memory": 12.0, "wishart": 10.0, "additive": 9.0}
-    rows = [{"steps": "all", "model": n, "score": "log_score", "mean": m} for n, m in means.items()]
+    rows = [
+        {"steps": "all", "model": n, "score": "log_score", "mean": m}
+        for n, m in means.items()
+    ]
     pair = {"steps": "all", "model": "memory", "rival": "wishart", "difference": 2.0}
     run.tables["predictions"] = pd.DataFrame(rows)
     run.tables["prediction_pairs"] = pd.DataFrame([pair | {"low": 1.5, "high": 2.5}])
@@ -229,8 +314,16 @@ def test_filters_with_a_higher_log_score_are_named_and_the_result_states_the_dif
 
 
 def test_the_errors_of_a_sum_of_errors_are_printed_apart():
-    parts = [{"quantity": n, "column": "standard_error"} for n in ("mean_of_sigma_s", "sigma_s")]
-    claim = STUDY | {"id": "sum", "rule": "standard_errors", "limit": 2.638, "published": 0.3}
+    parts = [
+        {"quantity": n, "column": "standard_error"}
+        for n in ("mean_of_sigma_s", "sigma_s")
+    ]
+    claim = STUDY | {
+        "id": "sum",
+        "rule": "standard_errors",
+        "limit": 2.638,
+        "published": 0.3,
+    }
     claim |= {"value": {"quantity": "sigma_s"}, "standard_error": parts}
     rows = [evidence_row("sigma_s", 0.25, standard_error=3e-8)]
     rows.append(evidence_row("mean_of_sigma_s", 0.26, standard_error=0.02))

@@ -20,7 +20,12 @@ from pipeline.verdicts.decision import decide, decide_each
 from pipeline.verdicts.report_page import speeds
 from pipeline.verdicts.run import Run, read_run
 
-EQUATION = {"kind": "equation", "label": "NormStd", "place": "Sec. 3", "says": "A |norm|."}
+EQUATION = {
+    "kind": "equation",
+    "label": "NormStd",
+    "place": "Sec. 3",
+    "says": "A |norm|.",
+}
 EQUATION |= {"tests": ["tests/a/test_b.py::test_c"]}
 THEOREM = {"kind": "theorem", "place": "Sec. 2", "says": "A mean."}
 FIGURE = {"kind": "figure", "label": "Setup", "place": "Sec. 4", "says": "The room."}
@@ -40,17 +45,24 @@ SMALL = paper.parse_items([EQUATION, *FURTHER])
         ("the problem (cost)–(const1), by Theorem 1", {"cost", "Theorem 1", "const1"}),
         ("the range (NormStd)–(const1)", {"NormStd", "cost", "Theorem 1", "const1"}),
         ("Fig. (Setup) in our words", {"Setup"}),
-        ("the norm (Frobenius), cost without parentheses, Eq. (22) of another paper", set()),
+        (
+            "the norm (Frobenius), cost without parentheses, Eq. (22) of another paper",
+            set(),
+        ),
     ],
 )
-def test_a_docstring_cites_labels_in_parentheses_and_theorems_by_number(docstring, names):
+def test_a_docstring_cites_labels_in_parentheses_and_theorems_by_number(
+    docstring, names
+):
     assert paper.cited_items(docstring, SMALL) == names
 
 
 @pytest.mark.parametrize(
     "docstring", ["Eq. (NormStdd)", "Theorem 2", "Fig. (Room)", "Eqs. (cost)–(const7)"]
 )
-def test_a_citation_of_what_the_paper_does_not_have_is_refused_with_its_place(tmp_path, docstring):
+def test_a_citation_of_what_the_paper_does_not_have_is_refused_with_its_place(
+    tmp_path, docstring
+):
     file = tmp_path / "step.py"
     file.write_text(f'class Step:\n    def sample(self):\n        """{docstring}."""\n')
     with pytest.raises(ConfigError, match="which the paper does not have") as refused:
@@ -60,7 +72,9 @@ def test_a_citation_of_what_the_paper_does_not_have_is_refused_with_its_place(tm
 
 
 ROOT = Path(__file__).parents[2]
-ITEMS = paper.parse_items(config.read_yaml(ROOT / "pipeline/verdicts/paper.yaml")["items"])
+ITEMS = paper.parse_items(
+    config.read_yaml(ROOT / "pipeline/verdicts/paper.yaml")["items"]
+)
 SOURCES = paper.citations(ROOT / "pipeline", ITEMS)
 NUMBERED = {"equation": 41, "figure": 11, "theorem": 5, "definition": 2, "algorithm": 2}
 
@@ -80,7 +94,9 @@ def parsed(file: str) -> tuple[dict[str, ast.AST], dict[str, str]]:
             targets = (each for target in node.targets for each in ast.walk(target))
             named |= {each.id: node for each in targets if isinstance(each, ast.Name)}
         elif isinstance(node, ast.ImportFrom):
-            imported |= {a.asname or a.name: f"{node.module}.{a.name}" for a in node.names}
+            imported |= {
+                a.asname or a.name: f"{node.module}.{a.name}" for a in node.names
+            }
     return named, imported
 
 
@@ -103,7 +119,9 @@ def used(file: str, test: str) -> set[str]:
                 module, _, own = source.rpartition(".")
                 folder = "" if module.startswith("tests.") else "tests/helpers/"
                 helper = f"{folder}{module.replace('.', '/')}.py"
-                waiting.append((helper, own) if (ROOT / helper).is_file() else (place, head))
+                waiting.append(
+                    (helper, own) if (ROOT / helper).is_file() else (place, head)
+                )
             elif isinstance(node, ast.arg):
                 waiting.append((place, node.arg))  # a fixture
     return names
@@ -129,12 +147,26 @@ def test_a_test_that_does_not_use_what_implements_an_item_is_found_out():
     assert "pipeline.randommatrix.wishart.degrees_of_freedom" not in by
 
 
-ENTRY = {"id": "bias", "title": "A biased estimator", "place": "Sec. 4", "paper": "It is."}
+ENTRY = {
+    "id": "bias",
+    "title": "A biased estimator",
+    "place": "Sec. 4",
+    "paper": "It is.",
+}
 ENTRY |= {"fact": "It is {{ metric('fit', 'std_{joint 1}') }}."}
-ENTRY |= {"done": "A sum of {{ claim('sigma', 'walk') }}, speed {{ claim('sigma', 'speed') }}."}
+ENTRY |= {
+    "done": "A sum of {{ claim('sigma', 'walk') }}, speed {{ claim('sigma', 'speed') }}."
+}
 ENTRY |= {"tests": ["tests/models/test_noise.py::test_one"]}
-CLAIM = {key: key for key in ("where", "statement", "quantity", "reason")} | {"id": "sigma"}
-CLAIM |= {"about": "method", "rule": "within_relative", "tolerance": 0.1, "published": 0.25}
+CLAIM = {key: key for key in ("where", "statement", "quantity", "reason")} | {
+    "id": "sigma"
+}
+CLAIM |= {
+    "about": "method",
+    "rule": "within_relative",
+    "tolerance": 0.1,
+    "published": 0.25,
+}
 CLAIM |= {"value": {"quantity": "sigma_b"}}
 
 
@@ -149,7 +181,12 @@ def test_numbers_of_the_run_and_of_the_claims_stand_in_the_prose(fit, ours):
     assert f"**In fact**: It is {ours}." in text
     # of the published variance a step: standard deviation of the sum of the steps, and speed
     assert "A sum of 8.944, speed 50." in text
-    for wrong in ("{{ metric('fit') }}", "{{ evidence('stdd') }}", "{{ value }}", "{{ level("):
+    for wrong in (
+        "{{ metric('fit') }}",
+        "{{ evidence('stdd') }}",
+        "{{ value }}",
+        "{{ level(",
+    ):
         errata = paper.parse_errata([ENTRY | {"fact": wrong}])
         with pytest.raises(ConfigError, match=r"correct it \[erratum bias"):
             paper.errata_page(errata, run, decided)
@@ -160,13 +197,20 @@ def test_numbers_of_the_run_and_of_the_claims_stand_in_the_prose(fit, ours):
     [
         (paper.parse_items, [EQUATION, *FURTHER], {"kind": "theorem"}, "label"),
         (paper.parse_items, [EQUATION, *FURTHER], {"tests": ["test_b.py"]}, "tests"),
-        (paper.parse_items, [EQUATION, *FURTHER], {"without_code": "a sketch"}, "tests"),
+        (
+            paper.parse_items,
+            [EQUATION, *FURTHER],
+            {"without_code": "a sketch"},
+            "tests",
+        ),
         (paper.parse_items, [EQUATION, *FURTHER], {"label": "cost"}, "label"),
         (paper.parse_errata, [ENTRY], {"tests": ["test_noise.py"]}, "tests"),
         (paper.parse_errata, [ENTRY], {"facts": "It is."}, "facts"),
     ],
 )
-def test_a_malformed_item_or_erratum_is_refused_with_its_key(parse, entries, changes, key):
+def test_a_malformed_item_or_erratum_is_refused_with_its_key(
+    parse, entries, changes, key
+):
     with pytest.raises(ConfigError) as refused:
         parse([entries[0] | changes, *entries[1:]])
     assert refused.value.evidence["key"].startswith(key)
@@ -174,7 +218,9 @@ def test_a_malformed_item_or_erratum_is_refused_with_its_key(parse, entries, cha
 
 @pytest.fixture(scope="module")
 def errata() -> list[paper.Erratum]:
-    return paper.parse_errata(config.read_yaml(ROOT / "pipeline/verdicts/errata.yaml")["errata"])
+    return paper.parse_errata(
+        config.read_yaml(ROOT / "pipeline/verdicts/errata.yaml")["errata"]
+    )
 
 
 @pytest.fixture(scope="module")
@@ -184,7 +230,9 @@ def youbot() -> Run:
 
 
 CLAIMS = parse_claims(
-    validated(ClaimsFile, config.read_yaml(ROOT / "pipeline/verdicts/claims.yaml")).claims
+    validated(
+        ClaimsFile, config.read_yaml(ROOT / "pipeline/verdicts/claims.yaml")
+    ).claims
 )
 TYPED = r"\d[.,]\d|\de-?\d"  # a measured number; they come from a run
 
@@ -193,7 +241,9 @@ def test_every_erratum_has_its_numbers_in_the_run_and_tests_that_exist(errata, y
     page = paper.errata_page(errata, youbot, decide_each(CLAIMS, [youbot], []))
     assert paper.MISSING not in page
     assert len({erratum.id for erratum in errata}) == len(errata)
-    assert re.search(r"arm_joint_4 reaches 15\.\d rad/s .* 2\d\.\d% of its", speeds(youbot))
+    assert re.search(
+        r"arm_joint_4 reaches 15\.\d rad/s .* 2\d\.\d% of its", speeds(youbot)
+    )
     assert speeds(replace(youbot, metrics={})) == ""
     for erratum in errata:
         for test in erratum.tests:
@@ -203,16 +253,23 @@ def test_every_erratum_has_its_numbers_in_the_run_and_tests_that_exist(errata, y
         assert not re.search(TYPED, text), erratum.id
 
 
-def test_every_claim_has_evidence_that_a_stage_writes_and_reasons_that_exist(errata, youbot):
+def test_every_claim_has_evidence_that_a_stage_writes_and_reasons_that_exist(
+    errata, youbot
+):
     missing = [
         f"{verdict.claim.id}: {case.case}"
         for verdict in decide(CLAIMS, youbot.evidence, "paper", youbot.arm)
         for case in verdict.cases
         if case.value is None
     ]
-    assert {*missing} <= {"u: ", "alpha: "}  # a û without a bound and its α̂ have no number
+    assert {*missing} <= {
+        "u: ",
+        "alpha: ",
+    }  # a û without a bound and its α̂ have no number
     unless = [each.unless for each in CLAIMS if each.unless]
-    assert {u.limit for u in unless if u.value.quantity == scores.BETWEEN} == {scores.LIMIT}
+    assert {u.limit for u in unless if u.value.quantity == scores.BETWEEN} == {
+        scores.LIMIT
+    }
     datasets = {file.stem for file in (ROOT / "pipeline/conf/dataset").glob("*.yaml")}
     assert {name for claim in CLAIMS for name in claim.why} <= datasets
     reasons = "\n".join(reason for claim in CLAIMS for reason in claim.why.values())

@@ -7,7 +7,14 @@ import pytest
 
 from pipeline.statistics.curves import following_tests, variation, variation_limits
 from pipeline.statistics.takes import paired_difference, percentile_interval
-from pipeline.verdicts.rules import LEVEL, RULES, Cases, decide_cases, holm, standard_errors
+from pipeline.verdicts.rules import (
+    LEVEL,
+    RULES,
+    Cases,
+    decide_cases,
+    holm,
+    standard_errors,
+)
 
 REPEATS, STEPS, JOINTS = 100, 80, ("elbow", "wrist")
 
@@ -18,7 +25,12 @@ def decided(rule: str, *cases: dict) -> list[bool | None]:
 
 
 def numbers(*cases: dict) -> Cases:
-    return Cases(*(np.array([case.get(name, np.nan) for case in cases]) for name in Cases._fields))
+    return Cases(
+        *(
+            np.array([case.get(name, np.nan) for case in cases])
+            for name in Cases._fields
+        )
+    )
 
 
 def mean_of(values: np.ndarray, **others: float) -> dict:
@@ -28,7 +40,9 @@ def mean_of(values: np.ndarray, **others: float) -> dict:
     return {"value": value, "difference": value, **ends, **others}
 
 
-def drawn(rng: np.random.Generator, centre: float, std: float, **others: float) -> list[dict]:
+def drawn(
+    rng: np.random.Generator, centre: float, std: float, **others: float
+) -> list[dict]:
     """The mean of 20 takes about ``centre``: 4.5 standard errors are ``std``."""
     return [mean_of(rng.normal(centre, std, 20), **others)]
 
@@ -47,14 +61,19 @@ def varied(rng: np.random.Generator, true: float) -> list[dict]:
     taken = noise(rng, true)
     found = [variation(own) for own in taken.std(axis=0, ddof=1).T]
     ends = variation_limits(taken, rng)
-    return [{"value": x, "than": y[0], "threshold": y[1]} for x, y in zip(found, ends, strict=True)]
+    return [
+        {"value": x, "than": y[0], "threshold": y[1]}
+        for x, y in zip(found, ends, strict=True)
+    ]
 
 
 def followed(rng: np.random.Generator, true: float) -> list[dict]:
     steady = np.zeros(STEPS, dtype=bool)
     rows = following_tests(curve(0.4), noise(rng, true), steady, JOINTS, rng)
     named = {"correlation": "value", "limit": "threshold"}
-    return rows.rename(columns=named)[["value", "threshold", "power"]].to_dict("records")
+    return rows.rename(columns=named)[["value", "threshold", "power"]].to_dict(
+        "records"
+    )
 
 
 def greatest(rng: np.random.Generator, centre: float, **others: float) -> list[dict]:
@@ -79,13 +98,17 @@ DRAWN = {
     ),
     "below": lambda rng, side: drawn(rng, 1 - 0.2 * side, 0.2, yardstick=1.0),
     "above": lambda rng, side: drawn(rng, 1 + 0.2 * side, 0.2, yardstick=1.0),
-    "greatest_below": lambda rng, side: greatest(rng, 0.246 - 0.06 * side, yardstick=0.25),
+    "greatest_below": lambda rng, side: greatest(
+        rng, 0.246 - 0.06 * side, yardstick=0.25
+    ),
     "varies": lambda rng, side: varied(rng, 0.25 + 0.15 * side),
     "follows": lambda rng, side: followed(rng, 0.2 + 0.2 * side),
     "less": lambda rng, side: drawn(rng, -0.05 - 0.5 * side, 0.5, margin=0.05),
     "greater": lambda rng, side: drawn(rng, 0.05 + 0.5 * side, 0.5, margin=0.05),
     "decreasing": lambda rng, side: falling(rng, 0.01 * side),
-    "equivalent": lambda rng, side: drawn(rng, 0.2 - 0.1 * side, 0.1, than=1.0, tolerance=0.2),
+    "equivalent": lambda rng, side: drawn(
+        rng, 0.2 - 0.1 * side, 0.1, than=1.0, tolerance=0.2
+    ),
     "interval_contains": lambda rng, side: greatest(
         rng, 0.28 - 0.035 * side, published=0.25, tolerance=0.005
     ),
@@ -100,9 +123,15 @@ SLOW = ("follows", "varies")
 
 @pytest.mark.parametrize(
     "rule",
-    [pytest.param(r, marks=[pytest.mark.slow] * (r in SLOW)) for r in RULES if r != "detected"],
+    [
+        pytest.param(r, marks=[pytest.mark.slow] * (r in SLOW))
+        for r in RULES
+        if r != "detected"
+    ],
 )
-def test_a_rule_passes_just_on_the_true_side_fails_just_on_the_false_and_errs_as_stated(rule):
+def test_a_rule_passes_just_on_the_true_side_fails_just_on_the_false_and_errs_as_stated(
+    rule,
+):
     """The shares of wrong verdicts, at the limit too, are within 3.5 standard errors of LEVEL."""
     repeats = 30 if rule in SLOW else REPEATS
     rates, rng = {}, np.random.default_rng(7)
@@ -115,7 +144,10 @@ def test_a_rule_passes_just_on_the_true_side_fails_just_on_the_false_and_errs_as
     assert max(rates.get(0, [0.0])) <= most
 
 
-REPEATED = {"than": 0.2, "standard_error": 0.01}  # P(greatest ≥ 0.2242) = 2.5 % by Gumbel's law
+REPEATED = {
+    "than": 0.2,
+    "standard_error": 0.01,
+}  # P(greatest ≥ 0.2242) = 2.5 % by Gumbel's law
 NARROW = {"value": 0.0, "difference": -1e-8, "low": -1.01e-8, "high": -0.99e-8}
 WIDE = {"difference": 0.05, "low": -0.5, "high": 0.6, "than": 1.0, "tolerance": 0.2}
 CLOSE = {"published": 0.33, "tolerance": 0.1}
@@ -141,7 +173,11 @@ ABOUT_A_QUARTER = {"published": 0.25, "tolerance": 0.02}
         ("below", {"low": 0.29, "high": 0.32, "yardstick": 0.34}, True),
         ("greatest_below", REPEATED | {"yardstick": 0.222}, None),
         ("greatest_below", REPEATED | {"yardstick": 0.226}, True),
-        ("equivalent", WIDE | {"difference": 0.3, "low": 0.28, "high": 0.32, "than": 2.0}, True),
+        (
+            "equivalent",
+            WIDE | {"difference": 0.3, "low": 0.28, "high": 0.32, "than": 2.0},
+            True,
+        ),
         ("interval_contains", {"low": 0.26, "high": 0.4} | ABOUT_A_QUARTER, True),
         ("interval_contains", {"low": 0.2, "high": 0.24} | ABOUT_A_QUARTER, True),
         ("varies", {"than": 0.25, "threshold": 0.35}, None),

@@ -21,7 +21,10 @@ def reproduce(copy: Path, *targets: str, **parameters: object) -> bool:
     """Copy the project, set ``parameters`` and run ``dvc repro``; return its success."""
     copy_project(copy)
     set_parameters(copy, **parameters)
-    return subprocess.run(["dvc", "repro", *targets], cwd=copy, check=False).returncode == 0
+    return (
+        subprocess.run(["dvc", "repro", *targets], cwd=copy, check=False).returncode
+        == 0
+    )
 
 
 def main(folder: Path, *datasets: str) -> int:
@@ -30,14 +33,19 @@ def main(folder: Path, *datasets: str) -> int:
         place = Path(read_yaml(ROOT / f"data/raw/{dataset}/dataset.yaml")["recordings"])
         if ".." in place.parts and not (ROOT / place).is_dir():
             origin = f"data/raw/{dataset}/README.md says where they come from"
-            print(f"error: no recordings of {dataset} in {place}; {origin}", file=sys.stderr)
+            print(
+                f"error: no recordings of {dataset} in {place}; {origin}",
+                file=sys.stderr,
+            )
             return 1
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     if not datasets:
         if not reproduce(folder / "project", **SMOKE):
             return 1
-        print(f"smoke: every stage ran in {folder / 'project'}; its numbers mean nothing")
+        print(
+            f"smoke: every stage ran in {folder / 'project'}; its numbers mean nothing"
+        )
         return 0
     (folder / BESIDE.name).symlink_to(BESIDE)
     (ROOT / EVIDENCE).mkdir(parents=True, exist_ok=True)

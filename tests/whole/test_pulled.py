@@ -15,7 +15,9 @@ from pipeline.recordings.inventory import listing, raw_folder
 
 PULLED, BESIDE = ROOT / "data/recordings", ROOT.parent / "shared/recordings"
 IMPORTS = sorted(PULLED.rglob("*.dvc"))
-beside = pytest.mark.skipif(not BESIDE.is_dir(), reason="no recordings beside the project")
+beside = pytest.mark.skipif(
+    not BESIDE.is_dir(), reason="no recordings beside the project"
+)
 
 
 def content(file: Path) -> tuple[dict, dict]:
@@ -26,7 +28,11 @@ def content(file: Path) -> tuple[dict, dict]:
 
 def test_every_public_recording_is_pinned_by_revision_and_hash():
     imports = [file for file in IMPORTS if file.is_file()]
-    assert {file.relative_to(PULLED).parts[0] for file in imports} == {"ur5", "lwr4", "kr300"}
+    assert {file.relative_to(PULLED).parts[0] for file in imports} == {
+        "ur5",
+        "lwr4",
+        "kr300",
+    }
     for file in imports:
         source, out = content(file)
         assert len(source["repo"]["rev_lock"]) == 40 and out["path"] == file.stem
@@ -42,10 +48,14 @@ def test_a_dataset_finds_pulled_recordings_first_and_the_message_names_the_comma
     folder.mkdir(parents=True)
     (folder / "log.csv.dvc").touch()
     assert raw_folder("../logs/arm") == Path("../logs/arm")
-    with pytest.raises(RecordingError, match=r"`dvc --cd data/recordings pull -R arm` brings them"):
+    with pytest.raises(
+        RecordingError, match=r"`dvc --cd data/recordings pull -R arm` brings them"
+    ):
         listing(Path("../logs/arm"))
     (folder / "log.csv").write_text("1\n")
-    assert raw_folder("../logs/arm") == folder and raw_folder("logs/arm") == Path("logs/arm")
+    assert raw_folder("../logs/arm") == folder and raw_folder("logs/arm") == Path(
+        "logs/arm"
+    )
     assert list(listing(folder)["file"]) == ["log.csv"]
 
 
@@ -57,12 +67,16 @@ def test_one_command_brings_the_recordings_from_a_copy_of_their_repository(tmp_p
 
     def git(folder: Path, *words: str) -> str:
         identity = ["-c", "user.name=a", "-c", "user.email=a@b.example"]
-        return subprocess.check_output(["git", *identity, *words], cwd=folder, text=True).strip()
+        return subprocess.check_output(
+            ["git", *identity, *words], cwd=folder, text=True
+        ).strip()
 
     for file in imports:
         copy = origin / content(file)[0]["path"]
         copy.parent.mkdir(parents=True, exist_ok=True)
-        copy.write_bytes((BESIDE / file.relative_to(PULLED).with_suffix("")).read_bytes())
+        copy.write_bytes(
+            (BESIDE / file.relative_to(PULLED).with_suffix("")).read_bytes()
+        )
     git(tmp_path, "init", "-q", str(origin))
     git(origin, "add", "-A")
     git(origin, "commit", "-qm", "copy")
@@ -78,7 +92,16 @@ def test_one_command_brings_the_recordings_from_a_copy_of_their_repository(tmp_p
     (tmp_path / ".gitconfig").write_text(
         f'[url "{origin.as_uri()}"]\n  insteadOf = {source["url"]}\n'
     )
-    words = [sys.executable, "-m", "dvc", "--cd", "data/recordings", "pull", "-R", "kr300"]
+    words = [
+        sys.executable,
+        "-m",
+        "dvc",
+        "--cd",
+        "data/recordings",
+        "pull",
+        "-R",
+        "kr300",
+    ]
     environment = os.environ | {"HOME": str(tmp_path), "DVC_NO_ANALYTICS": "1"}
     subprocess.run(words, cwd=tmp_path / "project", env=environment, check=True)
     for file in imports:

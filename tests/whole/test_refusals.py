@@ -59,13 +59,17 @@ def option(**values: object) -> Callable[[], None]:
     def change() -> None:
         config = OmegaConf.load("data/config.yaml")
         for key, value in values.items():
-            OmegaConf.update(config, f"dataset.{key.replace('__', '.')}", value, merge=False)
+            OmegaConf.update(
+                config, f"dataset.{key.replace('__', '.')}", value, merge=False
+            )
         OmegaConf.save(config, "data/config.yaml")
 
     return change
 
 
-def cells(name: str, columns: list[str], value: float, query: str) -> Callable[[], None]:
+def cells(
+    name: str, columns: list[str], value: float, query: str
+) -> Callable[[], None]:
     """Change of values of a table."""
 
     def change() -> None:
@@ -130,7 +134,9 @@ def test_bad_input_is_refused_where_it_is_met_and_the_results_stay(project, case
     assert not list(Path("data").glob("**/.*.partial"))
 
 
-def test_a_bound_below_the_norm_of_the_inverse_jacobian_clips_the_noise_and_is_counted(project):
+def test_a_bound_below_the_norm_of_the_inverse_jacobian_clips_the_noise_and_is_counted(
+    project,
+):
     folder = Path("data/filter/gaussian")
     counts = []
     for change in (dict, parameters("gaussian", u=5.0)):
@@ -147,7 +153,9 @@ def test_a_bound_below_the_norm_of_the_inverse_jacobian_clips_the_noise_and_is_c
 def test_check_names_every_refusal_of_ingest_at_once_and_writes_nothing(project):
     sheet = Path("data/raw/youbot/dataset.yaml")
     text = sheet.read_text()
-    sheet.write_text(text.replace("link1_a:", "link1_ax:").replace("force/C2.csv", "force/C9.csv"))
+    sheet.write_text(
+        text.replace("link1_a:", "link1_ax:").replace("force/C2.csv", "force/C9.csv")
+    )
     cut_frame()
     before = [contents(Path(name)) for name in ("data", "reports")]
     done = run("python", "-m", "pipeline", "check", cwd=Path.cwd())

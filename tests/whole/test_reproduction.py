@@ -47,7 +47,9 @@ def reruns(folder: Path, first: str = "configure") -> set[str]:
     whose dependencies have changed, and all that follow them.
     """
     succeeds("dvc", "repro", first, cwd=folder)
-    return {*planned(succeeds("dvc", "repro", "--dry", "--force-downstream", cwd=folder))}
+    return {
+        *planned(succeeds("dvc", "repro", "--dry", "--force-downstream", cwd=folder))
+    }
 
 
 def ran(output: str) -> set[str]:
@@ -69,7 +71,10 @@ def test_one_command_gives_every_figure_and_number(reproduced):
     assert 0 < fits["wishart"]["sigma_b"] < 1 and "noise_level" in fits["gaussian"]
     tables = reproduced / "reports/youbot/tables"
     evidence = pd.read_csv(tables / "evidence.csv").set_index("quantity")
-    assert {*evidence.loc["greatest_mean_error", "model"]} == {*MODELS, "no_noise"}  # the control
+    assert {*evidence.loc["greatest_mean_error", "model"]} == {
+        *MODELS,
+        "no_noise",
+    }  # the control
     cables = evidence.loc["mean_error_of_variances", "configuration"].astype(int)
     assert cables.tolist() == [3, 5, 10, 15, 20]
     assert {f"C{n}_sigma_s_clipped" for n in (1, 2, 3)} <= {*numbers["wrench"]}
@@ -85,9 +90,17 @@ def test_one_command_gives_every_figure_and_number(reproduced):
     # every table is written by a stage that names it
     stages = yaml.safe_load((reproduced / "dvc.yaml").read_text())["stages"]
     for name, stage in stages.items():
-        written = {file.stem for file in (reproduced / "data" / name).rglob("*.parquet")}
-        entries = [entry for entry in stage.get("params", []) if isinstance(entry, dict)]
-        named = {table for entry in entries for table in entry.get("pipeline/tables.yaml", [])}
+        written = {
+            file.stem for file in (reproduced / "data" / name).rglob("*.parquet")
+        }
+        entries = [
+            entry for entry in stage.get("params", []) if isinstance(entry, dict)
+        ]
+        named = {
+            table
+            for entry in entries
+            for table in entry.get("pipeline/tables.yaml", [])
+        }
         assert written <= named, name
     # git has all that is not DVC's
     assert git_status(reproduced) == ""
@@ -111,12 +124,18 @@ def test_the_same_seed_gives_the_same_bytes_whatever_the_number_of_workers(copy)
 
 
 @pytest.mark.slow
-def test_an_edit_reruns_what_depends_on_it_and_going_back_restores_the_committed_bytes(copy):
+def test_an_edit_reruns_what_depends_on_it_and_going_back_restores_the_committed_bytes(
+    copy,
+):
     before, parameters = outputs(copy), copy / "params.yaml"
     sound = parameters.read_text()
     set_parameters(copy, filter="stratified")
     plan = reruns(copy)
-    assert ran(succeeds("dvc", "repro", cwd=copy)) == plan == {"readings"} | SHOWN | FILTERS
+    assert (
+        ran(succeeds("dvc", "repro", cwd=copy))
+        == plan
+        == {"readings"} | SHOWN | FILTERS
+    )
     # DVC's run cache holds all but what git does
     succeeds("git", "checkout", "params.yaml", cwd=copy)
     back = ran(succeeds("dvc", "repro", cwd=copy))
@@ -124,7 +143,9 @@ def test_an_edit_reruns_what_depends_on_it_and_going_back_restores_the_committed
     assert outputs(copy) == before and git_status(copy) == ""
 
     # neither a comment nor the place of the trials changes any result
-    parameters.write_text(sound.replace("compute: serial", "compute: dask") + "# a remark\n")
+    parameters.write_text(
+        sound.replace("compute: serial", "compute: dask") + "# a remark\n"
+    )
     assert reruns(copy) == set()
     for edit, stages in (
         ({"wrench": "paper", "overrides": "{wrench: {grid: 21}}"}, {"wrench"}),
@@ -138,7 +159,10 @@ def test_an_edit_reruns_what_depends_on_it_and_going_back_restores_the_committed
     # a word in a claim decides again and computes nothing
     claims = copy / "pipeline/verdicts/claims.yaml"
     stated = claims.read_text(encoding="utf-8")
-    edit_text(claims, stated.replace("reason: the printed limit", "reason: the limit in print"))
+    edit_text(
+        claims,
+        stated.replace("reason: the printed limit", "reason: the limit in print"),
+    )
     assert reruns(copy) == {"report", "page"}
     edit_text(claims, stated)
 
@@ -177,7 +201,9 @@ def test_a_stage_that_fails_names_the_commands_that_restore_its_results(copy, st
 @pytest.mark.slow
 def test_a_bad_parameter_stops_with_one_message_and_keeps_all_results(copy):
     before, sound = contents(copy / "data"), (copy / "params.yaml").read_text()
-    own = {"dataset.txt": before["dataset.txt"]}  # output of the stage choose, which fails
+    own = {
+        "dataset.txt": before["dataset.txt"]
+    }  # output of the stage choose, which fails
     for parameters, names in (
         ({"filter": "bootstrap"}, ("configure", "filter", "stratified, systematic")),
         ({"dataset": "yuobot"}, ("choose", "dataset", "ur5", "youbot", "new-dataset")),
@@ -195,7 +221,9 @@ def test_dvc_shows_the_summary_and_the_figures_without_a_network(copy):
     assert "reports/youbot/summary.json" in shown[""]["data"]
     succeeds("dvc", "plots", "show", "-o", "plots-page", cwd=copy)
     page = (copy / "plots-page/index.html").read_text()
-    assert "joint_std" in page and "http" not in re.sub(r"http://www\.w3\.org/\S+", "", page)
+    assert "joint_std" in page and "http" not in re.sub(
+        r"http://www\.w3\.org/\S+", "", page
+    )
 
 
 def test_a_kill_while_dvc_writes_its_cache_of_runs_is_mended_by_the_same_command(copy):

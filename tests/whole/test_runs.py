@@ -32,7 +32,15 @@ from project_copy import (
 pytestmark = pytest.mark.slow
 
 # raw files, tables and trials in workers are written before the end of the last stage
-KILLED = ("choose", "configure", "record", "files", "ingest@motion", "ingest@depth", "track")
+KILLED = (
+    "choose",
+    "configure",
+    "record",
+    "files",
+    "ingest@motion",
+    "ingest@depth",
+    "track",
+)
 LAST = "articulate"
 KILLS, KILL_SEED = 20, 2017
 DELAY = (0.5, 4.0)  # s between start and kill
@@ -75,13 +83,22 @@ def test_a_run_killed_at_any_moment_completes_to_the_same_bytes(reproduced, tmp_
             kills += 1
             succeeds(*mend, cwd=folder)
         else:  # start from nothing
-            for name in ("data/ingest", "data/track", "data/raw/youbot/recordings", ".dvc/cache"):
+            for name in (
+                "data/ingest",
+                "data/track",
+                "data/raw/youbot/recordings",
+                ".dvc/cache",
+            ):
                 shutil.rmtree(folder / name)
     succeeds("dvc", "repro", LAST, cwd=folder)
     expected = outputs(reproduced, *KILLED, LAST)
     assert len(expected) == 9 and outputs(folder, *KILLED, LAST) == expected
     files = [*folder.glob("data/**/*")]
-    assert not [file for file in files if file.match(".*.partial") or file.match("stray.parquet")]
+    assert not [
+        file
+        for file in files
+        if file.match(".*.partial") or file.match("stray.parquet")
+    ]
 
 
 @pytest.fixture
@@ -97,7 +114,9 @@ def queueing(reproduced: Path, tmp_path: Path):
         sleep(1)
 
 
-def test_a_sweep_is_queued_run_shown_and_applied_and_the_workspace_stays_until_then(queueing):
+def test_a_sweep_is_queued_run_shown_and_applied_and_the_workspace_stays_until_then(
+    queueing,
+):
     copy = queueing
     commands = shell_commands("pipeline/core/compute/README.md", "--queue")
     queue_decompositions, queue_seeds, status, run_all, show, apply = commands
@@ -108,7 +127,9 @@ def test_a_sweep_is_queued_run_shown_and_applied_and_the_workspace_stays_until_t
     queued = re.findall(r"(?m)^\w{7}\s+(\S+)\s.*Queued", succeeds(*status, cwd=copy))
     assert len(queued) == 5
     # one is enough, and experiments with other seeds would run every stage
-    assert "Removed" in succeeds("dvc", "queue", "remove", queued[0], *queued[2:], cwd=copy)
+    assert "Removed" in succeeds(
+        "dvc", "queue", "remove", queued[0], *queued[2:], cwd=copy
+    )
     # DVC's worker at times reads a half-written message and waits forever; its results are read
     # all the same
     with suppress(subprocess.TimeoutExpired):
@@ -117,7 +138,9 @@ def test_a_sweep_is_queued_run_shown_and_applied_and_the_workspace_stays_until_t
 
     shown = pd.read_csv(StringIO(succeeds(*show, cwd=copy)))
     assert shown.rev.tolist()[:2] == ["workspace", "main"]
-    assert shown[2:].set_index("Experiment")[SET].to_dict() == {queued[1]: "qr_transposed"}
+    assert shown[2:].set_index("Experiment")[SET].to_dict() == {
+        queued[1]: "qr_transposed"
+    }
     # another law, which has another σ_B at the recorded level
     assert shown[FITTED].nunique() == 2
 

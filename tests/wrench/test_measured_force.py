@@ -9,7 +9,12 @@ from cable_systems import planar_cables, sample_wrench
 
 from pipeline.statistics import densities
 from pipeline.wrench import models
-from pipeline.wrench.measured_force import force_moments, force_test, measured_wrenches, rows_of
+from pipeline.wrench.measured_force import (
+    force_moments,
+    force_test,
+    measured_wrenches,
+    rows_of,
+)
 from pipeline.wrench.study import averaged_sigma_s
 
 BOUNDS = models.Bounds((1.8, 14.0), (0.0, 3.8), (0.5, 2.3), (170.0, 2400.0))
@@ -24,7 +29,11 @@ def correlated(system, sigma_s, samples, rng):
     of them are independent.
     """
     return np.repeat(
-        models.sample_wrenches(models.matrix_model(system), sigma_s, samples // 20, rng), 20, axis=0
+        models.sample_wrenches(
+            models.matrix_model(system), sigma_s, samples // 20, rng
+        ),
+        20,
+        axis=0,
     )
 
 
@@ -36,18 +45,25 @@ def test_a_record_of_the_model_itself_passes_the_test_and_one_of_less_steady_ten
     systems = models.draw_systems(BOUNDS, 1000, 3, np.random.default_rng(25))
     sigma_s = averaged_sigma_s(systems)["diagonal"].mean
     rngs = np.random.default_rng(44).spawn(30)
-    own = [force_test(correlated(SYSTEM, sigma_s, 6000, rng), SYSTEM, sigma_s, rng) for rng in rngs]
+    own = [
+        force_test(correlated(SYSTEM, sigma_s, 6000, rng), SYSTEM, sigma_s, rng)
+        for rng in rngs
+    ]
     p_values = np.array([test["two_sample_p_value"] for test in own])
     # a binomial of 30 draws with 0.05 exceeds it with probability 6e-4
     assert np.mean(p_values <= 0.05) <= 0.2
-    assert np.mean([test["effective_samples"] for test in own]) == pytest.approx(300, rel=0.15)
+    assert np.mean([test["effective_samples"] for test in own]) == pytest.approx(
+        300, rel=0.15
+    )
     assert all(75 <= test["tested_samples"] <= 300 for test in own)
     model = models.matrix_model(SYSTEM)
     share = model.sigma_s_factor() * sigma_s[0, 0] / model.covariance(sigma_s)[0, 0]
     assert own[0]["matrix_share_fx"] == pytest.approx(share) and share < 0.5
     loose = replace(SYSTEM, tension_sd=1.6 * SYSTEM.tension_sd)
     other = [correlated(loose, sigma_s, 6000, rng) for rng in rngs]
-    tests = [force_test(o, SYSTEM, sigma_s, rng) for o, rng in zip(other, rngs, strict=True)]
+    tests = [
+        force_test(o, SYSTEM, sigma_s, rng) for o, rng in zip(other, rngs, strict=True)
+    ]
     assert np.mean([test["two_sample_p_value"] <= 0.05 for test in tests]) >= 0.9
 
 
@@ -74,7 +90,9 @@ def test_rows_are_those_that_the_cables_give_and_moments_are_over_the_length():
     planar = replace(angles, attachment=np.ones((2, 2)))
     assert rows_of(angles) == ("fx", "fy") and rows_of(planar) == ("fx", "fy", "mz")
     assert rows_of(met) == SIX[:3] and rows_of(TOWED) == SIX
-    record = pd.DataFrame(sample_wrench(TOWED, 50, np.random.default_rng(1)), columns=SIX)
+    record = pd.DataFrame(
+        sample_wrench(TOWED, 50, np.random.default_rng(1)), columns=SIX
+    )
     measured = measured_wrenches(record, TOWED, LENGTH)
     np.testing.assert_allclose(measured[:, :3], record[["fx", "fy", "fz"]])
     np.testing.assert_allclose(LENGTH * measured[:, 3:], record[["mx", "my", "mz"]])
@@ -88,7 +106,9 @@ def test_six_rows_of_a_record_of_the_cables_have_the_moments_of_the_matrix_model
     record = pd.DataFrame(sample_wrench(TOWED, 20_000, rng), columns=SIX)
     wrenches = {
         "measured": measured_wrenches(record, system, LENGTH),
-        "modelled": models.sample_wrenches(models.matrix_model(system), sigma_s, 20_000, rng),
+        "modelled": models.sample_wrenches(
+            models.matrix_model(system), sigma_s, 20_000, rng
+        ),
     }
     moments = force_moments("T3", wrenches, SIX).set_index("source")
     exact = models.wrench_covariance(system)
@@ -100,5 +120,7 @@ def test_six_rows_of_a_record_of_the_cables_have_the_moments_of_the_matrix_model
         # of vMF(κ) cables pull 1/κ less than their tension
         assert np.all(np.abs(mean - system.jacobian() @ system.tension) < size + 0.03)
     # the control: of other attachments the moments differ and the forces do not
-    other = models.wrench_covariance(replace(system, attachment=0.5 * system.attachment))
+    other = models.wrench_covariance(
+        replace(system, attachment=0.5 * system.attachment)
+    )
     assert np.all(np.abs(np.diag(other)[3:] / np.diag(exact)[3:] - 1) > 0.2)

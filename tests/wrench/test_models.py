@@ -34,15 +34,26 @@ def covariance_z(samples, covariance):
     centred = samples - samples.mean(axis=0)
     i, j = np.triu_indices(samples.shape[1])
     products = centred[:, i] * centred[:, j]
-    return (products.mean(axis=0) - covariance[i, j]) * np.sqrt(len(samples)) / products.std(axis=0)
+    return (
+        (products.mean(axis=0) - covariance[i, j])
+        * np.sqrt(len(samples))
+        / products.std(axis=0)
+    )
 
 
 def test_the_mean_length_is_a_ratio_of_bessel_functions_in_the_plane_and_of_hyperbolic_in_space():
     kappa = np.array([0.01, 0.5, 4.0, 169.35, 600.0])
-    np.testing.assert_allclose(mean_resultant_length(kappa, 2), i1(kappa) / i0(kappa), rtol=1e-13)
+    np.testing.assert_allclose(
+        mean_resultant_length(kappa, 2), i1(kappa) / i0(kappa), rtol=1e-13
+    )
     closed = 1 / np.tanh(kappa) - 1 / kappa  # which loses digits as κ falls
-    np.testing.assert_allclose(mean_resultant_length(kappa, 3), closed, rtol=1e-13 / kappa.min())
-    assert np.abs(mean_resultant_length(kappa, 3) - mean_resultant_length(kappa, 2)).min() > 1e-4
+    np.testing.assert_allclose(
+        mean_resultant_length(kappa, 3), closed, rtol=1e-13 / kappa.min()
+    )
+    assert (
+        np.abs(mean_resultant_length(kappa, 3) - mean_resultant_length(kappa, 2)).min()
+        > 1e-4
+    )
     for p in (2, 3):
         lengths = mean_resultant_length(np.array([1e-8, 1e8]), p)
         np.testing.assert_allclose(lengths, [1e-8 / p, 1 - (p - 1) / 2e8], rtol=1e-9)
@@ -60,7 +71,9 @@ SYSTEMS = {"plane, one point": WIDE, "plane": APART, "space": SPACE}
 SYSTEMS["space, one point"] = replace(SPACE, attachment=None)
 
 
-@pytest.mark.parametrize(("theta", "kappa"), [(0.0, 0.5), (0.7, 4.0), (2.5, 169.35), (4.0, 2416.0)])
+@pytest.mark.parametrize(
+    ("theta", "kappa"), [(0.0, 0.5), (0.7, 4.0), (2.5, 169.35), (4.0, 2416.0)]
+)
 def test_moments_of_one_cable_equal_those_integrated_over_its_direction(theta, kappa):
     tension, sd = 5.0, 1.3
     law = vonmises(kappa, loc=0.0)
@@ -73,11 +86,16 @@ def test_moments_of_one_cable_equal_those_integrated_over_its_direction(theta, k
         return quad(density, -edge, edge, epsabs=1e-13, epsrel=1e-13)[0]
 
     mean = tension * np.array([expectation(np.cos), expectation(np.sin)])
-    square, mixed = expectation(lambda a: np.cos(a) ** 2), expectation(lambda a: np.sin(2 * a) / 2)
+    square, mixed = (
+        expectation(lambda a: np.cos(a) ** 2),
+        expectation(lambda a: np.sin(2 * a) / 2),
+    )
     second = (tension**2 + sd**2) * np.array([[square, mixed], [mixed, 1 - square]])
     cable = planar_cables(*(np.array([value]) for value in (tension, theta, sd, kappa)))
     np.testing.assert_allclose(wrench_mean(cable), mean, atol=1e-10)
-    np.testing.assert_allclose(wrench_covariance(cable), second - np.outer(mean, mean), atol=1e-9)
+    np.testing.assert_allclose(
+        wrench_covariance(cable), second - np.outer(mean, mean), atol=1e-9
+    )
 
 
 def test_in_the_plane_the_variances_of_the_force_are_the_papers_formulas():
@@ -89,13 +107,19 @@ def test_in_the_plane_the_variances_of_the_force_are_the_papers_formulas():
     xx = np.sum(a * np.cos(angle) ** 2 - b * np.cos(2 * angle))
     yy = np.sum(a * np.sin(angle) ** 2 + b * np.cos(2 * angle))
     xy = np.sum(np.sin(2 * angle) * (a - 2 * b) / 2)
-    np.testing.assert_allclose(wrench_covariance(WIDE), [[xx, xy], [xy, yy]], rtol=1e-13)
+    np.testing.assert_allclose(
+        wrench_covariance(WIDE), [[xx, xy], [xy, yy]], rtol=1e-13
+    )
     # the forces of cables with attachments apart are the same
-    np.testing.assert_allclose(wrench_covariance(APART)[:2, :2], [[xx, xy], [xy, yy]], rtol=1e-13)
+    np.testing.assert_allclose(
+        wrench_covariance(APART)[:2, :2], [[xx, xy], [xy, yy]], rtol=1e-13
+    )
 
 
 @pytest.mark.parametrize("place", SYSTEMS)
-def test_simulated_wrenches_have_the_closed_forms_moments_and_the_small_angle_law_does_not(place):
+def test_simulated_wrenches_have_the_closed_forms_moments_and_the_small_angle_law_does_not(
+    place,
+):
     system = SYSTEMS[place]
     samples = sample_wrench(system, 100_000, np.random.default_rng(1))
     mean, covariance = wrench_mean(system), wrench_covariance(system)
@@ -114,13 +138,21 @@ def test_concentrations_whose_bessel_functions_overflow_give_the_small_angle_law
     kappa = 1e5
     with np.errstate(over="ignore"):
         assert np.isinf(i0(kappa))
-    assert mean_resultant_length(kappa, 2) == pytest.approx(1 - 1 / (2 * kappa), abs=1 / kappa**2)
+    assert mean_resultant_length(kappa, 2) == pytest.approx(
+        1 - 1 / (2 * kappa), abs=1 / kappa**2
+    )
     cable = planar_cables(*(np.array([v]) for v in (6.0, np.pi / 2, 2.0, kappa)))
-    np.testing.assert_allclose(np.diag(wrench_covariance(cable)), [36.0 / kappa, 4.0], rtol=0.2)
-    np.testing.assert_allclose(wrench_covariance(cable)[0, 0], (36.0 + 4.0) / kappa, rtol=1e-4)
+    np.testing.assert_allclose(
+        np.diag(wrench_covariance(cable)), [36.0 / kappa, 4.0], rtol=0.2
+    )
+    np.testing.assert_allclose(
+        wrench_covariance(cable)[0, 0], (36.0 + 4.0) / kappa, rtol=1e-4
+    )
 
 
-@pytest.mark.parametrize("change", [{"concentration": np.zeros(3)}, {"tension_sd": -np.ones(3)}])
+@pytest.mark.parametrize(
+    "change", [{"concentration": np.zeros(3)}, {"tension_sd": -np.ones(3)}]
+)
 def test_values_without_a_law_are_refused(change):
     with pytest.raises(ModelDomainError, match="tension_sd ≥ 0 and concentration > 0"):
         replace(WIDE, **change)
@@ -138,7 +170,9 @@ N = 100_000
 
 def whole_matrix_wrenches(rng):
     """W = S·T with S drawn entry by entry: S̲ + Σ_S^½ Z Ψ_S^½."""
-    left, right, of_actuation = map(np.linalg.cholesky, (SIGMA_S, MODEL.psi, MODEL.actuation_cov))
+    left, right, of_actuation = map(
+        np.linalg.cholesky, (SIGMA_S, MODEL.psi, MODEL.actuation_cov)
+    )
     noise = left @ rng.standard_normal((N, 2, 3)) @ right.T
     actuation = MODEL.actuation + rng.standard_normal((N, 3)) @ of_actuation.T
     return np.einsum("knm,km->kn", MODEL.jacobian + noise, actuation)
@@ -162,14 +196,18 @@ def test_products_of_whole_random_matrices_have_the_closed_forms_moments():
 def test_reduced_sampling_has_the_law_of_the_whole_product_and_a_normal_law_has_not():
     rng = np.random.default_rng(4)
     whole, reduced = whole_matrix_wrenches(rng), sample_wrenches(MODEL, SIGMA_S, N, rng)
-    normal = rng.multivariate_normal(MODEL.jacobian @ MODEL.actuation, MODEL.covariance(SIGMA_S), N)
+    normal = rng.multivariate_normal(
+        MODEL.jacobian @ MODEL.actuation, MODEL.covariance(SIGMA_S), N
+    )
     for direction in ([1.0, 0.0], [0.0, 1.0], [0.6, -0.8]):
         assert ks_2samp(whole @ direction, reduced @ direction).pvalue > 1e-3
     assert ks_2samp(whole[:, 0], normal[:, 0]).pvalue < 1e-6
 
 
 @pytest.mark.parametrize("form", FORMS)
-def test_the_optimum_has_the_conditions_of_a_minimum_and_no_feasible_step_from_it_is_lower(form):
+def test_the_optimum_has_the_conditions_of_a_minimum_and_no_feasible_step_from_it_is_lower(
+    form,
+):
     rng = np.random.default_rng(6)
     systems = random_systems(400, 2, rng)
     model, covariance = matrix_model(systems), wrench_covariance(systems)
@@ -179,17 +217,25 @@ def test_the_optimum_has_the_conditions_of_a_minimum_and_no_feasible_step_from_i
     multiplier, size = closed - unbounded * mask, np.abs(unbounded).max()
     for cone in (closed, multiplier):
         assert np.linalg.eigvalsh(cone).min() > -1e-12 * size
-    assert np.abs(np.trace(closed @ multiplier, axis1=1, axis2=2)).max() < 1e-12 * size**2
-    np.testing.assert_array_equal(held, np.sum(np.linalg.eigvalsh(unbounded * mask) < 0, axis=-1))
+    assert (
+        np.abs(np.trace(closed @ multiplier, axis1=1, axis2=2)).max() < 1e-12 * size**2
+    )
+    np.testing.assert_array_equal(
+        held, np.sum(np.linalg.eigvalsh(unbounded * mask) < 0, axis=-1)
+    )
     assert np.sum(held > 0) >= 10 and np.sum(held == 0) >= 10
 
     def objective(sigma_s):
         """The paper's norm of the difference of the variances, or of the whole covariances."""
-        return np.linalg.norm((model.covariance(sigma_s) - covariance) * mask, axis=(1, 2))
+        return np.linalg.norm(
+            (model.covariance(sigma_s) - covariance) * mask, axis=(1, 2)
+        )
 
     for factor in [np.zeros((2, 2)), *rng.normal(size=(20, 2, 2))]:
         other = 1e-2 * (factor @ factor.T) * mask
-        assert np.all(objective(0.9 * closed + 0.1 * other) >= objective(closed) * (1 - 1e-12))
+        assert np.all(
+            objective(0.9 * closed + 0.1 * other) >= objective(closed) * (1 - 1e-12)
+        )
 
 
 def test_without_active_bounds_the_moments_are_the_parametric_ones_and_else_variances_are_greater():
@@ -199,11 +245,15 @@ def test_without_active_bounds_the_moments_are_the_parametric_ones_and_else_vari
     full, held = optimal_sigma_s(unbounded, "full")
     fitted = model.covariance(full)
     assert 0.5 < np.mean(held == 0) < 1
-    np.testing.assert_allclose(fitted[held == 0], covariance[held == 0], rtol=1e-11, atol=1e-12)
+    np.testing.assert_allclose(
+        fitted[held == 0], covariance[held == 0], rtol=1e-11, atol=1e-12
+    )
     assert np.all(np.trace(fitted - covariance, axis1=-2, axis2=-1)[held > 0] > 0)
     diagonal, entries = optimal_sigma_s(unbounded, "diagonal")
     difference = model.covariance(diagonal) - covariance
-    np.testing.assert_allclose(np.einsum("...ii->...i", difference)[entries == 0], 0.0, atol=1e-12)
+    np.testing.assert_allclose(
+        np.einsum("...ii->...i", difference)[entries == 0], 0.0, atol=1e-12
+    )
     # without off-diagonal terms the covariance of the two components is that of the actuation alone
     assert np.abs(difference[..., 0, 1]).max() > 0.01
 
@@ -211,7 +261,11 @@ def test_without_active_bounds_the_moments_are_the_parametric_ones_and_else_vari
 MEAN = np.array([[0.9, -0.4, 0.1, 0.5], [0.3, 0.8, -1.0, 0.2]])
 SIGMA_CABLES = np.array([[5.0, 2.0], [2.0, 3.0]]) * 1e-4
 # its trace is the number of cables
-PSI = np.diag([0.4, 0.6, 2.0, 1.0]) + np.diag([0.1, 0.1, -0.3], 1) + np.diag([0.1, 0.1, -0.3], -1)
+PSI = (
+    np.diag([0.4, 0.6, 2.0, 1.0])
+    + np.diag([0.1, 0.1, -0.3], 1)
+    + np.diag([0.1, 0.1, -0.3], -1)
+)
 CABLES = MatrixModel(MEAN, np.array([3.0, 5.0, 4.0, 4.5]), 0.2 * np.eye(4), PSI)
 
 

@@ -39,17 +39,26 @@ TILTED = Bounds(**RANGES, elevation=(0.2, 1.3), attachment=(-0.3, 0.5))
 
 def characteristics(system):
     """Values that bounds name, by name; angles from the directions."""
-    e, values = system.direction, {k: v for k, v in vars(system).items() if v is not None}
+    e, values = (
+        system.direction,
+        {k: v for k, v in vars(system).items() if v is not None},
+    )
     values["direction"] = np.arctan2(e[..., 1], e[..., 0])
-    return values | ({"elevation": np.arcsin(e[..., 2])} if system.dimension == 3 else {})
+    return values | (
+        {"elevation": np.arcsin(e[..., 2])} if system.dimension == 3 else {}
+    )
 
 
-@pytest.mark.parametrize("bounds", [STUDY, replace(STUDY, attachment=(0.1, 0.2)), TILTED])
+@pytest.mark.parametrize(
+    "bounds", [STUDY, replace(STUDY, attachment=(0.1, 0.2)), TILTED]
+)
 def test_systems_stay_within_their_bounds_and_fill_them(bounds):
     system = draw_systems(bounds, 4000, 3, np.random.default_rng(12))
     assert system.direction.shape == (4000, 3, bounds.dimension)
     drawn = characteristics(system)
-    assert drawn.keys() == {f.name for f in fields(bounds) if getattr(bounds, f.name) is not None}
+    assert drawn.keys() == {
+        f.name for f in fields(bounds) if getattr(bounds, f.name) is not None
+    }
     for name, values in drawn.items():
         low, high = getattr(bounds, name)
         assert low - 1e-12 <= values.min() < low + 0.01 * (high - low)
@@ -57,7 +66,12 @@ def test_systems_stay_within_their_bounds_and_fill_them(bounds):
 
 
 @pytest.mark.parametrize(
-    "change", [{"tension": (5.0, 3.0)}, {"concentration": (0.0, np.inf)}, {"elevation": (0.0, 2.0)}]
+    "change",
+    [
+        {"tension": (5.0, 3.0)},
+        {"concentration": (0.0, np.inf)},
+        {"elevation": (0.0, 2.0)},
+    ],
 )
 def test_bounds_that_bound_no_system_are_refused(change):
     with pytest.raises(ConfigError):
@@ -67,7 +81,10 @@ def test_bounds_that_bound_no_system_are_refused(change):
 PLANAR = {"file": "a.csv", "direction": [0.1, 2.0], "tension": [5.0, 4.0]}
 PLANAR |= {"direction_bounds": [0.0, 3.0]}
 SPATIAL = PLANAR | {"elevation": [0.3, -0.4], "elevation_bounds": [-0.5, 0.5]}
-SPATIAL |= {"attachment": [[0.1, 0.0, 0.02], [-0.1, 0.0, 0.02]], "attachment_bounds": [-0.1, 0.1]}
+SPATIAL |= {
+    "attachment": [[0.1, 0.0, 0.02], [-0.1, 0.0, 0.02]],
+    "attachment_bounds": [-0.1, 0.1],
+}
 
 
 def force(configuration: Arrangement, **changes) -> Force:
@@ -82,7 +99,9 @@ def test_a_configuration_in_space_has_elevations_and_attachments_over_the_length
     system = nominal_system(options, configuration)
     np.testing.assert_allclose(np.linalg.norm(system.direction, axis=1), 1)
     np.testing.assert_allclose(np.arcsin(system.direction[:, 2]), SPATIAL["elevation"])
-    np.testing.assert_allclose(np.arctan2(*system.direction[:, 1::-1].T), SPATIAL["direction"])
+    np.testing.assert_allclose(
+        np.arctan2(*system.direction[:, 1::-1].T), SPATIAL["direction"]
+    )
     np.testing.assert_allclose(0.2 * system.attachment, SPATIAL["attachment"])
     planar = Arrangement(**PLANAR)
     met = nominal_system(force(planar), planar)
@@ -131,10 +150,14 @@ def test_for_one_cable_it_is_the_integral_over_tension_and_its_deviation():
     for i, j in DISTINCT:
 
         def entry(sd, tension, i=i, j=j):
-            system = planar_cables(*(np.array([value]) for value in (tension, 0.6, sd, 150.0)))
+            system = planar_cables(
+                *(np.array([value]) for value in (tension, 0.6, sd, 150.0))
+            )
             return unbounded_sigma_s(system)[i, j]
 
-        direct = dblquad(entry, *bounds.tension, *bounds.tension_sd, epsabs=1e-10)[0] / area
+        direct = (
+            dblquad(entry, *bounds.tension, *bounds.tension_sd, epsabs=1e-10)[0] / area
+        )
         assert expected[i, j] == pytest.approx(direct, abs=1e-10)
 
 
@@ -147,14 +170,20 @@ def test_without_the_bound_it_is_what_averages_over_systems_tend_to(bounds, agen
     systems = draw_systems(bounds, 20_000, agents, np.random.default_rng(45))
     unbounded = unbounded_sigma_s(systems)
     error = unbounded.std(axis=0, ddof=1) / np.sqrt(len(unbounded))
-    distance = (unbounded.mean(axis=0) - expected_unbounded_sigma_s(bounds, agents)) / error
+    distance = (
+        unbounded.mean(axis=0) - expected_unbounded_sigma_s(bounds, agents)
+    ) / error
     assert np.abs(distance).max() < 4
 
 
 @pytest.mark.parametrize("agents", [1, 3])
 @pytest.mark.parametrize("form", FORMS)
-def test_with_its_own_bounds_alone_it_is_what_averages_over_systems_tend_to(form, agents):
-    estimate = averaged_sigma_s(draw_systems(WIDE, 40_000, agents, np.random.default_rng(46)))[form]
+def test_with_its_own_bounds_alone_it_is_what_averages_over_systems_tend_to(
+    form, agents
+):
+    estimate = averaged_sigma_s(
+        draw_systems(WIDE, 40_000, agents, np.random.default_rng(46))
+    )[form]
     expected = expected_sigma_s(WIDE, agents, np.random.default_rng(47))[form]
     assert estimate.clipped > 1000
     assert np.abs(z_scores(estimate, expected)).max() < 4
@@ -162,9 +191,17 @@ def test_with_its_own_bounds_alone_it_is_what_averages_over_systems_tend_to(form
     deviations = np.diag(estimate.standard_error) * np.sqrt(estimate.systems)
     np.testing.assert_allclose(deviations, np.diag(expected.deviation), rtol=0.05)
     error = np.diag(estimate.standard_error)
-    assert np.max(np.diag(estimate.mean - expected_unbounded_sigma_s(WIDE, agents)) / error) > 8
+    assert (
+        np.max(
+            np.diag(estimate.mean - expected_unbounded_sigma_s(WIDE, agents)) / error
+        )
+        > 8
+    )
     other = Bounds(WIDE.tension, (0.1, 0.8), WIDE.tension_sd, WIDE.concentration)
-    moved = estimate.mean - expected_sigma_s(other, agents, np.random.default_rng(48))[form].mean
+    moved = (
+        estimate.mean
+        - expected_sigma_s(other, agents, np.random.default_rng(48))[form].mean
+    )
     assert np.max(np.abs(np.diag(moved)) / error) > 8
 
 
@@ -174,14 +211,19 @@ def study_options(agents: list[int], repeats: int) -> Wrench:
 
 
 def test_off_diagonal_terms_lower_the_error_of_the_covariance_and_less_so_with_few_cables():
-    whole = np.array([[3.0, 1.0], [1.0, 4.0]])  # errors are relative to the parametric model
+    whole = np.array(
+        [[3.0, 1.0], [1.0, 4.0]]
+    )  # errors are relative to the parametric model
     assert variance_errors(2 * whole, whole) == covariance_errors(2 * whole, whole) == 1
     _, errors, _ = run_study(study_options([3, 20], 1), np.random.default_rng(42))
-    gain = (errors["covariance_error_diagonal"] - errors["covariance_error_full"]).groupby(
-        errors["agents"]
-    )
+    gain = (
+        errors["covariance_error_diagonal"] - errors["covariance_error_full"]
+    ).groupby(errors["agents"])
     assert (gain.mean() > 4 * gain.sem()).all()
-    relative = gain.mean() / errors["covariance_error_diagonal"].groupby(errors["agents"]).mean()
+    relative = (
+        gain.mean()
+        / errors["covariance_error_diagonal"].groupby(errors["agents"]).mean()
+    )
     assert relative[20] > 2 * relative[3]
 
 
@@ -192,7 +234,12 @@ def test_the_error_falls_with_the_number_of_cables_in_every_repeat():
     means = spread.pivot(index="repeat", columns="agents", values="mean").to_numpy()
     assert (np.diff(means, axis=1) < 0).all()
     # and with the root of their number, as the error of one covariance for every system does
-    both = [[wrench_covariance(draw_systems(STUDY, 2000, m, rng)) for _ in "ab"] for m in agents]
+    both = [
+        [wrench_covariance(draw_systems(STUDY, 2000, m, rng)) for _ in "ab"]
+        for m in agents
+    ]
     alike = [variance_errors(other.mean(axis=0), own).mean() for own, other in both]
     for errors in (means.mean(axis=0), np.array(alike)):
-        assert np.ptp(errors * np.sqrt(agents)) < 0.1 * np.mean(errors * np.sqrt(agents))
+        assert np.ptp(errors * np.sqrt(agents)) < 0.1 * np.mean(
+            errors * np.sqrt(agents)
+        )

@@ -50,7 +50,9 @@ LOST = (
 )
 
 
-def results_of_cluster(function: bytes, trials: Iterator, compute: Compute, label: str) -> Iterator:
+def results_of_cluster(
+    function: bytes, trials: Iterator, compute: Compute, label: str
+) -> Iterator:
     """Yield the results of ``trials`` in order, submitted in blocks of about BLOCK s; the dashboard
     shows a block as a task ``label``. A block whose worker is lost runs again.
 
@@ -69,13 +71,18 @@ def results_of_cluster(function: bytes, trials: Iterator, compute: Compute, labe
         workers = f"{workers_of(*cluster)} worker(s) of {client.scheduler.address}"
         print(f"{label}: {workers}, dashboard {client.dashboard_link}", flush=True)
         # a task runs again if its worker is lost; scattered data would be lost
-        shared, key = pickle.dumps((fingerprint(), function)), f"{label}, what they share-0"
+        shared, key = (
+            pickle.dumps((fingerprint(), function)),
+            f"{label}, what they share-0",
+        )
         shared = client.submit(bytes, shared, key=f"{key}-{client.id}")
         waiting: deque[Future] = deque()
         begun, size = 0, 1
         while True:
             while len(waiting) < AHEAD * workers_of(*cluster):
-                if not (block := [pickle.dumps(trial) for trial in islice(trials, size)]):
+                if not (
+                    block := [pickle.dumps(trial) for trial in islice(trials, size)]
+                ):
                     break
                 # futures of Client.get_executor never end if the scheduler is lost meanwhile
                 key = f"{label}-{begun}-{client.id}"
@@ -109,7 +116,10 @@ class _Client(Client):
 @contextmanager
 def connect(compute: Compute) -> Iterator[Client]:
     """Yield a client of the cluster of ``compute``, or of a new cluster; else ComputeError."""
-    for logger in ("distributed", "distributed.client"):  # ComputeError reports lost connections
+    for logger in (
+        "distributed",
+        "distributed.client",
+    ):  # ComputeError reports lost connections
         logging.getLogger(logger).setLevel(logging.CRITICAL)
     address, timeout = compute.dask.address, compute.dask.timeout
     with ExitStack() as stack:
@@ -202,7 +212,10 @@ def fingerprint() -> dict[str, str]:
         "the code of pipeline": sources_hash(),
         "python": platform.python_version(),
         **{name: os.environ.get(name, "unset") for name in BOUNDS},
-        **{distribution.name.lower(): distribution.version for distribution in distributions()},
+        **{
+            distribution.name.lower(): distribution.version
+            for distribution in distributions()
+        },
         "numpy's arithmetic": _arithmetic(),
         "the project's folder (time of its dvc.yaml)": changed,
     }
@@ -213,5 +226,13 @@ def _arithmetic() -> str:
     x = np.linspace(0.1, 3.0, 40_000).reshape(200, 200)
     positive = x @ x.T + 200 * np.eye(200)
     values = [function(x) for function in (np.exp, np.log, np.sin, np.tan, np.sqrt)]
-    values += [x**1.7, x.sum(axis=0), positive, np.linalg.inv(positive), np.linalg.svd(x)[0]]
-    return hashlib.sha256(b"".join(value.tobytes() for value in values)).hexdigest()[:12]
+    values += [
+        x**1.7,
+        x.sum(axis=0),
+        positive,
+        np.linalg.inv(positive),
+        np.linalg.svd(x)[0],
+    ]
+    return hashlib.sha256(b"".join(value.tobytes() for value in values)).hexdigest()[
+        :12
+    ]

@@ -21,7 +21,9 @@ LOADING = 2.0  # s of the first trial attributed to loading compiled code
 WINDOW = 64  # trials per worker that are submitted before the first of their results is taken
 
 
-def run_trials(function: Callable, trials: Iterable, *, compute: "Compute", label: str) -> Iterator:
+def run_trials(
+    function: Callable, trials: Iterable, *, compute: "Compute", label: str
+) -> Iterator:
     """Yield ``function(trial)`` of every trial in order; no byte of a value depends on ``compute``.
 
     ``function``, trials and results are pickled, a bounded number of them at a time. A terminal
@@ -42,7 +44,9 @@ def run_trials(function: Callable, trials: Iterable, *, compute: "Compute", labe
     print(f"{label}: {done} done", flush=True)
 
 
-def _results(function: bytes, trials: Iterable, compute: "Compute", label: str) -> Iterator:
+def _results(
+    function: bytes, trials: Iterable, compute: "Compute", label: str
+) -> Iterator:
     """Yield results of this process until workers save more time than their start takes; a running
     cluster computes all.
     """
@@ -54,7 +58,9 @@ def _results(function: bytes, trials: Iterable, compute: "Compute", label: str) 
         yield from results_of_cluster(function, trials, compute, label)
         return
     workers = compute.workers or len(os.sched_getaffinity(0))
-    pace = 0.0  # s per trial: first trial without loading, then the mean of later trials
+    pace = (
+        0.0  # s per trial: first trial without loading, then the mean of later trials
+    )
     for taken, trial in enumerate(trials):
         begin = time.perf_counter()
         result = call_pickled(function, pickle.dumps(trial))
@@ -72,7 +78,9 @@ def _results(function: bytes, trials: Iterable, compute: "Compute", label: str) 
                 yield from results_of_cluster(function, trials, compute, label)
 
 
-def _by_processes(function: bytes, trials: Iterator, workers: int, label: str) -> Iterator:
+def _by_processes(
+    function: bytes, trials: Iterator, workers: int, label: str
+) -> Iterator:
     """Yield the results in order; trials are submitted a window at a time."""
     from joblib import Parallel, delayed
     from joblib.externals.loky.process_executor import TerminatedWorkerError
@@ -82,7 +90,9 @@ def _by_processes(function: bytes, trials: Iterator, workers: int, label: str) -
         with Parallel(workers, backend="loky", return_as="generator") as parallel:
             for first in trials:
                 window = chain([first], islice(trials, WINDOW * workers - 1))
-                results = parallel(call(function, pickle.dumps(trial)) for trial in window)
+                results = parallel(
+                    call(function, pickle.dumps(trial)) for trial in window
+                )
                 yield from map(pickle.loads, results)
     except TerminatedWorkerError:
         message = "a worker process was killed, as happens when memory runs out; "

@@ -61,7 +61,9 @@ class Workspace:
     column_half_width: float  # greatest |x − x(O1)| of the turntable
     column_top: float  # greatest z − z(O1) of the turntable
     floor: float  # z of the surface that carries the arm
-    min_pixels: int  # least pixels of a connected patch of the arm, or points of a cloud
+    min_pixels: (
+        int  # least pixels of a connected patch of the arm, or points of a cloud
+    )
     max_points: int  # points that a frame is thinned to
 
 
@@ -70,12 +72,18 @@ class Depth:
     """Takes of a depth camera: folders of indexed or numbered images or clouds, or ROS bags."""
 
     takes: str  # glob of the takes' folders or bags
-    index: str | None = None  # index file in each folder; null for numbered frames and bags
+    index: str | None = (
+        None  # index file in each folder; null for numbered frames and bags
+    )
     frames: str | None = None  # glob of the numbered frames in each folder
     topic: str | None = None  # of the images or clouds, in a bag with several
     camera_info: str | None = None  # topic of the intrinsics, in a bag with several
-    intrinsics: str | None = None  # file of the images' calibration; null for clouds and bags
-    camera_matrix: str | None = None  # its key in that file, if unusual or one of several
+    intrinsics: str | None = (
+        None  # file of the images' calibration; null for clouds and bags
+    )
+    camera_matrix: str | None = (
+        None  # its key in that file, if unusual or one of several
+    )
     distortion: str | None = None  # its key in that file, if unusual or one of several
     width: Count | None = None  # px, of the images; null for clouds
     height: Count | None = None  # px
@@ -86,7 +94,9 @@ class Depth:
     scale_key: str | None = None  # name of a factor in the description of each TIFF
     disparity: Bounds | None = None  # a and b of depth = a/(b - disparity), m
     rate: Positive  # 1/s
-    start: float | None = None  # s, camera's clock when motion capture starts; null: first frame
+    start: float | None = (
+        None  # s, camera's clock when motion capture starts; null: first frame
+    )
     # s, motion capture's clock minus the camera's clock since its start; null: estimated
     clock_offset: float | None = None
     camera: Pose  # pose of the frame x right, y down, z forward (or clouds' frame) in the base
@@ -96,7 +106,10 @@ class Depth:
     @model_validator(mode="after")
     def _one_source_of_times_and_depths(self) -> Self:
         if self.index is not None and self.frames is not None:
-            raise Fault("frames", "give index or frames, not both: each of them defines the times")
+            raise Fault(
+                "frames",
+                "give index or frames, not both: each of them defines the times",
+            )
         if (self.disparity is not None) != (self.encoding == "disparity"):
             message = "[a, b] of depth = a/(b − δ) is for the encoding disparity only, and required"
             raise Fault("disparity", message)
@@ -107,10 +120,16 @@ class Depth:
 class JointLogSection:
     """Logs of the controller, one folder or file per movement, and the motion to analyse."""
 
-    movements: str  # glob of the movements' folders, or files where a movement is one file
-    actual: str | None = None  # file of measured angles in each folder; null: one file in all
+    movements: (
+        str  # glob of the movements' folders, or files where a movement is one file
+    )
+    actual: str | None = (
+        None  # file of measured angles in each folder; null: one file in all
+    )
     target: str | None = None  # file of commanded angles
-    speed: str | None = None  # file of commanded speeds; null: the steps of the commanded angles
+    speed: str | None = (
+        None  # file of commanded speeds; null: the steps of the commanded angles
+    )
     joints: list[str]  # names in the URDF of the logged joints, in the order of the log
     # signal → column of each joint, ARRAY:COLUMN or ARRAY of a NumPy archive; {} if the format
     # names the signals
@@ -118,7 +137,9 @@ class JointLogSection:
     time: Column | None = 0  # null: rows at dataset.motion.rate
     # for uneven times: rows are at the rate, or at their logged times; null: an error
     clock: Literal["rows", "times"] | None = None
-    separator: str | None = None  # comma, semicolon, tab, or a blank for any number; null: detected
+    separator: str | None = (
+        None  # comma, semicolon, tab, or a blank for any number; null: detected
+    )
     decimal: str | None = None  # point or comma; null: detected
     angle_unit: AngleUnit = AngleUnit.rad  # also of the speeds
     time_unit: TimeUnit = TimeUnit.s
@@ -126,13 +147,17 @@ class JointLogSection:
     target_factor: FiniteFloat | list[FiniteFloat] = 1.0
     # s, lead of the command on the measured angles' clock: a number, or a number per movement
     target_delay: FiniteFloat | dict[str, FiniteFloat] = 0.0
-    mismatch: Positive = 0.05  # greatest 0.9 quantile of a joint's tracking error over its motion
+    mismatch: Positive = (
+        0.05  # greatest 0.9 quantile of a joint's tracking error over its motion
+    )
     start: list[float]  # rad, commanded angles of robot.joints before the motion
     end: list[float]  # rad, commanded angles of robot.joints after the motion
     rest: Whole  # steps at rest before and after, of motion.steps; 0: no rest
     rest_speed: Positive = 1e-4  # rad/s, greatest commanded speed at rest
     tolerance: Positive  # rad, greatest difference of repeated commands
-    disturbed_beyond: Positive = 6.0  # robust standard deviations from the median repetition
+    disturbed_beyond: Positive = (
+        6.0  # robust standard deviations from the median repetition
+    )
 
     @model_validator(mode="after")
     def _fits_the_joints(self) -> Self:
@@ -140,12 +165,19 @@ class JointLogSection:
         if len(set(self.joints)) != count:
             raise Fault("joints", "must name each logged joint once")
         if len(self.start) != len(self.end):
-            raise Fault("end", f"must have {len(self.start)} values as start, got {len(self.end)}")
+            raise Fault(
+                "end",
+                f"must have {len(self.start)} values as start, got {len(self.end)}",
+            )
         if isinstance(self.target_factor, list) and len(self.target_factor) != count:
-            raise Fault("target_factor", f"must be a number or a list of {count}, one per joint")
+            raise Fault(
+                "target_factor", f"must be a number or a list of {count}, one per joint"
+            )
         for name, columns in self.signals.items():
             if len(columns) not in (1, count):
-                raise Fault(f"signals.{name}", f"must name {count} columns or one array")
+                raise Fault(
+                    f"signals.{name}", f"must name {count} columns or one array"
+                )
         return self
 
 
@@ -166,7 +198,9 @@ class Encoders:
 class ForceLog:
     """Format of the force logs; null where the files state it."""
 
-    format: str = "daqft"  # daqft, netft (ATI's programs), bag, table, or one of formats/force
+    format: str = (
+        "daqft"  # daqft, netft (ATI's programs), bag, table, or one of formats/force
+    )
     columns: dict[ForceSignal, Column] = field(default_factory=dict)
     separator: str | None = None  # comma, semicolon, tab, or a blank for any number
     decimal: str | None = None  # point or comma
@@ -174,10 +208,16 @@ class ForceLog:
     torque_unit: str | None = None
     time_unit: str | None = None
     rate: Positive | None = None  # Hz
-    counts: bool | None = None  # whether a Net F/T log has counts (true) or units (false)
+    counts: bool | None = (
+        None  # whether a Net F/T log has counts (true) or units (false)
+    )
     topic: str | None = None  # of a bag with more than one WrenchStamped
-    calibration: str | None = None  # transducer's .cal file, relative to the recordings' folder
-    full_scale: list[Positive] | None = None  # N, then N·m; null: the calibration's ratings
+    calibration: str | None = (
+        None  # transducer's .cal file, relative to the recordings' folder
+    )
+    full_scale: list[Positive] | None = (
+        None  # N, then N·m; null: the calibration's ratings
+    )
     frozen_after: Positive = 0.5  # s, identical samples for longer count as frozen
     # greatest share of saturated samples, and of frozen ones, in a record
     max_faulty: Annotated[float, Field(ge=0, lt=1)] = 0.01
@@ -208,8 +248,13 @@ class Arrangement:
     def _one_value_a_cable(self) -> Self:
         cables, axes = len(self.direction), 2 if self.elevation is None else 3
         if len(self.tension) != cables:
-            raise Fault("tension", f"must have {cables} values, one per cable as direction")
-        for name, rows in (("elevation", self.elevation), ("attachment", self.attachment)):
+            raise Fault(
+                "tension", f"must have {cables} values, one per cable as direction"
+            )
+        for name, rows in (
+            ("elevation", self.elevation),
+            ("attachment", self.attachment),
+        ):
             if (rows is None) != (getattr(self, f"{name}_bounds") is None):
                 raise Fault(name, f"give both {name} and {name}_bounds, or neither")
             if rows is not None and len(rows) != cables:
@@ -222,14 +267,18 @@ class Arrangement:
 @options(kw_only=True)
 class Force:
     tare: NotNegative  # s, unloaded at the start of each record
-    tension_std: list[float]  # N, of each robot; a configuration with k robots uses the first k
+    tension_std: list[
+        float
+    ]  # N, of each robot; a configuration with k robots uses the first k
     kappa_bounds: Bounds  # 1, the paper's σ_θ
     tension_std_bounds: Bounds  # N
     tension_bounds: Bounds  # N
     configurations: dict[str, Arrangement]
     # m, point about which moments are taken, in the transducer's frame
     point: Triple = field(default_factory=lambda: [0.0, 0.0, 0.0])
-    length: Positive = 1.0  # m by which moments are divided where they are compared with forces
+    length: Positive = (
+        1.0  # m by which moments are divided where they are compared with forces
+    )
     log: ForceLog = field(default_factory=ForceLog)
 
 
@@ -238,21 +287,29 @@ class Robot:
     urdf: str  # path from the project's root
     # the moving joints, base to tip, as the URDF names them
     joints: Annotated[list[str], Field(min_length=1)]
-    tool: str | None = None  # URDF frame of the tip; null: the only last link beyond the joints
+    tool: str | None = (
+        None  # URDF frame of the tip; null: the only last link beyond the joints
+    )
     base: str | None = None  # URDF link in whose axes the task is; null: the root
     # rad or m: fixed positions of other joints; 0 if absent
     locked: dict[str, float] = field(default_factory=dict)
-    plane: bool = False  # whether the task is in the plane of parallel joints, else in space
+    plane: bool = (
+        False  # whether the task is in the plane of parallel joints, else in space
+    )
     # rows of x, z, phi in a plane, else of x, y, z, rx, ry, rz; null: all
     task: list[str] | None = None
-    length: Positive = 1.0  # m by which radians of the task are multiplied, to have one unit
+    length: Positive = (
+        1.0  # m by which radians of the task are multiplied, to have one unit
+    )
 
     @model_validator(mode="after")
     def _task_of_the_joints(self) -> Self:
         rows = PLANE if self.plane else SPACE
         task = list(rows if self.task is None else self.task)
         if not task or len({*task}) < len(task) or not {*task} <= {*rows}:
-            raise Fault("task", f"{task} must name rows of {', '.join(rows)}, each once")
+            raise Fault(
+                "task", f"{task} must name rows of {', '.join(rows)}, each once"
+            )
         if len({*self.joints}) < len(self.joints):
             raise Fault("joints", "must name each joint once")
         if len(task) > len(self.joints):
@@ -274,15 +331,23 @@ class Limits:
     """Limits of the measures in the table ``takes``; a take beyond one is left out. null: none."""
 
     missing_share: Limit = None  # of the samples of the labelled markers
-    longest_gap: Whole | None = None  # frames in a row without joint angles, up to mocap.max_gap
+    longest_gap: Whole | None = (
+        None  # frames in a row without joint angles, up to mocap.max_gap
+    )
     relabelled_share: Limit = None  # of the samples of the labelled markers
     residual_rms: Limit = None  # m, of the rigid-body fits
     dropped_share: Limit = None  # of the depth frames
     clock_offset_standard_error: Limit = None  # s, where the offset is estimated
     clock_drift: Limit = None  # s/s, where the offset is estimated
-    lag_beside_others: Limit = 0.03  # s, behind the median take: 7 times the laboratory's greatest
-    camera_residual_share: Limit = 0.75  # own take over others: ≤ 0.7 sound, ≥ 0.78 of another
-    likeness: Limit = 5.0  # distance to the fifth nearest take over the nearest: ≤ 3.6 if sound
+    lag_beside_others: Limit = (
+        0.03  # s, behind the median take: 7 times the laboratory's greatest
+    )
+    camera_residual_share: Limit = (
+        0.75  # own take over others: ≤ 0.7 sound, ≥ 0.78 of another
+    )
+    likeness: Limit = (
+        5.0  # distance to the fifth nearest take over the nearest: ≤ 3.6 if sound
+    )
     lag_behind_command: Limit = None  # s, of a joint log; its section has more limits
 
 
@@ -298,7 +363,9 @@ class About:
 @options()
 class Dataset:
     name: str
-    recordings: str  # folder of the raw files: in the project, beside it (../NAME) or absolute
+    recordings: (
+        str  # folder of the raw files: in the project, beside it (../NAME) or absolute
+    )
     robot: Robot | None  # null where only forces were recorded
     motion: Motion | None  # null where only forces were recorded
     trajectory: str | None = None  # file of the commanded trajectory
@@ -311,7 +378,9 @@ class Dataset:
     measurement: Literal["depth", "encoders"] = "depth"
     limits: Limits = field(default_factory=Limits)
     reading: Reading = field(default_factory=Reading)
-    laboratory: Any = None  # synthetic laboratory that records this dataset; typed by its package
+    laboratory: Any = (
+        None  # synthetic laboratory that records this dataset; typed by its package
+    )
 
     @model_validator(mode="after")
     def _instruments_of_the_robot(self) -> Self:
@@ -319,7 +388,15 @@ class Dataset:
             message = "must be in the project, beside it (../NAME) or an absolute path"
             raise Fault("recordings", f"{message}, got {self.recordings}")
         if self.robot is None or self.motion is None:
-            parts = ("robot", "motion", "trajectory", "mocap", "joint_log", "encoders", "depth")
+            parts = (
+                "robot",
+                "motion",
+                "trajectory",
+                "mocap",
+                "joint_log",
+                "encoders",
+                "depth",
+            )
             if there := [name for name in parts if getattr(self, name) is not None]:
                 raise Fault(there[0], f"{there[0]} requires a robot and its motion")
             if self.force is None:
@@ -327,18 +404,24 @@ class Dataset:
             return self
         longest = self.limits.longest_gap or 0
         if self.mocap is not None and longest > (most := self.mocap.max_gap):
-            message = f"must be at most the {most} of dataset.mocap.max_gap, got {longest}"
+            message = (
+                f"must be at most the {most} of dataset.mocap.max_gap, got {longest}"
+            )
             raise Fault("limits.longest_gap", message)
         task = self.robot.task
         if self.depth is not None and task is not None and not {"x", "z"} <= {*task}:
-            message = "the depth camera follows the tip by commanded x and z; keep both rows"
+            message = (
+                "the depth camera follows the tip by commanded x and z; keep both rows"
+            )
             raise Fault("robot.task", message)
         if self.joint_log is None:
             return self
         arm, log = self.robot.joints, self.joint_log
         if absent := [name for name in arm if name not in log.joints]:
             found = f"{', '.join(absent)} of robot.joints is not logged"
-            raise Fault("joint_log.joints", f"{found}; the log has {', '.join(log.joints)}")
+            raise Fault(
+                "joint_log.joints", f"{found}; the log has {', '.join(log.joints)}"
+            )
         if len(log.start) != len(arm):
             found = f"must have {len(arm)} values, one for each of robot.joints"
             raise Fault("joint_log.start", f"{found}, got {len(log.start)}")

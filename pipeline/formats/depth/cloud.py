@@ -26,9 +26,16 @@ PCD_TYPES = {"f4", "f8", "i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8"}
 PLY_FORMATS = {"ascii": "=", "binary_little_endian": "<", "binary_big_endian": ">"}
 PLY_TYPES = dict(zip("char uchar short ushort int uint float double".split(),
                      "i1 u1 i2 u2 i4 u4 f4 f8".split(), strict=True))  # fmt: skip
-PLY_TYPES |= {np.dtype(kind).name: kind for kind in PLY_TYPES.values()}  # int8 and the like
+PLY_TYPES |= {
+    np.dtype(kind).name: kind for kind in PLY_TYPES.values()
+}  # int8 and the like
 UNTURNED = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)  # x, y, z, and a quaternion w, x, y, z
-NO_POSITION = ("+nan", "inf", "-inf", "+inf")  # as C++ prints it, in addition to MISSING
+NO_POSITION = (
+    "+nan",
+    "inf",
+    "-inf",
+    "+inf",
+)  # as C++ prints it, in addition to MISSING
 AGAIN = "copy the cloud again, or take it out of the take"
 
 
@@ -40,7 +47,9 @@ class PointCloud:
     missing: int  # number of points without a position (NaN, infinite or all 0)
     # a PCD's position (file's unit) and quaternion (w, x, y, z) of the sensor; not applied
     viewpoint: tuple[float, ...] = UNTURNED
-    counts: dict[str, int] = field(default_factory=dict)  # surplus_bytes behind the points
+    counts: dict[str, int] = field(
+        default_factory=dict
+    )  # surplus_bytes behind the points
     format: str = ""  # name and version
     organised: str = ""  # columns × rows
 
@@ -84,7 +93,9 @@ def read_cloud(file: Path) -> PointCloud:
         kinds = {header.point[axis].str[1:] for axis in "xyz"}
         if kinds not in ({"f4"}, {"f8"}) or size <= 0:
             found = f"{header.count} points of the fields {', '.join(names)}"
-            raise ValueError(f"{found}: x, y and z of one floating-point type are required")
+            raise ValueError(
+                f"{found}: x, y and z of one floating-point type are required"
+            )
     except (KeyError, ValueError, IndexError, TypeError) as error:
         message = f"no header of a PCD or PLY, or a damaged one ({error}); {AGAIN}"
         raise RecordingError(message, file=file) from None
@@ -93,7 +104,9 @@ def read_cloud(file: Path) -> PointCloud:
         read = _text_points if header.form == "ascii" else _binary_points
         points, surplus = read(content, header, file)
     except ValueError as error:
-        raise RecordingError(f"truncated or damaged: {error}; {AGAIN}", file=file) from None
+        raise RecordingError(
+            f"truncated or damaged: {error}; {AGAIN}", file=file
+        ) from None
     counts = {"surplus_bytes": surplus} if surplus and not header.more else {}
     stated = header.viewpoint, counts, header.version, header.organised
     return PointCloud.measured(points, *stated)
@@ -106,18 +119,28 @@ def _is_ply(content: bytes) -> bool:
 def _pcd_header(content: bytes) -> CloudHeader:
     if (data := re.search(rb"(?m)^DATA[^\S\n].*\n", content[:100_000])) is None:
         raise ValueError("no line DATA")
-    lines = [line.split() for line in content[: data.end()].decode("latin-1").split("\n")]
+    lines = [
+        line.split() for line in content[: data.end()].decode("latin-1").split("\n")
+    ]
     entries = {words[0]: words[1:] for words in lines if words}
     names = entries.get("FIELDS") or entries["COLUMNS"]  # before version 0.6
     counts = [int(count) for count in entries.get("COUNT", ["1"] * len(names))]
-    types = [a.lower() + b for a, b in zip(entries["TYPE"], entries["SIZE"], strict=True)]
+    types = [
+        a.lower() + b for a, b in zip(entries["TYPE"], entries["SIZE"], strict=True)
+    ]
     if not {*types} <= PCD_TYPES or min(counts) < 1:
         raise ValueError(f"TYPE, SIZE and COUNT give {', '.join(types)} of {counts}")
     # all padding fields have the name _
-    unique = [name if names.count(name) == 1 else f"{name}{i}" for i, name in enumerate(names)]
+    unique = [
+        name if names.count(name) == 1 else f"{name}{i}" for i, name in enumerate(names)
+    ]
     shapes = [() if count == 1 else (count,) for count in counts]
-    point = np.dtype([*zip(unique, [f"<{kind}" for kind in types], shapes, strict=True)])
-    width, height, count = (int(entries[name][0]) for name in ("WIDTH", "HEIGHT", "POINTS"))
+    point = np.dtype(
+        [*zip(unique, [f"<{kind}" for kind in types], shapes, strict=True)]
+    )
+    width, height, count = (
+        int(entries[name][0]) for name in ("WIDTH", "HEIGHT", "POINTS")
+    )
     (form,) = entries["DATA"]
     if form not in PCD_FORMATS or width * height != count:
         message = f"{count} POINTS in {height} rows of {width} as {form}: POINTS must be WIDTH × "
@@ -128,20 +151,33 @@ def _pcd_header(content: bytes) -> CloudHeader:
         raise ValueError(f"VIEWPOINT is {viewpoint}, which must be {need}")
     version = " ".join(["PCD", *entries.get("VERSION", [])])
     organised = f"{width} × {height}" if height > 1 else ""
-    return CloudHeader(count, point, form, data.end(), version, False, viewpoint, organised)
+    return CloudHeader(
+        count, point, form, data.end(), version, False, viewpoint, organised
+    )
 
 
 def _ply_header(content: bytes) -> CloudHeader:
     if (end := re.search(rb"\nend_header\r?\n", content[:100_000])) is None:
         raise ValueError("no line end_header")
-    lines = [line.split() for line in content[: end.start()].decode("latin-1").splitlines()[1:]]
-    lines = [words for words in lines if words and words[0] not in ("comment", "obj_info")]
+    lines = [
+        line.split()
+        for line in content[: end.start()].decode("latin-1").splitlines()[1:]
+    ]
+    lines = [
+        words for words in lines if words and words[0] not in ("comment", "obj_info")
+    ]
     elements = [number for number, words in enumerate(lines) if words[0] == "element"]
     (first, form, version), (_, element, count) = lines[0], lines[elements[0]]
     properties = lines[elements[0] + 1 : [*elements, None][1]]
-    if (first, element) != ("format", "vertex") or any(len(words) != 3 for words in properties):
-        raise ValueError("a format, then the element vertex of single numbers are required")
-    point = np.dtype([(name, PLY_FORMATS[form] + PLY_TYPES[kind]) for _, kind, name in properties])
+    if (first, element) != ("format", "vertex") or any(
+        len(words) != 3 for words in properties
+    ):
+        raise ValueError(
+            "a format, then the element vertex of single numbers are required"
+        )
+    point = np.dtype(
+        [(name, PLY_FORMATS[form] + PLY_TYPES[kind]) for _, kind, name in properties]
+    )
     version = f"PLY {form} {version}"
     return CloudHeader(int(count), point, form, end.end(), version, len(elements) > 1)
 
@@ -158,7 +194,9 @@ def load_open3d() -> ModuleType:
     return open3d
 
 
-def _binary_points(content: bytes, header: CloudHeader, file: Path) -> tuple[np.ndarray, int]:
+def _binary_points(
+    content: bytes, header: CloudHeader, file: Path
+) -> tuple[np.ndarray, int]:
     """Return the points (N, 3) float64, and the number of bytes behind the points."""
     data, point, count = content[header.start :], header.point, header.count
     size = unpacked = count * point.itemsize
@@ -168,18 +206,29 @@ def _binary_points(content: bytes, header: CloudHeader, file: Path) -> tuple[np.
     if len(data) < size or unpacked != count * point.itemsize:
         message = f"{len(data)} bytes of {size}, which decompress to {unpacked}, where the header "
         raise ValueError(f"{message}announces {count} points of {point.itemsize} bytes")
-    with np.errstate(invalid="ignore", over="ignore"):  # damaged numbers may be huge or NaN
+    with np.errstate(
+        invalid="ignore", over="ignore"
+    ):  # damaged numbers may be huge or NaN
         if not compressed:
             read = np.frombuffer(data[:size], point)
-            return np.column_stack([read[axis].astype(float) for axis in "xyz"]), len(data) - size
+            return np.column_stack([read[axis].astype(float) for axis in "xyz"]), len(
+                data
+            ) - size
         # rename fields: Open3D reads some as colours or normals, and fails on two of one name
-        names = [n if n in ("x", "y", "z") else f"f{i}" for i, n in enumerate(point.names)]
+        names = [
+            n if n in ("x", "y", "z") else f"f{i}" for i, n in enumerate(point.names)
+        ]
         kinds = [point[name] for name in point.names]
         rows = {"FIELDS": names, "SIZE": [kind.base.itemsize for kind in kinds]}
         rows |= {"TYPE": [kind.base.kind.upper() for kind in kinds]}
-        rows |= {"COUNT": [int(np.prod(kind.shape)) for kind in kinds], "WIDTH": [count]}
+        rows |= {
+            "COUNT": [int(np.prod(kind.shape)) for kind in kinds],
+            "WIDTH": [count],
+        }
         rows |= {"HEIGHT": [1], "POINTS": [count], "DATA": [header.form]}
-        text = "".join(f"{key} {' '.join(map(str, values))}\n" for key, values in rows.items())
+        text = "".join(
+            f"{key} {' '.join(map(str, values))}\n" for key, values in rows.items()
+        )
         with os.fdopen(os.memfd_create("cloud"), "wb") as stream:
             stream.write(f"VERSION 0.7\n{text}".encode() + data[:size])
             stream.flush()
@@ -190,22 +239,32 @@ def _binary_points(content: bytes, header: CloudHeader, file: Path) -> tuple[np.
         return cloud.point.positions.numpy().astype(float), len(data) - size
 
 
-def _text_points(content: bytes, header: CloudHeader, file: Path) -> tuple[np.ndarray, int]:
+def _text_points(
+    content: bytes, header: CloudHeader, file: Path
+) -> tuple[np.ndarray, int]:
     """Return the points (N, 3), and the number of bytes behind the points."""
     lines = content[header.start :].decode("latin-1").split("\n")
     first = content.count(b"\n", 0, header.start) + 1
-    filled = [(number, line.lower().split()) for number, line in enumerate(lines, first)]
+    filled = [
+        (number, line.lower().split()) for number, line in enumerate(lines, first)
+    ]
     filled = [(number, words) for number, words in filled if words][: header.count]
     widths = [int(np.prod(header.point[name].shape)) for name in header.point.names]
     cells = [sum(widths[: header.point.names.index(axis)]) for axis in "xyz"]
-    damaged = [(number, len(words)) for number, words in filled if len(words) != sum(widths)]
+    damaged = [
+        (number, len(words)) for number, words in filled if len(words) != sum(widths)
+    ]
     if damaged:
         number, width = damaged[0]
-        message = f"the row has {width} numbers where a point has {sum(widths)}; {AGAIN}"
+        message = (
+            f"the row has {width} numbers where a point has {sum(widths)}; {AGAIN}"
+        )
         raise RecordingError(message, file=file, line=number)
     where = {"file": file, "line": first + len(lines) - 1}
     compare_announced("points", header.count, len(filled), AGAIN, **where)
-    rows = [",".join("nan" if w in NO_POSITION else w for w in words) for _, words in filled]
+    rows = [
+        ",".join("nan" if w in NO_POSITION else w for w in words) for _, words in filled
+    ]
     numbers = [number for number, _ in filled]
     behind = "\n".join(lines[numbers[-1] - first + 1 :])
     points = numbers_of(rows, numbers, cells, file=file, gaps=True)

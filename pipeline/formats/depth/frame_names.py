@@ -23,7 +23,8 @@ DATE = re.compile(
 )
 SECONDS = re.compile(r"(?<!\d)(?P<s>\d{9,10})[._-](?P<f>\d{1,9})(?!\d)", re.ASCII)
 DAYTIME = re.compile(
-    r"(?<!\d)([01]\d|2[0-3])[-:.]([0-5]\d)[-:.]([0-5]\d)[.,_-](?P<f>\d{1,9})(?!\d)", re.ASCII
+    r"(?<!\d)([01]\d|2[0-3])[-:.]([0-5]\d)[-:.]([0-5]\d)[.,_-](?P<f>\d{1,9})(?!\d)",
+    re.ASCII,
 )
 DECIMAL = re.compile(r"(?<!\d)(?P<s>\d{1,8})\.(?P<f>\d{1,9})(?!\d)", re.ASCII)
 INTEGER = re.compile(r"(?<!\d)(?P<s>\d{10})(?P<f>|\d{3}|\d{6}|\d{9})(?!\d)", re.ASCII)
@@ -34,7 +35,9 @@ class FrameSequence(NamedTuple):
 
     pattern: Path  # glob of the names; the file's path for a single frame
     files: list[Path]
-    values: list[int]  # numbers, or times in ns since 1970 or another start; none without digits
+    values: list[
+        int
+    ]  # numbers, or times in ns since 1970 or another start; none without digits
     timed: bool  # whether the values are times
 
 
@@ -49,7 +52,9 @@ def frame_sequences(files: Iterable[Path]) -> list[FrameSequence]:
 
 def _split(files: list[Path]) -> list[FrameSequence]:
     """Return the sequences of ``files`` whose names differ in numbers only."""
-    columns = [*zip(*(re.findall(r"\d+", file.stem, re.ASCII) for file in files), strict=True)]
+    columns = [
+        *zip(*(re.findall(r"\d+", file.stem, re.ASCII) for file in files), strict=True)
+    ]
     varying = [j for j, column in enumerate(columns) if len({*column}) > 1]
     times, inside = _times([file.stem for file in files], varying)
     others, values = [j for j in varying if j not in inside], times
@@ -73,14 +78,20 @@ def _sequence(
 ) -> FrameSequence:
     first, pattern = files[0], files[0]
     if len(files) > 1:
-        words = re.split(r"(\d+)", first.stem, flags=re.ASCII)  # numbers at the odd places
+        words = re.split(
+            r"(\d+)", first.stem, flags=re.ASCII
+        )  # numbers at the odd places
         stars = {2 * j + 1 for j in varying}
-        parts = ["[0-9]*" if n in stars else escape(word) for n, word in enumerate(words)]
+        parts = [
+            "[0-9]*" if n in stars else escape(word) for n, word in enumerate(words)
+        ]
         pattern = first.with_name("".join(parts) + first.suffix)
     if not values:
         return FrameSequence(pattern, files, [], timed)
     order = sorted(range(len(files)), key=lambda row: (values[row], str(files[row])))
-    return FrameSequence(pattern, [files[i] for i in order], [values[i] for i in order], timed)
+    return FrameSequence(
+        pattern, [files[i] for i in order], [values[i] for i in order], timed
+    )
 
 
 def _times(stems: list[str], varying: Sequence[int]) -> tuple[list[int], range]:
@@ -89,10 +100,14 @@ def _times(stems: list[str], varying: Sequence[int]) -> tuple[list[int], range]:
         matches = [mark.search(stem) for stem in stems]
         if None in matches:
             continue
-        first, *other = {len(re.findall(r"\d+", m.string[: m.start()], re.ASCII)) for m in matches}
+        first, *other = {
+            len(re.findall(r"\d+", m.string[: m.start()], re.ASCII)) for m in matches
+        }
         inside = range(first, first + len(re.findall(r"\d+", matches[0][0], re.ASCII)))
         whole = [*map(_seconds, matches)]
-        if not (other or None in whole or {*varying}.isdisjoint(inside) or _counts(matches)):
+        if not (
+            other or None in whole or {*varying}.isdisjoint(inside) or _counts(matches)
+        ):
             times = _with_fractions(whole, matches)
             if mark is DAYTIME:  # behind the longest gap, times are of the day before
                 ordered = sorted(times)
@@ -105,13 +120,22 @@ def _times(stems: list[str], varying: Sequence[int]) -> tuple[list[int], range]:
 def _counts(matches: list[re.Match]) -> bool:
     """Return whether the last digits count on by one, and what precedes them is constant."""
     mark = matches[0].re
-    if mark in (SECONDS, INTEGER) or (mark is DATE and any(match["f"] for match in matches)):
+    if mark in (SECONDS, INTEGER) or (
+        mark is DATE and any(match["f"] for match in matches)
+    ):
         return False
     last = [match["f"] or match[0][-6:] for match in matches]
-    if len({m[0].removesuffix(digits) for m, digits in zip(matches, last, strict=True)}) > 1:
+    if (
+        len(
+            {m[0].removesuffix(digits) for m, digits in zip(matches, last, strict=True)}
+        )
+        > 1
+    ):
         return False
     numbers = sorted(int(digits) for digits in last if digits.isdecimal())
-    return len(numbers) == len(last) and numbers == [*range(numbers[0], numbers[0] + len(last))]
+    return len(numbers) == len(last) and numbers == [
+        *range(numbers[0], numbers[0] + len(last))
+    ]
 
 
 def _seconds(match: re.Match) -> int | None:

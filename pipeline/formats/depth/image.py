@@ -27,11 +27,19 @@ from pipeline.formats.format import Format, Head, Kind, begins, file_content, ma
 PNG, TIFF, PGM = b"\x89PNG\r\n\x1a\n", (b"II*\0", b"MM\0*"), b"P5"
 ENDINGS = (".png", ".tif", ".tiff", ".pgm", *cloud.ENDINGS)  # suffixes of depth frames
 WIDTH, LENGTH, DESCRIPTION = 256, 257, 270  # tags of TIFF 6.0, section 8
-SHORTEST_STEP, LONGEST_STEP = 1e-4, 10.0  # s, limits of the median step; times in ms exceed them
+SHORTEST_STEP, LONGEST_STEP = (
+    1e-4,
+    10.0,
+)  # s, limits of the median step; times in ms exceed them
 PIXEL = 4  # bytes, size of the largest decoded pixel
 NO_DISPARITY = 2047  # value of the Kinect's 11-bit disparity without a measurement
 # run-length coded row differences: a fixed filter halves the time, level 6 would save 1 % of size
-PARAMETERS = (cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_SUB)
+PARAMETERS = (
+    cv2.IMWRITE_PNG_COMPRESSION,
+    1,
+    cv2.IMWRITE_PNG_FILTER,
+    cv2.IMWRITE_PNG_FILTER_SUB,
+)
 PARAMETERS += (cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE)
 # OpenCV prints no messages, since the RecordingError names the fault of an image
 cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
@@ -83,7 +91,10 @@ def metres(raw: RawDepth, encoding: Encoding, **evidence: object) -> np.ndarray:
             values = (a / (b - disparity)).astype(np.float32)
     factor, key = 1.0, encoding.scale_key
     if key is not None:
-        before, number = r"\"?(?:\s*[:=]\s*|\s+)\"?", r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+        before, number = (
+            r"\"?(?:\s*[:=]\s*|\s+)\"?",
+            r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?",
+        )
         pattern = rf"(?<![\w.]){re.escape(key)}{before}({number})(?![\w.])"
         factors = [float(number) for number in re.findall(pattern, raw.description)]
         if len(factors) != 1 or not 0 < factors[0] < np.inf:
@@ -103,7 +114,9 @@ def read_depth(file: Path, *, shape: tuple[int, int] | None = None) -> RawDepth:
     """
     content, pixels, reason = file_content(file), None, ""
     if not content.startswith((PNG, PGM, *TIFF)):
-        message = "the depth frame is no PNG, TIFF or PGM image; convert it to 16-bit PNG"
+        message = (
+            "the depth frame is no PNG, TIFF or PGM image; convert it to 16-bit PNG"
+        )
         raise RecordingError(message, file=file)
     try:
         size, description = _header(content, file)
@@ -116,7 +129,9 @@ def read_depth(file: Path, *, shape: tuple[int, int] | None = None) -> RawDepth:
     except (RecordingError, MemoryError):
         raise
     except Exception as error:  # Pillow has no common class for damaged headers
-        reason = re.sub(" ?<.*>", "", f" ({error})")  # without the address of the buffer
+        reason = re.sub(
+            " ?<.*>", "", f" ({error})"
+        )  # without the address of the buffer
     if pixels is None:
         message = f"the depth frame is truncated or damaged{reason}; copy it again, or take its "
         raise RecordingError(f"{message}line out of the index", file=file)
@@ -142,7 +157,9 @@ def _header(content: bytes, file: Path) -> tuple[tuple[int, int], str]:
             stream.seek(tags.next)
             tags.load(stream)
             if tags.next:
-                message = "the file holds several images; write one depth frame to a file"
+                message = (
+                    "the file holds several images; write one depth frame to a file"
+                )
                 raise RecordingError(message, file=file)
             size = int(tags[LENGTH]), int(tags[WIDTH])
             require("part_mib", size[0] * size[1] * PIXEL / MIB, "MiB of pixels", file)
@@ -193,7 +210,9 @@ def read_index(file: Path) -> DepthIndex:
         raise RecordingError("the index has no complete line with a frame", file=file)
     if len(files) > 1:
         require_step(np.diff(time[1:]), file)
-    return DepthIndex(np.array(time[1:]), tuple(files), {"cut_rows": int(text.cut is not None)})
+    return DepthIndex(
+        np.array(time[1:]), tuple(files), {"cut_rows": int(text.cut is not None)}
+    )
 
 
 def dropped_frames(time: np.ndarray) -> int:
@@ -228,7 +247,9 @@ def named_frames(folder: Path, pattern: str) -> FrameSequence:
     if len(sequences) > 1 or len({*frames.values}) < len(frames.files):
         message = f"the names that match {pattern!r} must differ only in one number, or in a time, "
         message += f"which occurs once, found {names}; rename the frames, narrow the pattern or "
-        raise RecordingError(f"{message}write an index of their times", file=frames.files[-1])
+        raise RecordingError(
+            f"{message}write an index of their times", file=frames.files[-1]
+        )
     if frames.timed and len(frames.files) > 1:
         require_step(np.diff(frames.values) * 1e-9, folder)
     return frames
@@ -238,7 +259,9 @@ def require_step(steps: np.ndarray, file: Path) -> None:
     """Raise RecordingError where the median of ``steps`` between frames, in s, is of no camera."""
     if not SHORTEST_STEP <= (step := float(np.median(steps))) <= LONGEST_STEP:
         message = f"the median time between frames is {step:.6g} s, of no camera: write the times "
-        raise RecordingError(f"{message}in s (divide ms by 1e3, µs by 1e6, ns by 1e9)", file=file)
+        raise RecordingError(
+            f"{message}in s (divide ms by 1e3, µs by 1e6, ns by 1e9)", file=file
+        )
 
 
 def numbered_frames(folder: Path, pattern: str, *, rate: float) -> DepthIndex:
@@ -246,11 +269,17 @@ def numbered_frames(folder: Path, pattern: str, *, rate: float) -> DepthIndex:
     frames = named_frames(folder, pattern)
     scale = 1e-9 if frames.timed else 1 / rate
     time = np.array([(value - frames.values[0]) * scale for value in frames.values])
-    return DepthIndex(time, tuple(str(file.relative_to(folder)) for file in frames.files), {})
+    return DepthIndex(
+        time, tuple(str(file.relative_to(folder)) for file in frames.files), {}
+    )
 
 
 def _begins(head: Head) -> bool:
-    rows = [line.split(maxsplit=1) for line in head.lines if not line.lstrip().startswith("#")]
+    rows = [
+        line.split(maxsplit=1)
+        for line in head.lines
+        if not line.lstrip().startswith("#")
+    ]
     if not rows or len(rows[0]) != 2:
         return False
     stamp, name = rows[0]
@@ -258,5 +287,7 @@ def _begins(head: Head) -> bool:
 
 
 IMAGE = Format("depth image", Kind.IMAGE, read_depth, begins(PNG, *TIFF, PGM))
-INDEX = Format("depth sequence with index", Kind.SEQUENCE, read_index, _begins, option="index")
+INDEX = Format(
+    "depth sequence with index", Kind.SEQUENCE, read_index, _begins, option="index"
+)
 FORMAT = (IMAGE, INDEX)

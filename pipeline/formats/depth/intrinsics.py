@@ -22,15 +22,32 @@ FOCAL = ("fx", "fy", "cx", "cy")
 _STATED = read_yaml(Path(__file__).with_suffix(".yaml"))
 KEYS: dict[str, list[str]] = _STATED["keys"]  # item → keys that state it
 MATRIX, DISTORTION = KEYS["camera matrix"], KEYS["distortion"]
-REALSENSE: dict[str, str] = _STATED["realsense"]  # key of RealSense → key of this module
-MODELS: list[str] = _STATED["models"]  # names of distortion models with OpenCV's coefficients
+REALSENSE: dict[str, str] = _STATED[
+    "realsense"
+]  # key of RealSense → key of this module
+MODELS: list[str] = _STATED[
+    "models"
+]  # names of distortion models with OpenCV's coefficients
 # keys that may state a distortion
 DISTORTION_KEY = re.compile(r"(?i).*dist(?!ance).*|.*coeff.*|[kp]1")
 ANY_SIZE = (10**6, 10**6)  # px, stands for an unknown image size
-NARROWEST = 100  # greatest focal length over the longer side: a field of view of half a degree
-WIDEST = 10  # greatest distance of the principal point from a side over the focal length
-OFF_CENTRE = 0.24  # greatest distance of the principal point from the centre over the side
-COEFFICIENTS = (0, 4, 5, 8, 12, 14)  # possible numbers of coefficients in OpenCV's model
+NARROWEST = (
+    100  # greatest focal length over the longer side: a field of view of half a degree
+)
+WIDEST = (
+    10  # greatest distance of the principal point from a side over the focal length
+)
+OFF_CENTRE = (
+    0.24  # greatest distance of the principal point from the centre over the side
+)
+COEFFICIENTS = (
+    0,
+    4,
+    5,
+    8,
+    12,
+    14,
+)  # possible numbers of coefficients in OpenCV's model
 # only decimal numbers: YAML 1.1 reads 0525 as 341, yes as true and 5:25 as 325
 DECIMAL = re.compile(r"[-+]?(\d+\.\d*|\.\d+|0|[1-9]\d*|\d+(?=[eE]))([eE][-+]?\d+)?")
 # matches calibrations in other forms too, for which the reader's error names the keys
@@ -69,10 +86,16 @@ def pinhole(
     """
     (fx, skew, cx), (low, fy, cy), bottom = matrix.tolist()
     finite, rest, message = np.isfinite(matrix).all(), (skew, low, *bottom), ""
-    sides = [at / side for at, side in zip((cx, cy), size, strict=True) if side < ANY_SIZE[0]]
-    off_centre = min(cx, cy) <= 0 or any(abs(share - 0.5) >= OFF_CENTRE for share in sides)
+    sides = [
+        at / side for at, side in zip((cx, cy), size, strict=True) if side < ANY_SIZE[0]
+    ]
+    off_centre = min(cx, cy) <= 0 or any(
+        abs(share - 0.5) >= OFF_CENTRE for share in sides
+    )
     if stated not in (None, size):
-        message = f"calibrated at {stated[0]} × {stated[1]} pixels, not {size[0]} × {size[1]}"
+        message = (
+            f"calibrated at {stated[0]} × {stated[1]} pixels, not {size[0]} × {size[1]}"
+        )
     elif distortion.any() and model not in (None, "", "null", *MODELS):
         message = f"the distortion model is {model!r}; calibrate with one of {', '.join(MODELS)}"
     elif not finite or min(fx, fy) <= 0 or rest != (0, 0, 0, 0, 1):
@@ -80,7 +103,11 @@ def pinhole(
     elif not np.isfinite(distortion).all() or distortion.size not in COEFFICIENTS:
         message = f"{distortion.size} distortion coefficients, or one that is not finite; OpenCV's "
         message += f"model has {COEFFICIENTS}"
-    elif max(fx, fy) > NARROWEST * max(size) or min(fx, fy) < max(cx, cy) / WIDEST or off_centre:
+    elif (
+        max(fx, fy) > NARROWEST * max(size)
+        or min(fx, fy) < max(cx, cy) / WIDEST
+        or off_centre
+    ):
         message = f"a focal length of {max(fx, fy):.6g} px and a principal point at {cx:.1f}, "
         message += f"{cy:.1f} px are of no camera of {size[0]} × {size[1]} pixels: state them in px"
         message += " of these images, not of another size"
@@ -104,10 +131,14 @@ def read_intrinsics(
     or distortion model, a key that is missing or ambiguous, and implausible values.
     """
     # a separate process, since a library may crash or hang on damaged text
-    values, is_json = read_alone(_values, Path(file), file=file, advice="export it again")
+    values, is_json = read_alone(
+        _values, Path(file), file=file, advice="export it again"
+    )
     keys_found = f"the file has {', '.join(map(str, values))}"
 
-    def numbers(item: str, given: str | None = None, count: int | None = None) -> np.ndarray | None:
+    def numbers(
+        item: str, given: str | None = None, count: int | None = None
+    ) -> np.ndarray | None:
         keys = (given,) if given else KEYS.get(item, (item,))
         present = [key for key in keys if key in values]
         if not (present or given):
@@ -123,7 +154,11 @@ def read_intrinsics(
             with suppress(ValueError):  # nested lists of unequal lengths
                 words = np.array(value, dtype=str)
                 decimal = all(map(DECIMAL.fullmatch, words.ravel().tolist()))
-                if decimal and not counts - {words.size} and np.isfinite(words.astype(float)).all():
+                if (
+                    decimal
+                    and not counts - {words.size}
+                    and np.isfinite(words.astype(float)).all()
+                ):
                     return words.astype(float)
             message = f"{present[0]} must be {max(counts, default='')} decimal numbers, found "
             message += str(value)[:80]
@@ -134,23 +169,33 @@ def read_intrinsics(
     stated = [None if side is None else int(side) for side in sides]
     sides = zip((width, height), stated, ANY_SIZE, strict=True)
     size = tuple(given or own or most for given, own, most in sides)
-    camera, bend = numbers("camera matrix", matrix, 9), numbers("distortion", distortion)
+    camera, bend = (
+        numbers("camera matrix", matrix, 9),
+        numbers("distortion", distortion),
+    )
     if camera is not None:
         # Open3D writes the matrix as a flat list, column by column
-        columns = camera.ndim == 1 and "intrinsic_matrix" in ({matrix} if matrix else values)
+        columns = camera.ndim == 1 and "intrinsic_matrix" in (
+            {matrix} if matrix else values
+        )
         camera = camera.reshape(3, 3, order="F" if columns else "C")
     elif {*FOCAL} <= {*values}:
         fx, fy, cx, cy = (numbers(name, count=1).item() for name in FOCAL)
         camera = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
     else:
-        message = f"no camera matrix; {keys_found}: name its key by option, or write at the "
+        message = (
+            f"no camera matrix; {keys_found}: name its key by option, or write at the "
+        )
         message += f"outermost level one of fx, fy, cx, cy or {', '.join(MATRIX)}"
         raise RecordingError(message, file=file)
     if bend is None and (not is_json or any(map(DISTORTION_KEY.fullmatch, values))):
         message = f"no distortion; {keys_found}: name its key by option, or write at the outermost "
         message += f"level one of {', '.join(DISTORTION)}, with zeros for no distortion"
         raise RecordingError(message, file=file)
-    bend, model = np.zeros(0) if bend is None else bend.ravel(), values.get("distortion_model")
+    bend, model = (
+        np.zeros(0) if bend is None else bend.ravel(),
+        values.get("distortion_model"),
+    )
     own = tuple(side or given for side, given in zip(stated, size, strict=True))
     return pinhole(camera, bend, size, stated=own, model=model, file=file)
 
@@ -164,7 +209,9 @@ def _values(file: Path) -> tuple[Mapping, bool]:
         if is_json:
             documents = [json.loads(whole, parse_float=str, parse_int=str)]
         elif whole.lstrip().startswith("<"):
-            documents = [{one.tag: _element(one) for one in ElementTree.fromstring(whole)}]
+            documents = [
+                {one.tag: _element(one) for one in ElementTree.fromstring(whole)}
+            ]
         else:
             # OpenCV's first line is not valid YAML
             body = re.sub(r"^%YAML:1\.0.*\n", "", body)
@@ -176,7 +223,11 @@ def _values(file: Path) -> tuple[Mapping, bool]:
     plain = [dict(one) for one in plain if isinstance(one, Mapping)]
     for one in plain:
         one.pop("header", None)
-    if not plain or len(plain) < len(documents) or any(other != plain[0] for other in plain):
+    if (
+        not plain
+        or len(plain) < len(documents)
+        or any(other != plain[0] for other in plain)
+    ):
         message = "no calibration in YAML, XML or JSON, or truncated, or several calibrations that "
         message += "differ; export one again"
         raise RecordingError(message, file=file)
@@ -200,7 +251,9 @@ def write_intrinsics(file: Path, intrinsics: Intrinsics) -> None:
 
     one = intrinsics
     matrix = np.array([[one.fx, 0, one.cx], [0, one.fy, one.cy], [0, 0, 1]])
-    storage = cv2.FileStorage("intrinsics.yaml", cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY)
+    storage = cv2.FileStorage(
+        "intrinsics.yaml", cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY
+    )
     storage.write("cameraMatrix", matrix)
     storage.write("distortionCoefficients", np.array([one.distortion or (0.0,) * 5]))
     body = storage.releaseAndGetString().partition("\n")[2]

@@ -39,13 +39,19 @@ def read_calibration(file: Path) -> Calibration:
         line = {"line": error.position[0]} if hasattr(error, "position") else {}
         message = f"this is no XML ({error}); copy it again"
         raise RecordingError(message, file=file, **line) from None
-    serial = next((one.attrib["Serial"] for one in elements if "Serial" in one.attrib), "")
-    stated = [one.attrib for one in elements if {"ForceUnits", "TorqueUnits"} <= {*one.attrib}]
+    serial = next(
+        (one.attrib["Serial"] for one in elements if "Serial" in one.attrib), ""
+    )
+    stated = [
+        one.attrib for one in elements if {"ForceUnits", "TorqueUnits"} <= {*one.attrib}
+    ]
     rows = {one.get("Name"): one.attrib for one in elements if one.tag == "UserAxis"}
     try:
         (units,) = stated
         names = {"force": units["ForceUnits"], "torque": units["TorqueUnits"]}
-        factors = [UNITS[kind].get(plain_unit(name), np.nan) for kind, name in names.items()]
+        factors = [
+            UNITS[kind].get(plain_unit(name), np.nan) for kind, name in names.items()
+        ]
         factors = np.repeat(factors, 3)
         matrix, full_scale = _numbers(rows, "values", 6), _numbers(rows, "max", 1)
         if full_scale.min() <= 0:
@@ -61,7 +67,9 @@ def read_calibration(file: Path) -> Calibration:
     return Calibration(Path(file), serial, *names.values(), matrix, full_scale)
 
 
-def _numbers(rows: Mapping[str, Mapping[str, str]], name: str, count: int) -> np.ndarray:
+def _numbers(
+    rows: Mapping[str, Mapping[str, str]], name: str, count: int
+) -> np.ndarray:
     numbers = [[*map(float, rows[axis][name].split())] for axis in AXES]
     if {*map(len, numbers)} != {count} or not np.isfinite(numbers).all():
         raise ValueError(f"{name} of an axis must be {count} finite number(s)")

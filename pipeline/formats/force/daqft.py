@@ -19,7 +19,12 @@ import numpy as np
 from pipeline.core.errors import RecordingError
 from pipeline.formats.delimited import NUMBER
 from pipeline.formats.force import record as forces
-from pipeline.formats.force.record import NO_OPTIONS, OPTION, ForceLogOptions, ForceRecord
+from pipeline.formats.force.record import (
+    NO_OPTIONS,
+    OPTION,
+    ForceLogOptions,
+    ForceRecord,
+)
 from pipeline.formats.format import Format, Kind
 from pipeline.formats.number_sheet import Sheet, read_sheet
 
@@ -38,18 +43,26 @@ def read_daqft(file: Path, options: ForceLogOptions = NO_OPTIONS) -> ForceRecord
     ``skipped_samples`` before the first sample. RecordingError also for gauge voltages without a
     calibration, and for no frequency or averaging level.
     """
-    sheet = read_sheet(file, separator=options.separator, decimal=options.decimal, key=OPTION)
+    sheet = read_sheet(
+        file, separator=options.separator, decimal=options.decimal, key=OPTION
+    )
     if _is_netft(sheet.header):
         message = "this is a log of a Net F/T: set format to netft"
         raise RecordingError(message, file=file, key=f"{OPTION}.format")
     settings, calibrated = sheet.settings, getattr(options.calibration, "serial", "")
-    serial, started = (settings.get(name, "") for name in ("F/T Serial Number", "Time Started"))
+    serial, started = (
+        settings.get(name, "") for name in ("F/T Serial Number", "Time Started")
+    )
     if serial and calibrated and serial != calibrated:
-        message = f"the log is of the transducer {serial}, the calibration of {calibrated}"
+        message = (
+            f"the log is of the transducer {serial}, the calibration of {calibrated}"
+        )
         raise RecordingError(message, file=file, key=f"{OPTION}.calibration")
     named = options.columns or any(map(forces.axis_of, sheet.labels))
     gauged = not named and not {*GAUGES}.isdisjoint(sheet.labels)
-    columns, factors, units = (_gauges if gauged else forces.axis_factors)(sheet, options)
+    columns, factors, units = (_gauges if gauged else forces.axis_factors)(
+        sheet, options
+    )
     about = {"serial": serial, "started": started, "units": units, "counts": {}}
     if delay := DELAY.match("".join(sheet.header[:1])):
         kind = "paused_ms" if delay[1] == "Paused for" else "skipped_samples"
@@ -58,14 +71,20 @@ def read_daqft(file: Path, options: ForceLogOptions = NO_OPTIONS) -> ForceRecord
     return forces.sheet_record(sheet, options, columns, factors, rate, **about)
 
 
-def _gauges(sheet: Sheet, options: ForceLogOptions) -> tuple[list[int], np.ndarray, dict]:
+def _gauges(
+    sheet: Sheet, options: ForceLogOptions
+) -> tuple[list[int], np.ndarray, dict]:
     """Return the columns of G0 to G5 and the matrix (6, 6) of the calibration. It has no offset, so
     that the tare removes the bias of the gauges.
     """
     if options.calibration is None or sorted({*GAUGES} & {*sheet.labels}) != GAUGES:
         message = "no column is labelled Force X, Force Y, Force Z; gauge voltages need columns G0 "
         message += "to G5 and the transducer's calibration"
-        where = {"file": sheet.file, "line": sheet.label_line, "key": f"{OPTION}.calibration"}
+        where = {
+            "file": sheet.file,
+            "line": sheet.label_line,
+            "key": f"{OPTION}.calibration",
+        }
         raise RecordingError(message, **where)
     return [*map(sheet.labels.index, GAUGES)], options.calibration.matrix, {}
 
@@ -76,7 +95,9 @@ def _rate(sheet: Sheet, options: ForceLogOptions) -> float:
     for key in ("Frequency", "Averaging Level"):
         text = sheet.settings.get(key, "")
         # with decimal commas, a point separates thousands
-        plain = text if sheet.decimal == "." else text.replace(".", "?").replace(",", ".")
+        plain = (
+            text if sheet.decimal == "." else text.replace(".", "?").replace(",", ".")
+        )
         stated += [float(plain)] if NUMBER.fullmatch(plain) else []
     whole = len(stated) == 2 and all(0 < number < np.inf for number in stated)
     own = stated[0] / stated[1] if whole else rate
@@ -91,9 +112,17 @@ def _rate(sheet: Sheet, options: ForceLogOptions) -> float:
 def write_daqft(file: Path, record: ForceRecord, *, decimal: str = ".") -> None:
     """Write ``record`` as DAQ F/T does, in N and N·m, with the ``decimal`` mark "." or ","."""
     separator = ";" if decimal == "," else ","
-    labels = [f"Force {axis} (N)" for axis in "XYZ"] + [f"Torque {axis} (N-m)" for axis in "XYZ"]
-    labels += [f"Frequency = {record.rate:.15G}".replace(".", decimal), "Averaging Level = 1"]
-    labels += [f"F/T Serial Number = {record.serial}", f"Time Started = {record.started}"]
+    labels = [f"Force {axis} (N)" for axis in "XYZ"] + [
+        f"Torque {axis} (N-m)" for axis in "XYZ"
+    ]
+    labels += [
+        f"Frequency = {record.rate:.15G}".replace(".", decimal),
+        "Averaging Level = 1",
+    ]
+    labels += [
+        f"F/T Serial Number = {record.serial}",
+        f"Time Started = {record.started}",
+    ]
     row = separator.join(['"%.15G"'] * 6) + "\r\n"
     values = np.hstack([record.force, record.torque])
     rows = row * len(values) % tuple(values.ravel().tolist())
@@ -108,12 +137,16 @@ def read_netft(file: Path, options: ForceLogOptions = NO_OPTIONS) -> ForceRecord
     RecordingError also for a header without rate, units or counts per unit, and where numbers may
     be counts or not.
     """
-    sheet = read_sheet(file, separator=",", decimal=".", key=OPTION)  # whatever the PC's marks
+    sheet = read_sheet(
+        file, separator=",", decimal=".", key=OPTION
+    )  # whatever the PC's marks
     if not _is_netft(sheet.header):
         message = "no row of labels with 'RDT Sequence': no log of a Net F/T, or a truncated one"
         raise RecordingError(message, file=file, key=f"{OPTION}.format")
     settings, counted = sheet.settings, options.counts
-    stated = {kind: settings.get(f"{kind.title()} Units") for kind in ("force", "torque")}
+    stated = {
+        kind: settings.get(f"{kind.title()} Units") for kind in ("force", "torque")
+    }
     columns, factors, units = forces.axis_factors(sheet, options, stated)
 
     def positive(name: str, option: str) -> float:
@@ -133,10 +166,14 @@ def read_netft(file: Path, options: ForceLogOptions = NO_OPTIONS) -> ForceRecord
             raise RecordingError(message, file=file, **where)
     if counted:
         kinds = ["Force"] * 3 + ["Torque"] * (len(columns) - 3)
-        factors = factors / [positive(f"Counts per Unit {kind}", "counts") for kind in kinds]
+        factors = factors / [
+            positive(f"Counts per Unit {kind}", "counts") for kind in kinds
+        ]
     axes = dict(zip([*forces.FORCES, *forces.TORQUES], columns, strict=False))
     timed = replace(options, columns=axes | {"t": "RDT Sequence"})
-    status = sheet.words(sheet.columns({"status": "Status (hex)"}, forces.KEY)["status"])
+    status = sheet.words(
+        sheet.columns({"status": "Status (hex)"}, forces.KEY)["status"]
+    )
     about = {"started": settings.get("Start Time", ""), "units": units}
     rate = options.rate or positive("RDT Sample Rate", "rate")
     record = forces.sheet_record(sheet, timed, columns, factors, lambda: rate, **about)
@@ -151,7 +188,13 @@ def _is_netft(lines: list[str]) -> bool:
 
 
 FORMAT = (
-    Format("ATI Net F/T log", Kind.FORCE, read_netft, lambda head: _is_netft(head.lines), "netft"),
+    Format(
+        "ATI Net F/T log",
+        Kind.FORCE,
+        read_netft,
+        lambda head: _is_netft(head.lines),
+        "netft",
+    ),
     Format(
         "ATI DAQ F/T log",
         Kind.FORCE,

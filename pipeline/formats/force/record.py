@@ -19,17 +19,25 @@ from pipeline.formats.format import Format, Kind
 from pipeline.formats.number_sheet import Sheet, read_sheet
 
 FORCES, TORQUES = ("fx", "fy", "fz"), ("tx", "ty", "tz")
-KINDS = dict.fromkeys(FORCES, "force") | dict.fromkeys(TORQUES, "torque") | {"t": "time"}
+KINDS = (
+    dict.fromkeys(FORCES, "force") | dict.fromkeys(TORQUES, "torque") | {"t": "time"}
+)
 OPTION = "dataset.force.log"
 KEY = f"{OPTION}.columns"
-FEWEST = 10  # least number of samples; fewer rows may be settings that look like numbers
+FEWEST = (
+    10  # least number of samples; fewer rows may be settings that look like numbers
+)
 AXIS = re.compile(
     r"(?:.*[./]|.*_(?=force|torque))?(f|force|t|torque|m|moment)[ _./-]?([xyz])\s*(?:[(\[].*[)\]])?"
 )
 TIMES = re.compile(r"t|x_value|time[ _-]?(stamp)?", re.IGNORECASE)
-NUMBERS = re.compile(r"(sample|(rdt )?sequence|packet)( ?(number|no\.?|#))?", re.IGNORECASE)
+NUMBERS = re.compile(
+    r"(sample|(rdt )?sequence|packet)( ?(number|no\.?|#))?", re.IGNORECASE
+)
 WRENCH = ("geometry_msgs/msg/WrenchStamped",)
-EQUAL_PAIRS = 0.1  # share of equal neighbours; more are of a sensor of coarse resolution
+EQUAL_PAIRS = (
+    0.1  # share of equal neighbours; more are of a sensor of coarse resolution
+)
 JITTER = 0.1  # greatest deviation of an even step, over the median step
 
 
@@ -44,8 +52,12 @@ class ForceRecord:
     serial: str = ""
     started: str = ""  # start time as printed in the log
     counts: Mapping[str, int] = field(default_factory=dict)  # see the reader
-    units: Mapping[str, str] = field(default_factory=dict)  # quantity → unit stated in the log
-    marks: Mapping[str, str] = field(default_factory=dict)  # separator and decimal of a table
+    units: Mapping[str, str] = field(
+        default_factory=dict
+    )  # quantity → unit stated in the log
+    marks: Mapping[str, str] = field(
+        default_factory=dict
+    )  # separator and decimal of a table
 
 
 @dataclass(frozen=True)
@@ -91,7 +103,10 @@ def si_factor(
 def repeats(values: np.ndarray) -> dict[str, int]:
     """Return ``repeated_rows`` (equal to the row before) and ``zero_rows`` of (N, axes) values."""
     repeated = (values[1:] == values[:-1]).all(axis=1).sum()
-    return {"repeated_rows": int(repeated), "zero_rows": int((values == 0).all(axis=1).sum())}
+    return {
+        "repeated_rows": int(repeated),
+        "zero_rows": int((values == 0).all(axis=1).sum()),
+    }
 
 
 def axis_of(label: str) -> str | None:
@@ -159,7 +174,12 @@ def plateau(values: np.ndarray) -> np.ndarray:
 
 
 def timed_record(
-    time: np.ndarray, values: np.ndarray, place: str, rows: Sequence[int], file: Path, **more: Any
+    time: np.ndarray,
+    values: np.ndarray,
+    place: str,
+    rows: Sequence[int],
+    file: Path,
+    **more: Any,
 ) -> ForceRecord:
     """Return the record of ``values`` (N, axes) at ``time`` (N,) s, and ``more`` of its fields.
     Counts are added: :func:`repeats`, ``doubled_rows`` (sample and time equal to the row before;
@@ -185,14 +205,20 @@ def timed_record(
         "missing_samples": int(np.sum(np.rint(kept[kept > 1.5 * median] / median) - 1)),
     }
     counts = more.pop("counts", {}) | clock
-    return _record(time[~doubled], values[~doubled], counts, **{"rate": 1 / median} | more)
+    return _record(
+        time[~doubled], values[~doubled], counts, **{"rate": 1 / median} | more
+    )
 
 
 def _record(
     time: np.ndarray, values: np.ndarray, counts: Mapping[str, int], **more: Any
 ) -> ForceRecord:
-    torque = values[:, 3:] if values.shape[1] == 6 else np.full((len(values), 3), np.nan)
-    return ForceRecord(time, values[:, :3], torque, counts=repeats(values) | {**counts}, **more)
+    torque = (
+        values[:, 3:] if values.shape[1] == 6 else np.full((len(values), 3), np.nan)
+    )
+    return ForceRecord(
+        time, values[:, :3], torque, counts=repeats(values) | {**counts}, **more
+    )
 
 
 def read_force_table(file: Path, options: ForceLogOptions) -> ForceRecord:
@@ -203,18 +229,25 @@ def read_force_table(file: Path, options: ForceLogOptions) -> ForceRecord:
     Raises RecordingError, with the line and the option, where no axis or unit is known, the time
     decreases or a row is malformed.
     """
-    sheet = read_sheet(file, separator=options.separator, decimal=options.decimal, key=OPTION)
+    sheet = read_sheet(
+        file, separator=options.separator, decimal=options.decimal, key=OPTION
+    )
     columns, factors, units = axis_factors(sheet, options)
     return sheet_record(sheet, options, columns, factors, units=units)
 
 
 def axis_factors(
-    sheet: Sheet, options: ForceLogOptions, stated: Mapping[str, str | None] | None = None
+    sheet: Sheet,
+    options: ForceLogOptions,
+    stated: Mapping[str, str | None] | None = None,
 ) -> tuple[list[int], np.ndarray, dict[str, str]]:
     """Return the columns of the forces, and of the torques if present, by options or labels, their
     factors to N and N·m, and kind → unit, from the units ``stated``, else from the header.
     """
-    named, twice = {axis: column for axis, column in options.columns.items() if axis != "t"}, ""
+    named, twice = (
+        {axis: column for axis, column in options.columns.items() if axis != "t"},
+        "",
+    )
     for column, label in enumerate(() if options.columns else sheet.labels):
         if axis := axis_of(label):
             twice = label if axis in named else twice
@@ -225,10 +258,15 @@ def axis_factors(
         found = ", ".join(sorted(named)) + (f", two columns {twice}" if twice else "")
         labels = ", ".join(sheet.labels) or "none"
         message = f"the named axes are {found or 'none'} (labels: {labels}); fx, fy and fz, and "
-        message += "all or none of tx, ty, tz are required once each; name them in columns"
+        message += (
+            "all or none of tx, ty, tz are required once each; name them in columns"
+        )
         raise RecordingError(message, **where, key=KEY)
     columns = sheet.columns({axis: named[axis] for axis in wanted}, KEY)
-    units = {axis: stated[KINDS[axis]] if stated else sheet.unit(n) for axis, n in columns.items()}
+    units = {
+        axis: stated[KINDS[axis]] if stated else sheet.unit(n)
+        for axis, n in columns.items()
+    }
     factors = [si_factor(axis, unit, options, **where) for axis, unit in units.items()]
     kinds = {KINDS[axis]: units[axis] for axis in ("fx", "tx") if units.get(axis)}
     return [*columns.values()], np.array(factors), kinds
@@ -247,7 +285,12 @@ def sheet_record(
     equally spaced at ``rate()`` in Hz (default the option).
     """
     labels = [bare(label) for label in sheet.labels]
-    fits = [n for kind in (TIMES, NUMBERS) for n, name in enumerate(labels) if kind.fullmatch(name)]
+    fits = [
+        n
+        for kind in (TIMES, NUMBERS)
+        for n, name in enumerate(labels)
+        if kind.fullmatch(name)
+    ]
     named = options.columns.get("t") if options.columns else next(iter(fits), None)
     clock = [] if named is None else [*sheet.columns({"t": named}, KEY).values()]
     samples = sheet.samples([*clock, *columns], *clock)
@@ -263,7 +306,9 @@ def sheet_record(
         time, more["rate"] = (ticks - ticks[0]) / steady, steady
     else:
         where = {"file": sheet.file, "line": sheet.label_line}
-        time = (ticks - ticks[0]) * si_factor("t", sheet.unit(*clock, "time"), options, **where)
+        time = (ticks - ticks[0]) * si_factor(
+            "t", sheet.unit(*clock, "time"), options, **where
+        )
     if not clock:
         return _record(time, values, **more)
     lines = [sheet.lines[row] for row in samples.rows]
@@ -282,12 +327,17 @@ def read_force_bag(file: Path, options: ForceLogOptions = NO_OPTIONS) -> ForceRe
     if not (finite := np.isfinite(samples).all(axis=1)).all():
         where = {"file": file, "topic": topic, "sample": int(np.argmin(finite))}
         raise RecordingError("a force or torque is not finite", **where)
-    return timed_record(samples[:, 0], samples[:, 1:], "sample", range(len(samples)), file)
+    return timed_record(
+        samples[:, 0], samples[:, 1:], "sample", range(len(samples)), file
+    )
 
 
 def _sample(message: object) -> list[float]:
     parts = message.wrench.force, message.wrench.torque
-    return [rosbag.seconds(message), *(getattr(part, axis) for part in parts for axis in "xyz")]
+    return [
+        rosbag.seconds(message),
+        *(getattr(part, axis) for part in parts for axis in "xyz"),
+    ]
 
 
 FORMAT = (

@@ -33,11 +33,22 @@ def read_arrays(file: Path, options: LogOptions) -> JointLog:
         raise RecordingError("version 7.3 is not read; save it with -v7", file=file)
     read = next((read for is_one, read in READERS.values() if is_one(head)), _npz)
     data = read_alone(read, Path(file), file=file, advice="save it again")
-    require("memory_mib", sum(one.size for one in data.values()) * 8 / MIB, "MiB of numbers", file)
-    words = {name: [*map(str, one)] for name, one in data.items() if one.dtype.kind == "U"}
-    dated = {name for name, one in data.items() if one.dtype.kind in "mM"}  # their type is a unit
+    require(
+        "memory_mib",
+        sum(one.size for one in data.values()) * 8 / MIB,
+        "MiB of numbers",
+        file,
+    )
+    words = {
+        name: [*map(str, one)] for name, one in data.items() if one.dtype.kind == "U"
+    }
+    dated = {
+        name for name, one in data.items() if one.dtype.kind in "mM"
+    }  # their type is a unit
     for name in dated:  # s, dates since 1970
-        data[name] = (data[name] - np.zeros(1, data[name].dtype)) / np.timedelta64(1, "s")
+        data[name] = (data[name] - np.zeros(1, data[name].dtype)) / np.timedelta64(
+            1, "s"
+        )
     data = {name: one for name, one in data.items() if name not in words}
     vectors = {name: one for name, one in data.items() if one.ndim == 1}
     for name, group in meanings.columns_by_name([*vectors]).items():
@@ -53,23 +64,36 @@ def read_arrays(file: Path, options: LogOptions) -> JointLog:
         if one.ndim == 2 and one.shape[1] in lengths and one.shape[0] not in lengths:
             data[name] = one = one.T  # one row per joint beside a time of that length
         if one.ndim in (1, 2):
-            own = [f"{name}:{j}" for j in range(one.shape[1])] if one.ndim == 2 else [name]
-            groups[name], columns = own, columns | dict(zip(own, np.atleast_2d(one.T), strict=True))
+            own = (
+                [f"{name}:{j}" for j in range(one.shape[1])]
+                if one.ndim == 2
+                else [name]
+            )
+            groups[name], columns = (
+                own,
+                columns | dict(zip(own, np.atleast_2d(one.T), strict=True)),
+            )
 
     def numbers(quantity: str, names: Sequence[object]) -> np.ndarray:
-        labels = [label for name in map(str, names) for label in groups.get(name, [name])]
+        labels = [
+            label for name in map(str, names) for label in groups.get(name, [name])
+        ]
         chosen = [columns[label] for label in labels if label in columns]
         if not labels or len(chosen) < len(labels) or len({*map(len, chosen)}) > 1:
             shapes = [f"{name} {one.shape}" for name, one in sorted(data.items())]
             message = f"the {quantity} must be an array with one row of numbers per time, found "
             message += f"{', '.join(labels) or 'no such name'}; name the array, or its columns as "
-            message += f"ARRAY:COLUMN{advice}. The file has {', '.join(shapes) or 'no arrays'}"
+            message += (
+                f"ARRAY:COLUMN{advice}. The file has {', '.join(shapes) or 'no arrays'}"
+            )
             key = f"{OPTION}.{'time' if quantity == 'time' else 'signals'}"
             raise RecordingError(message, file=file, key=key)
         values = np.column_stack(chosen).astype(float)
         if (invalid := ~np.isfinite(values)).any():
             row, column = np.argwhere(invalid)[0].tolist()
-            message = f"{labels[column]} holds {values[row, column]}, not a finite number"
+            message = (
+                f"{labels[column]} holds {values[row, column]}, not a finite number"
+            )
             raise RecordingError(message, file=file, array=labels[column], row=row)
         return values
 
@@ -81,11 +105,19 @@ def read_arrays(file: Path, options: LogOptions) -> JointLog:
     chosen = {name: labels for name, labels in options.signals.items() if labels}
     wanted = options.signals or ("actual", "target")
     if {*wanted} - {*chosen}:
-        tables = {name: data[name].astype(float) for name in groups if data[name].ndim == 2}
-        with np.errstate(over="ignore", invalid="ignore"):  # damaged numbers may be huge or NaN
-            found, guessed = meanings.signals_of_groups({n: [n] for n in tables}, tables, time)
+        tables = {
+            name: data[name].astype(float) for name in groups if data[name].ndim == 2
+        }
+        with np.errstate(
+            over="ignore", invalid="ignore"
+        ):  # damaged numbers may be huge or NaN
+            found, guessed = meanings.signals_of_groups(
+                {n: [n] for n in tables}, tables, time
+            )
         if guessed and not meanings.possibly_speed(found["target"]):
-            advice = f". {'; '.join(guessed.values())}: signals may be {found}".replace("'", "")
+            advice = f". {'; '.join(guessed.values())}: signals may be {found}".replace(
+                "'", ""
+            )
             del found["target"]
         chosen = found | chosen
     units = {name: _unit("angle", chosen.get(name, ()), file) for name in wanted}
@@ -100,11 +132,18 @@ def read_arrays(file: Path, options: LogOptions) -> JointLog:
             numbers("time", ())
     if {*lengths.values()} != {len(time)}:
         rows = ", ".join(f"{count} of {name}" for name, count in lengths.items())
-        message = f"{len(time)} times for {rows} angles; save one row of joints for each time"
+        message = (
+            f"{len(time)} times for {rows} angles; save one row of joints for each time"
+        )
         raise RecordingError(message, file=file, array=clock)
     width = {rows.shape[1] for rows in signals.values()}
-    stated = (tuple(w) for n, w in words.items() if meanings.is_names(n) and {len(w)} == width)
-    units = {"time_unit": "s" * (second != ""), "angle_unit": "rad" * all(units.values())}
+    stated = (
+        tuple(w) for n, w in words.items() if meanings.is_names(n) and {len(w)} == width
+    )
+    units = {
+        "time_unit": "s" * (second != ""),
+        "angle_unit": "rad" * all(units.values()),
+    }
     log = JointLog(time, signals, {}, next(stated, ()), **units)
     return increasing(log, lambda row: {"file": file, "array": clock, "row": row})
 
@@ -146,14 +185,20 @@ def _mat(file: Path) -> Arrays:
     """Return the matrices of a MATLAB file; ``rec.q`` is the matrix ``q`` in the struct ``rec``."""
     arrays = dict(_flatten("", loadmat(file, simplify_cells=True)))
     # MATLAB stores a vector as a matrix with one row or one column
-    return {name: one.ravel() if 1 in one.shape else one for name, one in arrays.items()}
+    return {
+        name: one.ravel() if 1 in one.shape else one for name, one in arrays.items()
+    }
 
 
-def _flatten(path: str, struct: Mapping[str, object]) -> Iterator[tuple[str, np.ndarray]]:
+def _flatten(
+    path: str, struct: Mapping[str, object]
+) -> Iterator[tuple[str, np.ndarray]]:
     for name, value in struct.items():
         if isinstance(value, Mapping):
             yield from _flatten(f"{path}{name}.", value)
-        elif path or not (name.startswith("__") or name == "None"):  # "None": an opaque object
+        elif path or not (
+            name.startswith("__") or name == "None"
+        ):  # "None": an opaque object
             yield f"{path}{name}", _numeric(value)
 
 
@@ -174,4 +219,6 @@ READERS = {  # name of the format: recogniser, reader of the arrays
         lambda head: begins(b"PK\x03\x04")(head) and b".npy" in head.content[MEMBER], _npz),
     "Parquet table of joints": (begins(b"PAR1"), _parquet),
 }  # fmt: skip
-FORMAT = tuple(Format(n, Kind.JOINTS, read_arrays, is_one) for n, (is_one, _) in READERS.items())
+FORMAT = tuple(
+    Format(n, Kind.JOINTS, read_arrays, is_one) for n, (is_one, _) in READERS.items()
+)

@@ -16,7 +16,12 @@ from pipeline.core.errors import RecordingError
 from pipeline.formats import rosbag
 from pipeline.formats.delimited import UNITS, spelled
 from pipeline.formats.format import Format, Head, Kind, is_bag
-from pipeline.formats.joints.names import is_names, match_joints, named_like, states_joints
+from pipeline.formats.joints.names import (
+    is_names,
+    match_joints,
+    named_like,
+    states_joints,
+)
 from pipeline.formats.number_sheet import Sheet, read_sheet
 
 OPTION = "dataset.joint_log"
@@ -33,7 +38,9 @@ class JointLog:
 
     time: np.ndarray  # (N,) s on the controller's clock, increasing
     signals: Mapping[str, np.ndarray]  # signal → (N, joints)
-    counts: dict[str, int]  # numbers of omitted or interpolated rows and cells; see the reader
+    counts: dict[
+        str, int
+    ]  # numbers of omitted or interpolated rows and cells; see the reader
     joints: tuple[str, ...] = ()  # joint names in column order, if the file states them
     lines: Sequence[int] = ()  # (N,) line numbers of the samples, if the file has lines
     time_unit: str = ""  # unit of the times, if the file states it
@@ -52,12 +59,16 @@ class LogOptions:
     angle_unit: str = "rad"
     time_unit: str = "s"
     joints: int | None = None  # number of joints; None: all joints of the log
-    names: Sequence[str] = ()  # names of the joints; joint names in a log must equal them
+    names: Sequence[
+        str
+    ] = ()  # names of the joints; joint names in a log must equal them
     # signal → factor of its values, one number or one per joint (default 1)
     factors: Mapping[str, float | Sequence[float]] = field(default_factory=dict)
     # signal → columns of its joints (labels, or numbers from 0); None: all columns behind the time
     signals: Mapping[str, Sequence[str | int] | None] = field(default_factory=dict)
-    circular: np.ndarray | bool = True  # (joints,) whether a joint revolves, else it is linear
+    circular: np.ndarray | bool = (
+        True  # (joints,) whether a joint revolves, else it is linear
+    )
 
 
 def increasing(log: JointLog, place: Callable[[int], dict[str, object]]) -> JointLog:
@@ -77,12 +88,16 @@ def increasing(log: JointLog, place: Callable[[int], dict[str, object]]) -> Join
     signals = {name: rows[keep] for name, rows in log.signals.items()}
     counts = log.counts | {"doubled_rows": int(doubled.sum())}
     lines = np.array(log.lines)[keep].tolist() if len(log.lines) else ()
-    return replace(log, time=log.time[keep], signals=signals, counts=counts, lines=lines)
+    return replace(
+        log, time=log.time[keep], signals=signals, counts=counts, lines=lines
+    )
 
 
 def read_joint_table(file: Path, options: LogOptions) -> JointLog:
     """Return the signals that ``options`` name in the table ``file``; see :func:`log_of_sheet`."""
-    sheet = read_sheet(file, separator=options.separator, decimal=options.decimal, key=OPTION)
+    sheet = read_sheet(
+        file, separator=options.separator, decimal=options.decimal, key=OPTION
+    )
     return log_of_sheet(sheet, options)
 
 
@@ -94,7 +109,10 @@ def log_of_sheet(sheet: Sheet, options: LogOptions) -> JointLog:
     where the header states another unit of the time or of the first signal, or other joints.
     """
     wanted = {} if options.time is None else {"time": options.time}
-    first, chosen = len(wanted), {}  # chosen: signal → slice of the columns of ``values``
+    first, chosen = (
+        len(wanted),
+        {},
+    )  # chosen: signal → slice of the columns of ``values``
     for signal, columns in options.signals.items():
         if columns is None and sheet.width != options.joints + first:
             values = f"{'a time and ' if first else ''}{sheet.width - first} values"
@@ -103,18 +121,28 @@ def log_of_sheet(sheet: Sheet, options: LogOptions) -> JointLog:
             raise RecordingError(message, file=sheet.file, line=sheet.lines[0])
         named = range(first, sheet.width) if columns is None else columns
         chosen[signal] = slice(len(wanted), len(wanted) + len(named))
-        wanted |= {f"joint {n} ({signal})": column for n, column in enumerate(named, start=1)}
+        wanted |= {
+            f"joint {n} ({signal})": column for n, column in enumerate(named, start=1)
+        }
     places, factors = sheet.columns(wanted, f"{OPTION}.signals"), []
-    checked = {"time", *(name for name in places if name.endswith(f"({next(iter(chosen))})"))}
+    checked = {
+        "time",
+        *(name for name in places if name.endswith(f"({next(iter(chosen))})")),
+    }
     where = {"file": sheet.file, "line": sheet.label_line}
-    stated: dict[str, dict[str, str]] = {"time": {}, "angle": {}}  # kind → unit → quantity
+    stated: dict[str, dict[str, str]] = {
+        "time": {},
+        "angle": {},
+    }  # kind → unit → quantity
     for quantity, column in places.items():
         kind = "time" if quantity == "time" else "angle"
         unit = spelled(sheet.unit(column, kind) or "")
         given, known = getattr(options, f"{kind}_unit"), UNITS[kind]
         if unit in UNITS[f"unread_{kind}"]:
             message = f"the {quantity} is in {unit} by the header: convert it to "
-            raise RecordingError(f"{message}{' or '.join(known)}, or correct the header", **where)
+            raise RecordingError(
+                f"{message}{' or '.join(known)}, or correct the header", **where
+            )
         if quantity in checked and unit in known:
             stated[kind][unit] = quantity
         lengths = UNITS["length"] if kind == "angle" else {}  # of linear joints
@@ -127,11 +155,20 @@ def log_of_sheet(sheet: Sheet, options: LogOptions) -> JointLog:
     measured = [column for name, column in places.items() if name.endswith("(actual)")]
     labels = [sheet.labels[column] for column in measured if sheet.labels]
     named = match_joints(names_in_cells(sheet, len(measured)) or labels, options.names)
-    if {*named} == {*options.names} and states_joints(named) and named != [*options.names]:
-        message = f"the columns of the measured angles are {', '.join(named)} by their names"
+    if (
+        {*named} == {*options.names}
+        and states_joints(named)
+        and named != [*options.names]
+    ):
+        message = (
+            f"the columns of the measured angles are {', '.join(named)} by their names"
+        )
         raise RecordingError(message, **where, key=f"{OPTION}.joints")
     samples = sheet.samples([*places.values()], places.get("time"), measured)
-    values, lines = samples.values * np.array(factors), [sheet.lines[row] for row in samples.rows]
+    values, lines = (
+        samples.values * np.array(factors),
+        [sheet.lines[row] for row in samples.rows],
+    )
     time = values[:, 0] if first else samples.rows / options.rate
     signals = {signal: values[:, columns] for signal, columns in chosen.items()}
     log = JointLog(time, signals, sheet.counts | samples.counts, lines=lines)
@@ -140,14 +177,20 @@ def log_of_sheet(sheet: Sheet, options: LogOptions) -> JointLog:
 
 def names_in_cells(sheet: Sheet, count: int) -> list[str]:
     """Return ``count`` joints' names in cells, or none; RecordingError where they change."""
-    columns = {n for n, label in enumerate(sheet.labels) if is_names(label)} - {*sheet.numeric}
+    columns = {n for n, label in enumerate(sheet.labels) if is_names(label)} - {
+        *sheet.numeric
+    }
     if not columns:
         return []
     stated = [*zip(*map(sheet.words, sorted(columns)), strict=True)]
     if changed := next((n for n, each in enumerate(stated) if each != stated[0]), 0):
-        message = "the joints' names differ from the first row: write the joints in one order"
+        message = (
+            "the joints' names differ from the first row: write the joints in one order"
+        )
         raise RecordingError(message, file=sheet.file, line=sheet.lines[changed])
-    names = [name for cell in stated[0] for name in re.findall(r"[A-Za-z_][\w./-]*", cell)]
+    names = [
+        name for cell in stated[0] for name in re.findall(r"[A-Za-z_][\w./-]*", cell)
+    ]
     return names if len(names) == count else []
 
 
@@ -157,10 +200,16 @@ def joint_labels(signal: str, joints: Sequence[str]) -> list[str]:
 
 
 def write_joint_table(
-    file: Path, time: np.ndarray, signals: Mapping[str, np.ndarray], joints: Sequence[str]
+    file: Path,
+    time: np.ndarray,
+    signals: Mapping[str, np.ndarray],
+    joints: Sequence[str],
 ) -> None:
     """Write ``time`` (N,) in s and ``signals`` (N, joints) in rad below :func:`joint_labels`."""
-    header = ["time", *(label for signal in signals for label in joint_labels(signal, joints))]
+    header = [
+        "time",
+        *(label for signal in signals for label in joint_labels(signal, joints)),
+    ]
     table = np.column_stack([time, *signals.values()])
     row = ",".join(["%.6f", *["%.7f"] * (table.shape[1] - 1)]) + "\n"
     rows = row * len(table) % tuple(table.ravel().tolist())
@@ -191,34 +240,55 @@ def read_joint_bag(file: Path, options: LogOptions) -> JointLog:
             counts["unwrapped_jumps"] += removed
         logs[signal] = log.time, values
     time, measured = logs.pop("actual")
-    keep, interpolated, signals = np.ones(len(time), bool), np.zeros(len(time), bool), {}
+    keep, interpolated, signals = (
+        np.ones(len(time), bool),
+        np.zeros(len(time), bool),
+        {},
+    )
     for signal, (stamps, values) in logs.items():
         keep &= (stamps[0] <= time) & (time <= stamps[-1])
         interpolated |= ~np.isin(time, stamps)
-        signals[signal] = np.column_stack([np.interp(time, stamps, joint) for joint in values.T])
+        signals[signal] = np.column_stack(
+            [np.interp(time, stamps, joint) for joint in values.T]
+        )
     if not keep.any():
         message = f"no measured angle, from {time[0]:.10g} to {time[-1]:.10g} s by the headers, is "
         message += "within the times of the commands: record both by one clock"
         raise RecordingError(message, file=file)
     repaired = {"interpolated_rows": int((interpolated & keep).sum())}
     repaired["rows_without_command"] = int((~keep).sum())
-    signals = {signal: rows[keep] for signal, rows in ({"actual": measured} | signals).items()}
+    signals = {
+        signal: rows[keep] for signal, rows in ({"actual": measured} | signals).items()
+    }
     return JointLog(time[keep] - time[0], signals, dict(+counts) | repaired, joints)
 
 
 def _topics(file: Path, options: LogOptions) -> dict[str, str]:
     """Return signal → topic by the options, else by the topics' names; always with ``actual``."""
-    present = sorted(name for name, kind in rosbag.topics(file).items() if kind == JOINT_STATE)
+    present = sorted(
+        name for name, kind in rosbag.topics(file).items() if kind == JOINT_STATE
+    )
     chosen = {}
-    for signal, columns in {"actual": None, **(options.signals or {"target": None})}.items():
-        fits = [*columns] if columns else named_like(signal, present) if signal in ANGLES else []
+    for signal, columns in {
+        "actual": None,
+        **(options.signals or {"target": None}),
+    }.items():
+        fits = (
+            [*columns]
+            if columns
+            else named_like(signal, present)
+            if signal in ANGLES
+            else []
+        )
         if not columns and signal == "actual" and len(present) == 1:
             fits = present
         if len(fits) == 1 and fits[0] in present:
             chosen[signal] = fits[0]
         elif fits or signal == "actual":
             message = f"{len(fits)} topics could hold the {signal} values: name one of the topics "
-            message += f"of JointState in signals: {', '.join(present) or 'the bag has none'}"
+            message += (
+                f"of JointState in signals: {', '.join(present) or 'the bag has none'}"
+            )
             raise RecordingError(message, file=file, key=f"{OPTION}.signals")
     return chosen
 
@@ -230,28 +300,43 @@ def _sample(message: object, name: str) -> tuple[float, dict[str, float]]:
     return rosbag.seconds(message), dict.fromkeys(message.name, np.nan) | present
 
 
-def _read_topic(file: Path, topic: str, signal: str, joints: tuple[str, ...]) -> JointLog:
+def _read_topic(
+    file: Path, topic: str, signal: str, joints: tuple[str, ...]
+) -> JointLog:
     """Return the ``signal`` of the ``joints`` (default the joints of the longest message)."""
     name, where = FIELDS.get(signal, "effort"), {"file": file, "topic": topic}
     samples = [*rosbag.messages(file, topic, partial(_sample, name=name))]
-    longest = joints or tuple(max((values for _, values in samples), key=len, default=()))
+    longest = joints or tuple(
+        max((values for _, values in samples), key=len, default=())
+    )
     # without names, wheels that have no position in any message are no joints of the arm
-    measured = {joint for _, values in samples for joint in values if np.isfinite(values[joint])}
+    measured = {
+        joint for _, values in samples for joint in values if np.isfinite(values[joint])
+    }
     joints = joints or tuple(joint for joint in longest if joint in measured)
     numbers = [n for n, (_, values) in enumerate(samples) if {*joints} & {*values}]
     if not numbers:
-        others = ", ".join(sorted({joint for _, values in samples for joint in values})) or "none"
+        others = (
+            ", ".join(sorted({joint for _, values in samples for joint in values}))
+            or "none"
+        )
         message = f"no message has the joints {', '.join(joints) or 'of an arm'}; the joints are "
         raise RecordingError(message + others, key=f"{OPTION}.joints", **where)
-    rows = np.array([[samples[n][1].get(joint, np.nan) for joint in joints] for n in numbers])
+    rows = np.array(
+        [[samples[n][1].get(joint, np.nan) for joint in joints] for n in numbers]
+    )
     if not (finite := np.isfinite(rows)).all():
         row = int(finite.all(axis=1).argmin())
         missing = ", ".join(np.array(joints)[~finite[row]])
         message = f"the message has no {name} of {missing} ({signal}): name the arm's joints alone"
-        raise RecordingError(message, number=numbers[row], key=f"{OPTION}.joints", **where)
+        raise RecordingError(
+            message, number=numbers[row], key=f"{OPTION}.joints", **where
+        )
     counts = {"messages_of_other_joints": len(samples) - len(numbers)}
     counts["joints_without_values"] = len(longest) - len(joints)
-    log = JointLog(np.array([samples[n][0] for n in numbers]), {signal: rows}, counts, joints)
+    log = JointLog(
+        np.array([samples[n][0] for n in numbers]), {signal: rows}, counts, joints
+    )
     return increasing(log, lambda row: {"number": numbers[row], **where})
 
 

@@ -77,14 +77,22 @@ def named_like(quantity: str, names: Iterable[str]) -> list[str]:
     """Return those ``names`` that mean the ``quantity``: time, actual or target (joint angles)."""
     if quantity == "time":
         plain = {n: re.split(r"[./]", bare(n).lower()) for n in names}
-        alone = [n for n, parts in plain.items() if re.sub("[^a-z]", "", "".join(parts)) in TIME]
+        alone = [
+            n
+            for n, parts in plain.items()
+            if re.sub("[^a-z]", "", "".join(parts)) in TIME
+        ]
         return alone or [n for n, parts in plain.items() if parts[-1] in TIME]
     angles = {name: parsed for name in names if (parsed := meaning(name)).is_angle}
     fits = [name for name, parsed in angles.items() if parsed.role == quantity]
     # a name of angles before a name of an unknown quantity: q_target before m_target
     fits = [name for name in fits if angles[name].quantity] or fits
     if quantity == "actual":  # position names without a role are measured angles
-        fits += [name for name, parsed in angles.items() if not parsed.role and parsed.quantity]
+        fits += [
+            name
+            for name, parsed in angles.items()
+            if not parsed.role and parsed.quantity
+        ]
     # the angle of a joint before the angle of its motor, which the gear divides
     fits = [name for name in fits if WORDS["motor"].isdisjoint(words_of(name))] or fits
     return [name for name in fits if not angles[name].rest] or fits
@@ -102,16 +110,26 @@ def clocks_of(columns: Mapping[str, np.ndarray]) -> list[str]:
     are in the order of their evenness, since times of reception are less even.
     """
     words = {name: {*words_of(name.rpartition(".")[2])} for name in columns}
-    worded = [name for name in columns if TIME & words[name] and not COUNTERS & words[name]]
+    worded = [
+        name for name in columns if TIME & words[name] and not COUNTERS & words[name]
+    ]
     steps = {name: np.diff(columns[name].astype(float)) for name in worded}
-    counted = [name for name in worded if (steps[name] <= 0).any() or (steps[name] == 1).all()]
-    named = named_like("time", columns) or [name for name in worded if name not in counted]
+    counted = [
+        name for name in worded if (steps[name] <= 0).any() or (steps[name] == 1).all()
+    ]
+    named = named_like("time", columns) or [
+        name for name in worded if name not in counted
+    ]
     times = [columns[name] for name in named]
     alike = [len(one) == len(times[0]) and np.allclose(one, times[0]) for one in times]
 
     def unevenness(name: str) -> float:
         steps = np.diff(columns[name].astype(float))
-        return float(np.std(steps) / mean) if len(steps) and (mean := abs(steps.mean())) else np.inf
+        return (
+            float(np.std(steps) / mean)
+            if len(steps) and (mean := abs(steps.mean()))
+            else np.inf
+        )
 
     return named[:1] if all(alike) else sorted(named, key=unevenness)
 
@@ -130,22 +148,34 @@ def joint_parts(names: Sequence[str]) -> list[str]:
 
 def states_joints(names: Sequence[str]) -> bool:
     """Return whether ``names`` differ in words, as elbow and wrist_1, not only in numbers."""
-    return len(names) > 1 and any(re.search("[a-z]", part) for part in joint_parts(names))
+    return len(names) > 1 and any(
+        re.search("[a-z]", part) for part in joint_parts(names)
+    )
 
 
 def match_joints(names: Sequence[str], joints: Sequence[str]) -> list[str]:
     """Return the one of ``joints`` that each of ``names`` (labels or joints' names) means, and the
     distinguishing part of a name that means none; empty if two names mean one joint.
     """
-    own = {p.replace("_", ""): j for p, j in zip(joint_parts(joints), joints, strict=True)}
+    own = {
+        p.replace("_", ""): j for p, j in zip(joint_parts(joints), joints, strict=True)
+    }
     matched = []
     for name, part in zip(names, joint_parts(names), strict=True):
         text = f"_{'_'.join(words_of(name))}_"
-        cores = {joint: [w for w in words_of(joint) if w not in JOINT] for joint in joints}
-        inside = {j: len(core) for j, core in cores.items() if f"_{'_'.join(core)}_" in text}
-        longest = [joint for joint, size in inside.items() if size == max(inside.values())]
+        cores = {
+            joint: [w for w in words_of(joint) if w not in JOINT] for joint in joints
+        }
+        inside = {
+            j: len(core) for j, core in cores.items() if f"_{'_'.join(core)}_" in text
+        }
+        longest = [
+            joint for joint, size in inside.items() if size == max(inside.values())
+        ]
         plain = part.replace("_", "")
-        exact = [own[plain]] if plain in own else longest if len(longest) == 1 else [part]
+        exact = (
+            [own[plain]] if plain in own else longest if len(longest) == 1 else [part]
+        )
         matched += [name] if name in joints else exact
     return matched if len({*matched}) == len(matched) else []
 
@@ -163,9 +193,16 @@ def columns_by_name(labels: Sequence[str]) -> dict[str, list[str]]:
         if parts and parsed.number is not None and parts[1] + parts[3]:
             numbered.setdefault(parts[1] + parts[3], {})[int(parts[2])] = label
         role = parsed.role or ("actual" if parsed.quantity == "position" else "")
-        if role and parsed.rest and parsed.is_angle and parsed.rest[-1] not in {*"xyzw"}:
+        if (
+            role
+            and parsed.rest
+            and parsed.is_angle
+            and parsed.rest[-1] not in {*"xyzw"}
+        ):
             worded.setdefault(role, []).append(label)
-    groups = {name: [group[n] for n in sorted(group)] for name, group in numbered.items()}
+    groups = {
+        name: [group[n] for n in sorted(group)] for name, group in numbered.items()
+    }
     plain = [each for each in map(meaning, groups) if each.is_angle and not each.rest]
     plain = {each.role or "actual" for each in plain if each.role or each.quantity}
     named = {
@@ -179,14 +216,20 @@ def columns_by_name(labels: Sequence[str]) -> dict[str, list[str]]:
         used = {label for parts in named.values() for label in parts.values()}
         groups = {name: group for name, group in groups.items() if not used & {*group}}
         order = [*named.get("actual", named.get("target", {}))]
-        groups |= {role: [parts[part] for part in order] for role, parts in named.items()}
-        others: dict[str, dict[str, str]] = {}  # labels of the same joints without a role
+        groups |= {
+            role: [parts[part] for part in order] for role, parts in named.items()
+        }
+        others: dict[
+            str, dict[str, str]
+        ] = {}  # labels of the same joints without a role
         for label in (label for label in labels if label not in used):
             text = f"_{'_'.join(words_of(label))}_"
             for part in (part for part in order if f"_{part}_" in text):
                 others.setdefault(text.replace(f"_{part}_", "_*_"), {})[part] = label
         for name, parts in others.items():
-            groups |= {name: [parts[part] for part in order]} if {*parts} == {*order} else {}
+            groups |= (
+                {name: [parts[part] for part in order]} if {*parts} == {*order} else {}
+            )
     return groups
 
 
@@ -194,20 +237,31 @@ def other_content(labels: Sequence[str], units: Sequence[str | None]) -> str | N
     """Return the content of a table without joints, by the ``labels`` and ``units`` of its columns:
     poses of a body, an inertial sensor or positions of a point; None for unknown content.
     """
-    axes: dict[str, dict[str, int]] = {}  # label without its axis letter → axis letter → column
+    axes: dict[
+        str, dict[str, int]
+    ] = {}  # label without its axis letter → axis letter → column
     for column, label in enumerate(labels):
         plain = re.sub(r"\s*[\[(].*", "", label.lower())
         stem = re.sub(r"[wxyz]$", "", plain)
         axes.setdefault(stem, {})[plain[len(stem) :]] = column
-    vectors = {stem: columns for stem, columns in axes.items() if {*"xyz"} <= {*columns}}
+    vectors = {
+        stem: columns for stem, columns in axes.items() if {*"xyz"} <= {*columns}
+    }
     if any("w" in columns for columns in vectors.values()):
         return "poses of a body (position and quaternion)"
-    stated = {re.sub(r"[\s^*/·]", "", units[columns["x"]] or "") for columns in vectors.values()}
+    stated = {
+        re.sub(r"[\s^*/·]", "", units[columns["x"]] or "")
+        for columns in vectors.values()
+    }
     words = {word for stem in vectors for word in re.findall(r"[a-z]+", stem)}
     inertial = {"rads-1", "ms-2"} <= stated or {"rads", "ms2"} <= stated
     if inertial or (words & WORDS["turns"] and words & WORDS["accelerations"]):
         return "an inertial sensor (angular velocity and acceleration)"
-    return "positions of a point" if len(vectors) == 1 and stated & {*UNITS["length"]} else None
+    return (
+        "positions of a point"
+        if len(vectors) == 1 and stated & {*UNITS["length"]}
+        else None
+    )
 
 
 def signals_of(
@@ -220,57 +274,102 @@ def signals_of(
     angles, except derivatives and quaternions; ``load(label)`` returns (N,) at ``time`` (N,).
     """
     groups = columns_by_name(labels)
-    groups = {n: group for n, group in groups.items() if len(group) > 1 or len(groups) < 4}
-    values = {n: np.column_stack([*map(load, g)]) for n, g in groups.items()} if load else {}
+    groups = {
+        n: group for n, group in groups.items() if len(group) > 1 or len(groups) < 4
+    }
+    values = (
+        {n: np.column_stack([*map(load, g)]) for n, g in groups.items()} if load else {}
+    )
     return signals_of_groups(groups, values, time)
 
 
 def signals_of_groups(
-    groups: Mapping[str, list[str]], values: Mapping[str, np.ndarray], time: np.ndarray | None
+    groups: Mapping[str, list[str]],
+    values: Mapping[str, np.ndarray],
+    time: np.ndarray | None,
 ) -> tuple[dict[str, list[str]], dict[str, str]]:
     """Return :func:`signals_of` groups of columns, and ``values`` (N, joints) per group."""
-    norms = {n: np.linalg.norm(rows, axis=1) for n, rows in values.items() if rows.shape[1] == 4}
-    turns = {n for n, norm in norms.items() if np.abs(norm - 1).max(initial=0.0) < UNIT_NORM}
+    norms = {
+        n: np.linalg.norm(rows, axis=1)
+        for n, rows in values.items()
+        if rows.shape[1] == 4
+    }
+    turns = {
+        n for n, norm in norms.items() if np.abs(norm - 1).max(initial=0.0) < UNIT_NORM
+    }
     fits = {*groups} - turns  # quaternions are no angles
     actual = [name for name in named_like("actual", groups) if name in fits]
-    target = [name for name in named_like("target", groups) if name in fits and name not in actual]
+    target = [
+        name
+        for name in named_like("target", groups)
+        if name in fits and name not in actual
+    ]
     if len(target) == 1:
-        alike = [n for n in actual or fits - {*target} if len(groups[n]) == len(groups[target[0]])]
-        if not actual:  # measured angles may have the command's name without cmd: J1 and J1_cmd
+        alike = [
+            n
+            for n in actual or fits - {*target}
+            if len(groups[n]) == len(groups[target[0]])
+        ]
+        if (
+            not actual
+        ):  # measured angles may have the command's name without cmd: J1 and J1_cmd
             own = meaning(groups[target[0]][0]).rest
             meanings = {name: meaning(groups[name][0]) for name in alike}
-            alike = [n for n, m in meanings.items() if m.is_angle and not m.role and m.rest == own]
+            alike = [
+                n
+                for n, m in meanings.items()
+                if m.is_angle and not m.role and m.rest == own
+            ]
         actual = alike if len(alike) == 1 else actual
     guessed: dict[str, str] = {}
     if not actual:
-        joints = [n for n in fits if {*words_of(n)} & WORDS["numbered"] and meaning(n) == PLAIN]
+        joints = [
+            n
+            for n in fits
+            if {*words_of(n)} & WORDS["numbered"] and meaning(n) == PLAIN
+        ]
         if len(joints) == 1 and len(groups[joints[0]]) > 1:
             actual = joints
-            guessed["actual"] = f"{groups[joints[0]][0]} … are joints by their names alone"
-    if len(actual) == len(target) == 1 and len(groups[actual[0]]) != len(groups[target[0]]):
+            guessed["actual"] = (
+                f"{groups[joints[0]][0]} … are joints by their names alone"
+            )
+    if len(actual) == len(target) == 1 and len(groups[actual[0]]) != len(
+        groups[target[0]]
+    ):
         actual, target = (actual if len(groups[target[0]]) == 1 else []), []
     signals = {"actual": groups[actual[0]]} if len(actual) == 1 else {}
     if len(actual) != 1 or actual[0] not in values:
-        return signals | ({"target": groups[target[0]]} if len(target) == 1 else {}), guessed
+        return signals | (
+            {"target": groups[target[0]]} if len(target) == 1 else {}
+        ), guessed
     moved = values[actual[0]]
     if time is None or len(time) != len(moved):
         time = np.arange(len(moved), dtype=float)
     alike = [n for n in groups if n != actual[0] and values[n].shape == moved.shape]
     limit = FOLLOWS * np.ptp(moved, axis=0).max(initial=0.0)
     # 90 % of the rows differ by less than the limit
-    follows = [n for n in alike if limit and np.quantile(abs(values[n] - moved), 0.9) < limit]
-    speeds = [n for n in alike if n not in follows and is_derivative(values[n], moved, time)]
+    follows = [
+        n for n in alike if limit and np.quantile(abs(values[n] - moved), 0.9) < limit
+    ]
+    speeds = [
+        n for n in alike if n not in follows and is_derivative(values[n], moved, time)
+    ]
     clear = [name for name in target if name not in speeds]
     if len(clear) == 1:
         signals["target"] = groups[clear[0]]
-    elif not target and len(weak := [n for n in possibly_speed(alike) if n not in speeds]) == 1:
+    elif (
+        not target
+        and len(weak := [n for n in possibly_speed(alike) if n not in speeds]) == 1
+    ):
         # a group named qd that is not the derivative of the angles
         signals["target"] = groups[weak[0]]
         if weak[0] not in follows:
             guessed["target"] = f"{weak[0]} is no speed of {actual[0]} by its values"
     elif not target and len(follows) == 1:
         signals["target"] = groups[follows[0]]
-        guessed["target"] = f"{groups[follows[0]][0]} … follow {groups[actual[0]][0]} … by values"
+        guessed["target"] = (
+            f"{groups[follows[0]][0]} … follow {groups[actual[0]][0]} … by values"
+        )
     return signals, guessed
 
 

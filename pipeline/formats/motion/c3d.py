@@ -11,7 +11,14 @@ import numpy as np
 from pipeline.core.bounds import MIB, require, require_content
 from pipeline.core.errors import RecordingError
 from pipeline.formats.delimited import GREATEST
-from pipeline.formats.format import Format, Head, Kind, compare_announced, read_alone, readable
+from pipeline.formats.format import (
+    Format,
+    Head,
+    Kind,
+    compare_announced,
+    read_alone,
+    readable,
+)
 from pipeline.formats.motion.take import MotionTake, checked_take, settle_unit
 
 KEY = 0x50  # the second byte of every C3D file
@@ -44,19 +51,29 @@ def read_c3d(file: Path, unit: str | None = None) -> MotionTake:
     if not points:
         channels = contents["channels"]
         message = f"the file has no points, only {len(channels)} analog channels "
-        message += f"({', '.join(channels)}) of {header.samples} samples: export the markers"
-        raise RecordingError(message if channels else "the file has no points: no take", file=file)
+        message += (
+            f"({', '.join(channels)}) of {header.samples} samples: export the markers"
+        )
+        raise RecordingError(
+            message if channels else "the file has no points: no take", file=file
+        )
     announced = _announced_frames(header, contents)
     if announced > header.frames:
         require("memory_mib", announced * header.row / MIB, "MiB of frames", file)
         pieces = str(file), header, min(announced, header.held)
         contents |= read_alone(read_contents, *pieces, file=file, advice=AGAIN)
-    position, residual, rate = (contents[name] for name in ("points", "residuals", "rate"))
+    position, residual, rate = (
+        contents[name] for name in ("points", "residuals", "rate")
+    )
     _, found, frames = position.shape
     if (found, residual.shape) != (points, (found, frames)):
-        message = f"the header announces {points} points, the file holds {found}; {AGAIN}"
+        message = (
+            f"the header announces {points} points, the file holds {found}; {AGAIN}"
+        )
         raise RecordingError(message, file=file, key="POINT:USED")
-    counts = compare_announced("frames", announced, frames, f"truncated? {AGAIN}", file=file)
+    counts = compare_announced(
+        "frames", announced, frames, f"truncated? {AGAIN}", file=file
+    )
     if len(rate) != 1 or not 0 < rate[0] < np.inf:
         message = f"the file has no frame rate; {AGAIN}"
         raise RecordingError(message, file=file, key="POINT:RATE")
@@ -72,13 +89,19 @@ def read_c3d(file: Path, unit: str | None = None) -> MotionTake:
         invalid = ~(np.abs(samples) < GREATEST)
     samples[invalid | (residual < 0)[..., None]] = np.nan
     # the list of outputs has the label with its subject (Arm:HipAngles) or without
-    own = [n for n, name in enumerate(names) if not {name, name.rpartition(":")[2]} & outputs]
+    own = [
+        n
+        for n, name in enumerate(names)
+        if not {name, name.rpartition(":")[2]} & outputs
+    ]
     markers = {}
     for n in own:
         several, number = names.count(names[n]) > 1, names[: n + 1].count(names[n])
         markers[f"{names[n]} [{number}]" if several else names[n]] = samples[n]
     if not markers:
-        message = f"all {points} points are outputs of a model (angles, moments or others)"
+        message = (
+            f"all {points} points are outputs of a model (angles, moments or others)"
+        )
         raise RecordingError(f"{message}; export the take with its markers", file=file)
     more = {"unlabelled_points": points - sum(map(bool, labels[:points]))}
     rare = {"skipped_model_outputs": points - len(markers)}
@@ -86,7 +109,17 @@ def read_c3d(file: Path, unit: str | None = None) -> MotionTake:
     rare["skipped_labels"] = max(len(labels) - points, 0)
     more |= {name: count for name, count in rare.items() if count}
     frame = np.arange(frames) + first
-    about = Path(file).stem, "C3D", rate[0], frame, np.zeros(0), markers, {}, counts, unit
+    about = (
+        Path(file).stem,
+        "C3D",
+        rate[0],
+        frame,
+        np.zeros(0),
+        markers,
+        {},
+        counts,
+        unit,
+    )
     return checked_take(MotionTake(*about), file, more=more)
 
 
@@ -119,7 +152,9 @@ def _first_block(file: Path) -> C3dHeader:
     width = 4 if content[15 if processor == INTEL else 13] & 0x80 else 2
     start, row = (max(start, 1) - 1) * BLOCK, width * (4 * points + analog)
     frames = last - first + 1
-    needed = start + (frames if last != LONGEST else 1) * row  # at LONGEST the length decides
+    needed = (
+        start + (frames if last != LONGEST else 1) * row
+    )  # at LONGEST the length decides
     if frames < 1 or size < needed:
         message = f"the header announces {points} points in {frames} frames, which need {needed} "
         message += f"bytes or more; the file has {size}: empty or truncated; {AGAIN}"
@@ -130,14 +165,20 @@ def _first_block(file: Path) -> C3dHeader:
 
 def _announced_frames(header: C3dHeader, contents: dict) -> int:
     """Return the frames by the header, TRIAL, POINT:LONG_FRAMES or the file's length."""
-    start, end, stated = (_long(contents[name]) for name in ("start", "end", "long_frames"))
+    start, end, stated = (
+        _long(contents[name]) for name in ("start", "end", "long_frames")
+    )
     if None not in (start, end):
         stated = max(end - start + 1, stated or 0)
     capped = header.last == LONGEST
     if stated and (capped or stated % 2**16 == header.frames % 2**16):
         return max(stated, header.frames)
     behind = (header.held - header.frames) * header.row >= BLOCK  # more than padding
-    return header.held if capped and (behind or header.held < header.frames) else header.frames
+    return (
+        header.held
+        if capped and (behind or header.held < header.frames)
+        else header.frames
+    )
 
 
 def _long(words: list[float]) -> int | None:
@@ -161,7 +202,10 @@ def read_contents(file: str, header: C3dHeader | None = None, frames: int = 0) -
             return _contents(stream.fileno())
     content, parts = Path(file).read_bytes(), []
     for first in range(0, frames, LONGEST - 1):
-        count, above = min(LONGEST - 1, frames - first), bytearray(content[: header.start])
+        count, above = (
+            min(LONGEST - 1, frames - first),
+            bytearray(content[: header.start]),
+        )
         struct.pack_into("<2H", above, 6, 1, count)
         at = header.start + first * header.row
         with os.fdopen(os.memfd_create("piece"), "wb") as stream:
@@ -169,7 +213,10 @@ def read_contents(file: str, header: C3dHeader | None = None, frames: int = 0) -
             stream.flush()
             parts.append(_contents(stream.fileno()))
     joined = {"points": 2, "residuals": 1}
-    return {name: np.concatenate([one[name] for one in parts], n) for name, n in joined.items()}
+    return {
+        name: np.concatenate([one[name] for one in parts], n)
+        for name, n in joined.items()
+    }
 
 
 def _contents(descriptor: int) -> dict:
@@ -181,11 +228,15 @@ def _contents(descriptor: int) -> dict:
 
     def values(kind: type, group: dict, *names: str) -> list:
         """Return all values of the parameters ``names`` in a group, in the order of ``names``."""
-        found = [value for name in names if name in group for value in group[name]["value"]]
+        found = [
+            value for name in names if name in group for value in group[name]["value"]
+        ]
         return [value.strip() if kind is str else value for value in map(kind, found)]
 
     # LABELS2 before LABELS10
-    labels = sorted(sorted(name for name in point if re.fullmatch(r"LABELS\d*", name)), key=len)
+    labels = sorted(
+        sorted(name for name in point if re.fullmatch(r"LABELS\d*", name)), key=len
+    )
     return {
         "points": recording["data"]["points"][:3],
         "residuals": recording["data"]["meta_points"]["residuals"][0],

@@ -25,10 +25,17 @@ from pipeline.formats.motion.take import MotionTake
 RATES = ("Capture Frame Rate", "Export Frame Rate")
 TEXTS = ("Take Name", "Take Notes")  # free text, in which a comma is not always quoted
 KEYS = ("Format Version", *TEXTS, *RATES, "Capture Start Time", "Capture Start Frame")
-KEYS += ("Total Frames in Take", "Total Exported Frames", "Rotation Type", "Length Units")
+KEYS += (
+    "Total Frames in Take",
+    "Total Exported Frames",
+    "Rotation Type",
+    "Length Units",
+)
 KEYS += ("Coordinate Space",)
 RAW, SOLVED, BODY = "Marker", "Rigid Body Marker", "Rigid Body"
-HEADER_LINES = 20  # upper limit; headers have five to eight lines, including blank lines
+HEADER_LINES = (
+    20  # upper limit; headers have five to eight lines, including blank lines
+)
 
 
 def read_motive(file: Path, unit: str | None = None) -> MotionTake:
@@ -46,7 +53,11 @@ def read_motive(file: Path, unit: str | None = None) -> MotionTake:
     nor body; where its unit is not ``unit``; where times contradict the rate; for malformed rows.
     """
     text = read_text(file)
-    first = "".join(cells_of(text.lines[0], ",", file=file, number=1)[:1]) if text.lines else ""
+    first = (
+        "".join(cells_of(text.lines[0], ",", file=file, number=1)[:1])
+        if text.lines
+        else ""
+    )
     if first == "Format Version":
         return _read_columns(text, Path(file), unit)
     if first in ROW_TYPES:
@@ -82,12 +93,20 @@ def _header(lines: list[str], file: Path) -> Header:
     columns = [*zip_longest(*rows, fillvalue="")]
     rows = [*zip(*columns, strict=True)]
     named = {row[1]: row for row in rows[:-2] if row[1]}
-    if len(rows) < 4 or rows[-1][0] != "Frame" or (named and not {"Type", "Name"} <= {*named}):
-        message = "no row that starts with 'Frame' follows the rows Type, Name and quantity: "
+    if (
+        len(rows) < 4
+        or rows[-1][0] != "Frame"
+        or (named and not {"Type", "Name"} <= {*named})
+    ):
+        message = (
+            "no row that starts with 'Frame' follows the rows Type, Name and quantity: "
+        )
         message += "the header is truncated or damaged; export the take again"
         raise RecordingError(message, file=file, line=number)
     types, names = named.get("Type", rows[0]), named.get("Name", rows[1])
-    identities = named.get("ID", rows[2] if len(rows) > 4 and not named else [""] * len(types))
+    identities = named.get(
+        "ID", rows[2] if len(rows) > 4 and not named else [""] * len(types)
+    )
     groups: dict[tuple[str, str, str], dict[tuple[str, str], int]] = {}
     labels = zip(types, names, identities, *rows[-2:], strict=True)
     for column, (kind, name, identity, quantity, axis) in enumerate(labels):
@@ -98,15 +117,24 @@ def _header(lines: list[str], file: Path) -> Header:
     for (kind, name, _), group in groups.items():
         if not {("Position", axis) for axis in "XYZ"} <= {*group}:
             message = f"{kind} {name!r} lacks one of its columns X, Y, Z of Position"
-    bones = {(kind, name) for kind, name in zip(types, names, strict=True) if "Bone" in kind}
+    bones = {
+        (kind, name) for kind, name in zip(types, names, strict=True) if "Bone" in kind
+    }
     if not groups:
         message = f"{capture.NO_ASSET}{', only bones' * bool(bones)}"
     if message:
-        raise RecordingError(f"{message}; export the take again", file=file, line=number)
-    time = next((n for n, axis in enumerate(rows[-1]) if axis in ("Time", "Time (Seconds)")), None)
+        raise RecordingError(
+            f"{message}; export the take again", file=file, line=number
+        )
+    time = next(
+        (n for n, axis in enumerate(rows[-1]) if axis in ("Time", "Time (Seconds)")),
+        None,
+    )
     unused = sum(map(bool, types[2:])) - sum(map(len, groups.values()))
     width = max(n for n, column in enumerate(columns, start=1) if any(column))
-    return Header(number, time, groups, [*map(any, columns[:width])], len(bones), unused)
+    return Header(
+        number, time, groups, [*map(any, columns[:width])], len(bones), unused
+    )
 
 
 def _fields(line: str, file: Path) -> dict[str, str]:
@@ -136,14 +164,22 @@ def _read_columns(text: Text, file: Path, unit: str | None) -> MotionTake:
     table = numbers_of(rows, numbers, columns, file=file, gaps=True)
     values = dict(zip(columns, table.T, strict=True))
     frame = capture.frame_numbers(values[0], numbers, file)
-    printed = np.full(len(frame), np.nan) if header.time is None else values[header.time]
+    printed = (
+        np.full(len(frame), np.nan) if header.time is None else values[header.time]
+    )
     counts = {"blank_rows": len(text.lines) - header.line - len(rows) - repeated}
     counts["cut_rows"] = int(text.cut is not None)
-    counts |= capture.compare_frames(fields.get("Total Exported Frames", ""), len(frame))
+    counts |= capture.compare_frames(
+        fields.get("Total Exported Frames", ""), len(frame)
+    )
     # older versions have no export rate
     key = RATES[1] if fields.get(RATES[1]) else RATES[0]
-    found = capture.settle_rate(fields.get(key, ""), frame, printed, file, line=1, key=key)
-    unit = capture.settle_unit(fields.get("Length Units", ""), unit, file, key="Length Units")
+    found = capture.settle_rate(
+        fields.get(key, ""), frame, printed, file, line=1, key=key
+    )
+    unit = capture.settle_unit(
+        fields.get("Length Units", ""), unit, file, key="Length Units"
+    )
     # a name that two assets share does not identify an asset: the ID is appended
     uses = Counter((kind, name) for kind, name, _ in groups)
     shared = {name for (_, name), number in uses.items() if number > 1}
@@ -151,21 +187,38 @@ def _read_columns(text: Text, file: Path, unit: str | None) -> MotionTake:
     for (kind, name, identity), group in groups.items():
         key = f"{name} [{identity}]" if name in shared else name
         xyz = [group["Position", axis] for axis in "XYZ"]
-        position = positions[kind][key] = np.stack([values[column] for column in xyz], axis=-1)
+        position = positions[kind][key] = np.stack(
+            [values[column] for column in xyz], axis=-1
+        )
         if kind != SOLVED or key not in places:  # a raw marker replaces a solved one
             places[key] = xyz
         if kind == BODY:
-            rotation = {axis: values[group[q, axis]] for q, axis in group if q == "Rotation"}
+            rotation = {
+                axis: values[group[q, axis]] for q, axis in group if q == "Rotation"
+            }
             quaternion = _quaternion(rotation, fields.get("Rotation Type", ""), file)
             bodies[key] = capture.RigidBody(position, quaternion)
     markers, solved = positions[RAW], positions[SOLVED]
-    more = {"solved_replaced": len({*solved} & {*markers}), "unused_columns": header.unused}
+    more = {
+        "solved_replaced": len({*solved} & {*markers}),
+        "unused_columns": header.unused,
+    }
     more["solved_only"] = len(solved) - more["solved_replaced"]
     rare = {"repeated_rows": repeated, "skipped_bones": header.bones}
     more |= {name: count for name, count in rare.items() if count}
     markers |= {name: solved[name] for name in solved if name not in markers}
     (rate, source), name = found, fields.get("Take Name") or file.stem
-    about = name, fields["Format Version"], rate, frame, printed, markers, bodies, counts, unit
+    about = (
+        name,
+        fields["Format Version"],
+        rate,
+        frame,
+        printed,
+        markers,
+        bodies,
+        counts,
+        unit,
+    )
     raw = MotionTake(*about, rate_from=source)
     return capture.checked_take(raw, file, numbers, places, more)
 
@@ -179,9 +232,15 @@ def _rows(text: Text, header: Header, file: Path) -> tuple[list[str], list[int],
         labelled = zip_longest(cells := line.split(","), header.labelled)
         beyond = [cell.strip() for cell, label in labelled if cell and not label]
         if len(cells) < width or any(beyond):
-            found = f"{max(beyond)!r} in a column without a label" if any(beyond) else "a cut row"
+            found = (
+                f"{max(beyond)!r} in a column without a label"
+                if any(beyond)
+                else "a cut row"
+            )
             message = f"the row has {len(cells)} cells, the header labels {width} columns: {found} "
-            message += "(row of another take, or decimal commas?); export the take again"
+            message += (
+                "(row of another take, or decimal commas?); export the take again"
+            )
             raise RecordingError(message, file=file, line=number)
         row = ",".join(cells[:width])
         if row in rows[-1:]:
@@ -208,7 +267,9 @@ def _quaternion(rotation: dict[str, np.ndarray], order: str, file: Path) -> np.n
     tracked = ~np.isnan(angles).any(axis=-1)
     quaternion = np.full((len(angles), 4), np.nan)
     if tracked.any():
-        quaternion[tracked] = Rotation.from_euler(order, angles[tracked], degrees=True).as_quat()
+        quaternion[tracked] = Rotation.from_euler(
+            order, angles[tracked], degrees=True
+        ).as_quat()
     return quaternion
 
 
@@ -237,22 +298,36 @@ def write_motive(file: Path, take: MotionTake, *, start: str) -> None:
     starts = ",Type", ",Name", ",ID", ",", "Frame,Time (Seconds)"
     rows = zip(starts, np.transpose(labels), strict=True)
     header += [",".join([start, *row]) for start, row in rows]
-    blocks = [block for body in take.bodies.values() for block in (body.quaternion, body.position)]
-    table = np.column_stack([take.frame, take.frame / take.rate, *blocks, *take.markers.values()])
+    blocks = [
+        block
+        for body in take.bodies.values()
+        for block in (body.quaternion, body.position)
+    ]
+    table = np.column_stack(
+        [take.frame, take.frame / take.rate, *blocks, *take.markers.values()]
+    )
     row = ",".join(["%d", *["%.6f"] * (table.shape[1] - 1)]) + "\r\n"
     rows = (row * len(table) % tuple(table.ravel().tolist())).replace("nan", "")
     Path(file).write_bytes(("\r\n".join(header) + "\r\n" + rows).encode())
 
 
 def _quoted(name: str) -> str:
-    return '"' + name.replace('"', '""') + '"' if any(mark in name for mark in ',"') else name
+    return (
+        '"' + name.replace('"', '""') + '"'
+        if any(mark in name for mark in ',"')
+        else name
+    )
 
 
 def _begins(head: Head) -> bool:
     # accept separators of other programs too, since the reader's error explains them
     lines = [re.split(r"[,;\t]", line) for line in head.lines[:2]]
-    first, *second = (cells[0].strip().strip('"') for cells in lines) if lines else ("",)
-    typed = first in ROW_TYPES and {*second} <= {*ROW_TYPES} and max(map(len, lines)) > 1
+    first, *second = (
+        (cells[0].strip().strip('"') for cells in lines) if lines else ("",)
+    )
+    typed = (
+        first in ROW_TYPES and {*second} <= {*ROW_TYPES} and max(map(len, lines)) > 1
+    )
     return first == "Format Version" or typed
 
 

@@ -59,7 +59,9 @@ def _blocks(cells: list[str], *widths: int) -> Iterator[list[list[str]]]:
         count = _whole("".join(cells[place : place + 1]))
         first, place = place + 1, place + 1 + count * width
         if place > len(cells):
-            raise ValueError(f"the row lacks {place - len(cells)} cells that its counts require")
+            raise ValueError(
+                f"the row lacks {place - len(cells)} cells that its counts require"
+            )
         yield [cells[n : n + width] for n in range(first, place, width)]
     if any(cells[place:]):
         raise ValueError("the row has more cells than its counts state")
@@ -67,9 +69,18 @@ def _blocks(cells: list[str], *widths: int) -> Iterator[list[list[str]]]:
 
 def read_rows(text: Text, file: Path, unit: str | None) -> MotionTake:
     """Return the take in ``text`` of version 1.0 or 1.1; see :func:`..motive.read_motive`."""
-    infos, bodies, defined, previous = {"version": "1.0"}, {}, [], None  # bodies: ID → name
+    infos, bodies, defined, previous = (
+        {"version": "1.0"},
+        {},
+        [],
+        None,
+    )  # bodies: ID → name
     times, lines, poses, seen = [], [], [], []
-    counts = {"blank_rows": 0, "cut_rows": int(text.cut is not None), "repeated_rows": 0}
+    counts = {
+        "blank_rows": 0,
+        "cut_rows": int(text.cut is not None),
+        "repeated_rows": 0,
+    }
     for number, line in enumerate(text.lines, start=1):
         if line.startswith("comment"):
             continue
@@ -77,7 +88,11 @@ def read_rows(text: Text, file: Path, unit: str | None) -> MotionTake:
             counts["blank_rows" if blank else "repeated_rows"] += 1
             continue
         kind, *cells = cells_of(line, ",", file=file, number=number)
-        named = infos["version"] not in ("1", "1.0", "1.00")  # whether markers have IDs and names
+        named = infos["version"] not in (
+            "1",
+            "1.0",
+            "1.00",
+        )  # whether markers have IDs and names
         (first, second), rest = [*cells, "", ""][:2], cells[2:]
         try:
             if kind == "info":
@@ -90,24 +105,40 @@ def read_rows(text: Text, file: Path, unit: str | None) -> MotionTake:
                 if unknown := {_whole(one[0]) for one in tracked} - {*bodies}:
                     raise ValueError(f"rigid body {min(unknown)} is not defined")
                 # position and quaternion; the angles are redundant
-                poses += [(k, bodies[int(one[0])], *_numbers(one[1:])[:7]) for one in tracked]
+                poses += [
+                    (k, bodies[int(one[0])], *_numbers(one[1:])[:7]) for one in tracked
+                ]
                 seen += [(k, one[3], one[-1], *_numbers(one[:3])) for one in markers]
                 names = [bodies[int(one[0])] for one in tracked]
-                names += [f"{MARKER}{one[-1]}" for one in markers if not STRAY.fullmatch(one[-1])]
+                names += [
+                    f"{MARKER}{one[-1]}"
+                    for one in markers
+                    if not STRAY.fullmatch(one[-1])
+                ]
                 if twice := next((name for name in names if names.count(name) > 1), ""):
-                    raise ValueError(f"two assets are named {twice.removeprefix(MARKER)!r}")
+                    raise ValueError(
+                        f"two assets are named {twice.removeprefix(MARKER)!r}"
+                    )
             elif kind in BODY_ROWS and not times:
                 (markers,) = _blocks(rest, 3)
                 if first in bodies.values() or _whole(second) in bodies:
-                    raise ValueError(f"rigid body {first!r} (ID {second}) is defined twice")
+                    raise ValueError(
+                        f"rigid body {first!r} (ID {second}) is defined twice"
+                    )
                 bodies[_whole(second)] = first
                 # a marker without any measured position is in the take, with NaN in all frames
-                defined += [f"{first}-Marker {n + 1}" for n in range(len(markers)) if named]
+                defined += [
+                    f"{first}-Marker {n + 1}" for n in range(len(markers)) if named
+                ]
             elif kind not in ("righthanded", *BODY_ROWS):
-                message = f"the row type is {kind!r}; a right-handed take has the row types "
+                message = (
+                    f"the row type is {kind!r}; a right-handed take has the row types "
+                )
                 raise ValueError(f"{message}{', '.join(ROW_TYPES)}")
         except ValueError as error:
-            raise RecordingError(f"{error}; export it again", file=file, line=number) from None
+            raise RecordingError(
+                f"{error}; export it again", file=file, line=number
+            ) from None
         previous = line
     numbers, printed = np.array(times).reshape(-1, 2).T
     frame = capture.frame_numbers(numbers, lines, file)
@@ -127,14 +158,23 @@ def read_rows(text: Text, file: Path, unit: str | None) -> MotionTake:
     if not names:
         raise RecordingError(f"{capture.NO_ASSET}; export it with them", file=file)
     # a name in a few frames needs memory for all frames
-    require("memory_mib", len(names) * len(frame) * SAMPLE / MIB, "MiB of samples", file)
+    require(
+        "memory_mib", len(names) * len(frame) * SAMPLE / MIB, "MiB of samples", file
+    )
 
-    def dense(table: pd.DataFrame, known: list[str], columns: list[str]) -> dict[str, np.ndarray]:
+    def dense(
+        table: pd.DataFrame, known: list[str], columns: list[str]
+    ) -> dict[str, np.ndarray]:
         lost = dict.fromkeys(known, np.full((len(frame), len(columns)), nan))
         tables = table.set_index("k").groupby("name", sort=False)[columns]
-        return lost | {n: one.reindex(np.arange(len(frame))).to_numpy() for n, one in tables}
+        return lost | {
+            n: one.reindex(np.arange(len(frame))).to_numpy() for n, one in tables
+        }
 
-    markers, poses = dense(seen, defined, POSE[:3]), dense(poses, [*bodies.values()], POSE)
+    markers, poses = (
+        dense(seen, defined, POSE[:3]),
+        dense(poses, [*bodies.values()], POSE),
+    )
     rigid = {name: RigidBody(pose[:, :3], pose[:, 3:]) for name, pose in poses.items()}
     about = file.stem, infos["version"], rate, frame, printed, markers, rigid
     raw = MotionTake(*about, counts, unit, rate_from=source)

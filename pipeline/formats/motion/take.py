@@ -19,12 +19,18 @@ NEAREST = 0.003  # m, least extent of all markers of a take: the size of one
 STRAY = re.compile(r"(Marker-|Unlabeled[: ]?|\*)\d+|")
 LEAST_FILLER = 99.0  # in any unit: three equal coordinates beyond it fill a gap
 WHOLE = re.compile(r"[0-9]{1,18}")  # a count or an ID
-TIME_ROUNDING = 0.0101  # s, greatest error of a step between times of two decimals or more
+TIME_ROUNDING = (
+    0.0101  # s, greatest error of a step between times of two decimals or more
+)
 RATE_TOLERANCE = 0.01  # relative error of a stated rate, far above any clock's drift
 UNIT_TOLERANCE = 0.01  # error of a quaternion's length, far above rounding
 TELLING = 20  # least number of printed times that can contradict a stated rate
 NO_ASSET = "the take has no marker and no rigid body"
-BEFORE = ("solved_replaced", "solved_only", "unlabelled_points")  # counts listed before samples
+BEFORE = (
+    "solved_replaced",
+    "solved_only",
+    "unlabelled_points",
+)  # counts listed before samples
 FROM_TIMES = "the printed times: the file states no rate"
 
 
@@ -43,10 +49,14 @@ class MotionTake:
     version: str  # format version
     rate: float  # Hz, rate of the frame numbers
     frame: np.ndarray  # (N,) int64, increasing; gaps are frames that were not exported
-    time: np.ndarray  # (N,) s since the first exported frame, from frame numbers and rate
+    time: (
+        np.ndarray
+    )  # (N,) s since the first exported frame, from frame numbers and rate
     markers: dict[str, np.ndarray]  # name: (N, 3) m, NaN where occluded
     bodies: dict[str, RigidBody]
-    counts: dict[str, int]  # numbers of skipped, lost and repaired items; see the format's reader
+    counts: dict[
+        str, int
+    ]  # numbers of skipped, lost and repaired items; see the format's reader
     unit: str = "m"  # unit of lengths in the file
     rate_from: str = ""  # source of ``rate``, if the file does not state it
 
@@ -63,13 +73,19 @@ def settle_unit(stated: str, option: str | None, file: Path, *, key: str) -> str
     message = "the file does not state the unit of its lengths: set it to m, cm or mm"
     if stated.strip():
         message = f"lengths are in {stated!r} by {key} of the file, not in "
-        message += f"{option}: correct the option" if option else "m, cm or mm: export in these"
+        message += (
+            f"{option}: correct the option"
+            if option
+            else "m, cm or mm: export in these"
+        )
     raise RecordingError(message, file=file, key="dataset.mocap.unit" if known else key)
 
 
 def frame_numbers(values: np.ndarray, lines: list[int], file: Path) -> np.ndarray:
     """Return whole, increasing frame numbers (N,) int64; else RecordingError with the line."""
-    whole = np.isfinite(values) & (values == np.round(values)) & (np.abs(values) < 2**53)
+    whole = (
+        np.isfinite(values) & (values == np.round(values)) & (np.abs(values) < 2**53)
+    )
     if (invalid := ~whole | np.append(False, np.diff(values) <= 0)).any():
         line = lines[int(np.argmax(invalid))]
         message = "the frame number is missing, is not whole or does not increase"
@@ -96,7 +112,9 @@ def settle_rate(
         if len(time) < TELLING or np.median(off) <= 0:
             return rate, ""
     message = f"the frame rate is {stated!r} in the header and {timed or 0:.6g} by the printed "
-    message += "times (0: they do not increase); a rate > 0 that agrees with the times is "
+    message += (
+        "times (0: they do not increase); a rate > 0 that agrees with the times is "
+    )
     message += "required; export the take again"
     raise RecordingError(message, file=file, **where)
 
@@ -118,7 +136,9 @@ def rate_from_times(frame: np.ndarray, printed: np.ndarray) -> float | None:
 
 def compare_frames(stated: str, found: int) -> dict[str, int]:
     """Return the counts of frames in a take whose header has the number ``stated``."""
-    return compare_announced("frames", int(stated) if WHOLE.fullmatch(stated) else None, found)
+    return compare_announced(
+        "frames", int(stated) if WHOLE.fullmatch(stated) else None, found
+    )
 
 
 def checked_take(
@@ -142,7 +162,9 @@ def checked_take(
     printed = raw.time if len(raw.time) else time
     counts = raw.counts | {"gaps": int(np.sum(step > 1))}
     counts["skipped_frames"] = int(np.sum(step - 1))
-    counts["time_mismatches"] = int(np.sum(np.abs(printed - printed[:1] - time) > TIME_ROUNDING))
+    counts["time_mismatches"] = int(
+        np.sum(np.abs(printed - printed[:1] - time) > TIME_ROUNDING)
+    )
     counts |= {"zero_samples": 0, "partial_samples": 0}
 
     def fault(message: str, k: int, **evidence: int) -> RecordingError:
@@ -150,9 +172,14 @@ def checked_take(
         return RecordingError(message, file=file, **place, **evidence)
 
     def check_position(position: np.ndarray, name: str) -> np.ndarray:
-        zero, filler = (position == 0).all(axis=1), (position == position[:, :1]).all(axis=1)
+        zero, filler = (
+            (position == 0).all(axis=1),
+            (position == position[:, :1]).all(axis=1),
+        )
         filler &= ~zero & (np.abs(position[:, 0]) >= LEAST_FILLER)
-        position = np.where(filler[:, None], np.nan, position) / UNITS_PER_METRE[raw.unit]
+        position = (
+            np.where(filler[:, None], np.nan, position) / UNITS_PER_METRE[raw.unit]
+        )
         missing, far = ~np.isfinite(position), np.abs(position) > FARTHEST
         sighted, lost = ~missing.all(axis=1), missing.any(axis=1)
         absent = missing.all(axis=0) & sighted[:, None]
@@ -164,40 +191,56 @@ def checked_take(
                 message = f"{name} is at {position[k, axis]:.6g} m, farther than any camera sees "
                 message += f"({FARTHEST:g} m): are lengths in {raw.unit}, and is the decimal mark "
                 message += "a point?"
-            raise fault(message, k, **({"column": columns[name][axis] + 1} if columns else {}))
+            raise fault(
+                message, k, **({"column": columns[name][axis] + 1} if columns else {})
+            )
         counts["zero_samples"] += int(zero.sum())
         if filler.any():
-            counts["filler_samples"] = counts.get("filler_samples", 0) + int(filler.sum())
+            counts["filler_samples"] = counts.get("filler_samples", 0) + int(
+                filler.sum()
+            )
         counts["partial_samples"] += int((lost & sighted).sum())
         position[zero | lost] = np.nan
         return position
 
-    markers = {name: check_position(position, name) for name, position in raw.markers.items()}
+    markers = {
+        name: check_position(position, name) for name, position in raw.markers.items()
+    }
     seen = np.vstack([np.empty((0, 3)), *markers.values()])
     seen = seen[np.isfinite(seen).all(axis=1)]
     extent = np.ptp(seen, axis=0).max() if len(seen) else 0.0
     if len(markers) > 1 and 0 < extent < NEAREST:
         message = f"all {len(markers)} markers lie within {1000 * extent:.3g} mm, less than one's"
-        message += f" size: are lengths in {raw.unit}? Export the take again, in another unit"
+        message += (
+            f" size: are lengths in {raw.unit}? Export the take again, in another unit"
+        )
         raise RecordingError(message, file=file)
     bodies = {}
     for name, body in raw.bodies.items():
         position, rotation = check_position(body.position, name), body.quaternion
         zero = (rotation == 0).all(axis=-1)
         counts["zero_samples"] += int(zero.sum())
-        rotation = np.where((zero | np.isnan(rotation).any(axis=-1))[:, None], np.nan, rotation)
+        rotation = np.where(
+            (zero | np.isnan(rotation).any(axis=-1))[:, None], np.nan, rotation
+        )
         with np.errstate(over="ignore"):
             length = np.linalg.norm(rotation, axis=-1)
         if (off := np.abs(length - 1) > UNIT_TOLERANCE).any():
             k = int(off.argmax())
             message = f"the quaternion of {name} has the length {length[k]:.6g}, 1 is required: a "
-            message += "number is damaged, or columns are shifted; export the take again"
+            message += (
+                "number is damaged, or columns are shifted; export the take again"
+            )
             raise fault(message, k)
         bodies[name] = RigidBody(position, rotation)
     poses = [body.position + body.quaternion[:, :3] for body in bodies.values()]
     counts |= {name: more[name] for name in BEFORE if more and name in more}
     counts["marker_samples"] = len(markers) * len(frame)
-    counts["missing_samples"] = int(sum(np.isnan(xyz[:, 0]).sum() for xyz in markers.values()))
-    counts["missing_poses"] = int(sum(np.isnan(pose).any(axis=-1).sum() for pose in poses))
+    counts["missing_samples"] = int(
+        sum(np.isnan(xyz[:, 0]).sum() for xyz in markers.values())
+    )
+    counts["missing_poses"] = int(
+        sum(np.isnan(pose).any(axis=-1).sum() for pose in poses)
+    )
     checked = {"time": time, "markers": markers, "bodies": bodies}
     return replace(raw, counts=counts | (more or {}), **checked)

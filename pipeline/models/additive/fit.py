@@ -31,7 +31,9 @@ def estimate(recorded: Recorded, options: Options) -> Estimate:
     return _estimate(covariance, dict(zip(names, (intensity, quiet), strict=True)))
 
 
-def truths(recorded: Recorded, options: Options, dispersions: Sequence[float]) -> list[Truth]:
+def truths(
+    recorded: Recorded, options: Options, dispersions: Sequence[float]
+) -> list[Truth]:
     """Return the recorded Σ_ω as the known parameters."""
     known = _estimate(mean_covariance(recorded.noise), {})
     return [Truth("additive", known.parameters, known.estimates)]
@@ -41,7 +43,9 @@ def _estimate(covariance: ndarray, diagnostics: dict[str, float]) -> Estimate:
     """Return Σ_ω by entry in rad², and the correlations between joints with noise."""
     std, n = np.sqrt(np.diag(covariance)), len(covariance)
     entries = {
-        f"sigma_omega_{i + 1}{j + 1}_rad2": covariance[i, j] for i in range(n) for j in range(i, n)
+        f"sigma_omega_{i + 1}{j + 1}_rad2": covariance[i, j]
+        for i in range(n)
+        for j in range(i, n)
     } | {
         f"correlation_omega_{i + 1}{j + 1}": covariance[i, j] / (std[i] * std[j])
         for i, j in combinations(range(n), 2)
@@ -59,7 +63,11 @@ def shrunk_covariance(noise: ndarray) -> tuple[ndarray, float]:
     """
     mean, _ = takes_moments(noise)
     takes, centred = len(noise), noise - mean
-    by_take = np.einsum("tki,tkj->tij", centred, centred) * takes / ((takes - 1) * noise.shape[1])
+    by_take = (
+        np.einsum("tki,tkj->tij", centred, centred)
+        * takes
+        / ((takes - 1) * noise.shape[1])
+    )
     pooled = by_take.mean(axis=0)
     target = np.trace(pooled) / len(pooled) * np.eye(len(pooled))
     distance = np.sum((pooled - target) ** 2)

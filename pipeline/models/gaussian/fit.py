@@ -28,12 +28,19 @@ from pipeline.statistics.takes import takes_moments
 EXTENSIONS = np.linspace(0.005, 1.0, 200)  # grid of ũ divided by the greatest ‖J̲⁺‖
 LIKELY_EXTENSIONS = np.geomspace(0.005, 1.0, 25)  # grid of the likelihood
 BOUND = 1.1  # u of :func:`truths` divided by the greatest norm ‖J⁺‖
-ALPHA_RANGE = 30.0  # α is searched from 1/30 to 30 times the value of the second moments
+ALPHA_RANGE = (
+    30.0  # α is searched from 1/30 to 30 times the value of the second moments
+)
 TOLERANCE = 1e-4  # of ln α
-REACH, NODES = 0.4, 9  # half width and points of the grid of ln α for the likelihood of a take
+REACH, NODES = (
+    0.4,
+    9,
+)  # half width and points of the grid of ln α for the likelihood of a take
 RMS_NORM = "rms_norm_of_the_inverse_jacobian"
 Estimator = Literal["moments", "paper", "likelihood"]
-Best = Callable[[ndarray], tuple[ndarray, ndarray]]  # ũ (G,) → least objectives, their α
+Best = Callable[
+    [ndarray], tuple[ndarray, ndarray]
+]  # ũ (G,) → least objectives, their α
 
 
 @validation.options(kw_only=True)
@@ -43,7 +50,9 @@ class Options(base.Options):
     """
 
     estimator: Estimator = "moments"
-    beta: Annotated[float, Field(ge=0, lt=1)] = 0.5  # β₁, weight of the mean's error in ``paper``
+    beta: Annotated[float, Field(ge=0, lt=1)] = (
+        0.5  # β₁, weight of the mean's error in ``paper``
+    )
 
 
 class GaussianFit(NamedTuple):
@@ -52,7 +61,9 @@ class GaussianFit(NamedTuple):
     alpha: float
     u: float  # û = max_k ‖J̲_k⁺‖_F + ũ
     extension: float  # ũ > 0
-    objective: float  # least value: rad⁴ (moments), rad and rad² mixed (paper) or −Σ ln p
+    objective: (
+        float  # least value: rad⁴ (moments), rad and rad² mixed (paper) or −Σ ln p
+    )
     at_end: bool  # True if ũ is at an end of its interval: not determined
     unbounded: bool  # True at the upper end: a greater u fits as well
     extensions: ndarray
@@ -77,7 +88,10 @@ def estimate(recorded: Recorded, options: Options) -> Estimate:
         fit = fit_distance(*steps, options.beta, EXTENSIONS * norms.max())
         mean_square, from_takes = _mean_square(norms**2, squares), None
     else:
-        norms, takes = frobenius(recorded.chain.inverse_jacobian(recorded.q)), len(recorded.q)
+        norms, takes = (
+            frobenius(recorded.chain.inverse_jacobian(recorded.q)),
+            len(recorded.q),
+        )
         speeds = np.broadcast_to(squares / len(recorded.chain.task), norms.shape)
         weighed = norms**2 * speeds
 
@@ -102,17 +116,29 @@ def estimate(recorded: Recorded, options: Options) -> Estimate:
         "objective": fit.objective,
         "extension_at_the_end_of_its_interval": fit.at_end,
     }
-    parameters = {"kind": "gaussian", "alpha": fit.alpha, "u": fit.u, "u_unbounded": fit.unbounded}
-    values, unsure = _values(fit.alpha, fit.u, mean_square), ("u", "alpha") if fit.at_end else ()
+    parameters = {
+        "kind": "gaussian",
+        "alpha": fit.alpha,
+        "u": fit.u,
+        "u_unbounded": fit.unbounded,
+    }
+    values, unsure = (
+        _values(fit.alpha, fit.u, mean_square),
+        ("u", "alpha") if fit.at_end else (),
+    )
     return Estimate(parameters, values, diagnostics, fit, from_takes, unsure)
 
 
 def estimator_options(options: Options) -> dict[str, Options]:
     """Options of every estimator."""
-    return {f"{{}}_{each}": replace(options, estimator=each) for each in get_args(Estimator)}
+    return {
+        f"{{}}_{each}": replace(options, estimator=each) for each in get_args(Estimator)
+    }
 
 
-def truths(recorded: Recorded, options: Options, dispersions: Sequence[float]) -> list[Truth]:
+def truths(
+    recorded: Recorded, options: Options, dispersions: Sequence[float]
+) -> list[Truth]:
     """Return (α, u) with the recorded mean variance as the known parameters."""
     squares = frobenius(recorded.chain.inverse_jacobian(recorded.q)) ** 2
     speeds, m = _square_speeds(recorded), len(recorded.chain.task)
@@ -141,23 +167,39 @@ def _values(alpha: float, u: float, mean_square: float) -> dict[str, float]:
 
 
 def diagnose(
-    recorded: Recorded, options: Options, estimate: Estimate | None, checks: int, rng: Generator
+    recorded: Recorded,
+    options: Options,
+    estimate: Estimate | None,
+    checks: int,
+    rng: Generator,
 ) -> tuple[dict[str, float], dict[str, pd.DataFrame]]:
     """Greatest relative difference between Σ_k and the solution of the log-det problem as printed,
     at ``checks`` evenly spaced steps; and the table ``ridge``.
     """
     if estimate is None:
         return {}, {}
-    from pipeline.models.convex import noise_covariance_gap  # here: CVXPY takes long to import
+    from pipeline.models.convex import (
+        noise_covariance_gap,
+    )  # here: CVXPY takes long to import
 
     fit, mean_square = estimate.details, estimate.diagnostics[RMS_NORM] ** 2
     inverse = recorded.chain.inverse_jacobian(recorded.q.mean(axis=0))
     norms = frobenius(inverse)
     checked = norms[np.linspace(0, len(norms) - 1, min(checks, len(norms))).astype(int)]
     gap = noise_covariance_gap(checked, fit.alpha, fit.u, *inverse.shape[-2:])
-    metrics = {"convex_problems_checked": len(checked), "convex_check_greatest_relative_gap": gap}
-    u, least = fit.u - fit.extension + fit.extensions, min(fit.objective, fit.objectives.min())
-    ridge = {"u": u, "alpha": fit.alphas, "level": fit.alphas * np.sqrt(u**2 - mean_square)}
+    metrics = {
+        "convex_problems_checked": len(checked),
+        "convex_check_greatest_relative_gap": gap,
+    }
+    u, least = (
+        fit.u - fit.extension + fit.extensions,
+        min(fit.objective, fit.objectives.min()),
+    )
+    ridge = {
+        "u": u,
+        "alpha": fit.alphas,
+        "level": fit.alphas * np.sqrt(u**2 - mean_square),
+    }
     return metrics, {"ridge": pd.DataFrame(ridge | {"excess": fit.objectives - least})}
 
 
@@ -167,7 +209,9 @@ def _search(best: Best, extensions: ndarray, largest: float) -> GaussianFit:
 
     objectives, alphas = best(extensions)
     i, last = int(objectives.argmin()), len(extensions) - 1
-    extension, objective, alpha = (float(each[i]) for each in (extensions, objectives, alphas))
+    extension, objective, alpha = (
+        float(each[i]) for each in (extensions, objectives, alphas)
+    )
     if 0 < i < last:
         ends = extensions[i - 1], extensions[i + 1]
         refined = minimize_scalar(
@@ -176,7 +220,14 @@ def _search(best: Best, extensions: ndarray, largest: float) -> GaussianFit:
         if refined.fun < objective:
             extension = float(refined.x)
             objective, alpha = (float(each[0]) for each in best(np.array([extension])))
-    optimum = alpha, largest + extension, extension, objective, i in (0, last), i == last
+    optimum = (
+        alpha,
+        largest + extension,
+        extension,
+        objective,
+        i in (0, last),
+        i == last,
+    )
     return GaussianFit(*optimum, extensions, objectives, alphas)
 
 
@@ -209,7 +260,12 @@ def fit_moments(
 
 
 def fit_distance(
-    moments: tuple[ndarray, ndarray], speeds, norms, rows: int, beta1: float, extensions: ndarray
+    moments: tuple[ndarray, ndarray],
+    speeds,
+    norms,
+    rows: int,
+    beta1: float,
+    extensions: ndarray,
 ) -> GaussianFit:
     """Minimise F = Σ_k β₁‖q̲_k − q̲̃_k‖ + β₂|tr{Cov(q_k) − Cov(q̃_k)}| over ũ in the range of
     ``extensions`` and all α ≥ 0, β₂ = 1 − β₁: Eqs. (bound-u) and (objective-u-alpha).
@@ -237,7 +293,9 @@ def fit_distance(
     return _search(best, extensions, largest)
 
 
-def fit_likelihood(recorded: Recorded) -> tuple[GaussianFit, Callable[[ndarray], tuple]]:
+def fit_likelihood(
+    recorded: Recorded,
+) -> tuple[GaussianFit, Callable[[ndarray], tuple]]:
     """Maximum-likelihood (α̂, û) of the steps with a command, and a function of take indices that
     returns their (α̂, û). The density of a step plus measurement noise is exact; u is on the grid
     max ‖J⁺‖_F·(1 + LIKELY_EXTENSIONS). Raises SingularJacobianError, ModelDomainError.
@@ -248,11 +306,18 @@ def fit_likelihood(recorded: Recorded) -> tuple[GaussianFit, Callable[[ndarray],
     q, v, noise = base.moving_steps(recorded)
     inverse, v = recorded.chain.inverse_jacobian(q), task_step(recorded.chain, v)
     norms, speeds = frobenius(inverse), np.vecdot(v, v)
-    largest, squared, reach = float(norms.max()), float(np.mean(noise**2)), np.log(ALPHA_RANGE)
+    largest, squared, reach = (
+        float(norms.max()),
+        float(np.mean(noise**2)),
+        np.log(ALPHA_RANGE),
+    )
     parts = (noise @ axes) ** 2  # along the principal axes of Σ_m
 
     def gain_at(extension: float) -> ndarray:
-        return noise_scale(norms, 1.0, largest * (1 + extension), *inverse.shape[-2:]) * speeds
+        return (
+            noise_scale(norms, 1.0, largest * (1 + extension), *inverse.shape[-2:])
+            * speeds
+        )
 
     def densities(log_alpha: float, gain: ndarray) -> ndarray:
         return axis_log_density(parts, (np.exp(2 * log_alpha) * gain)[:, None] + least)
@@ -278,16 +343,24 @@ def fit_likelihood(recorded: Recorded) -> tuple[GaussianFit, Callable[[ndarray],
     for i, extension in enumerate(fit.extensions):
         gain = gain_at(float(extension))
         for j, log_alpha in enumerate(log_alphas[i]):
-            costs[:, i, j] = -densities(log_alpha, gain).reshape(len(costs), -1).sum(axis=1)
-    scaled = {name: largest * getattr(fit, name) for name in ("u", "extension", "extensions")}
+            costs[:, i, j] = (
+                -densities(log_alpha, gain).reshape(len(costs), -1).sum(axis=1)
+            )
+    scaled = {
+        name: largest * getattr(fit, name) for name in ("u", "extension", "extensions")
+    }
     fit = fit._replace(**scaled)
 
     def from_takes(takes: ndarray) -> tuple[float, float]:
         cost = costs[takes].sum(axis=0)
-        optima, lowest = np.array([_vertex(*each) for each in zip(log_alphas, cost, strict=True)]).T
+        optima, lowest = np.array(
+            [_vertex(*each) for each in zip(log_alphas, cost, strict=True)]
+        ).T
         i, last = int(lowest.argmin()), len(lowest) - 1
         if np.isnan(optima[i]):
-            message = "the maximum of these takes' likelihood is outside the evaluated range"
+            message = (
+                "the maximum of these takes' likelihood is outside the evaluated range"
+            )
             raise ModelDomainError(message, takes=takes.tolist())
         extension, near = fit.extensions[i], slice(i - 1, i + 2)
         if 0 < i < last:

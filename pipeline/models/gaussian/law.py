@@ -56,7 +56,9 @@ class GaussianModel(MotionModel):
             raise ModelDomainError(message, alpha=self.alpha, u=self.u)
 
     def law(self, chain: Chain) -> Law:
-        return Law(GAUSSIAN_LAW, np.array([self.alpha, self.u], float), len(chain.lower))
+        return Law(
+            GAUSSIAN_LAW, np.array([self.alpha, self.u], float), len(chain.lower)
+        )
 
     def covariance(self, chain: Mechanism, q: ndarray, v: ndarray) -> ndarray:
         """(..., n, n) s‖v‖²·I in rad², zero beyond the bound."""
@@ -65,7 +67,9 @@ class GaussianModel(MotionModel):
         scale = noise_scale(bounded, self.alpha, self.u, *inverse.shape[-2:])
         return (scale * np.vecdot(v, v))[..., None, None] * np.eye(q.shape[-1])
 
-    def with_trace(self, chain: Mechanism, q: ndarray, v: ndarray, trace: float) -> "GaussianModel":
+    def with_trace(
+        self, chain: Mechanism, q: ndarray, v: ndarray, trace: float
+    ) -> "GaussianModel":
         """Return the model with another α and the same u; ModelDomainError for zero noise."""
         factor = trace_factor(self.covariance(chain, q, v), trace)
         return replace(self, alpha=float(np.sqrt(factor)) * self.alpha)

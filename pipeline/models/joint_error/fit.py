@@ -9,7 +9,13 @@ import numpy as np
 from pipeline.core import validation
 from pipeline.core.errors import ModelDomainError
 from pipeline.models import steps as base
-from pipeline.models.joint_error.law import GROWTH, INPUTS, SATURATING, JointErrorModel, drive
+from pipeline.models.joint_error.law import (
+    GROWTH,
+    INPUTS,
+    SATURATING,
+    JointErrorModel,
+    drive,
+)
 from pipeline.models.joint_error.samples import JointRun
 from pipeline.models.joint_error.search import fit_one, joint_samples
 from pipeline.models.steps import Estimate, Recorded, Truth
@@ -47,7 +53,9 @@ def estimate(recorded: Recorded, options: Options) -> Estimate:
     return Estimate(law.parameters(), values, {})
 
 
-def truths(recorded: Recorded, options: Options, dispersions: Sequence[float]) -> list[Truth]:
+def truths(
+    recorded: Recorded, options: Options, dispersions: Sequence[float]
+) -> list[Truth]:
     """Return the parameters fitted to ``recorded`` as the known ones."""
     known = estimate(recorded, options)
     return [Truth("joint error", known.parameters, known.estimates)]
@@ -59,7 +67,9 @@ def runs_of(recorded: Recorded) -> list[JointRun]:
     without a rate.
     """
     if recorded.rate is None:
-        raise ModelDomainError("the joint error law needs the rate of the recorded steps")
+        raise ModelDomainError(
+            "the joint error law needs the rate of the recorded steps"
+        )
     poses, chain = recorded.poses, recorded.chain
     command = np.empty_like(poses)
     command[:, 0] = poses[:, 0].mean(axis=0)
@@ -67,7 +77,9 @@ def runs_of(recorded: Recorded) -> list[JointRun]:
         v = recorded.v[..., k, :]
         command[:, k + 1] = command[:, k] + chain.nominal_step(command[:, k], v)
     noise = recorded.known_measurement
-    pose_noise = None if noise is None else float(np.sqrt(np.trace(noise) / 2 / len(noise)))
+    pose_noise = (
+        None if noise is None else float(np.sqrt(np.trace(noise) / 2 / len(noise)))
+    )
     zero, rate, joints = np.zeros(poses.shape[-1]), recorded.rate, recorded.joints
     return [
         JointRun(f"take {number}", rate, *angles, joints, zero, zero, pose_noise, "1")
@@ -87,10 +99,14 @@ def fit_joint_error(
     errors.
     """
     if not runs or not any(np.any(run.measured != run.command) for run in runs):
-        message = "the measured angles equal the commanded ones; name the signals of each"
+        message = (
+            "the measured angles equal the commanded ones; name the signals of each"
+        )
         raise ModelDomainError(message, runs=len(runs))
     rate, inputs = runs[0].rate, [drive(run.command, run.rate, power) for run in runs]
-    reach = np.max([np.abs(np.diff(run.command, axis=0)).max(axis=0, initial=0) for run in runs], 0)
+    reach = np.max(
+        [np.abs(np.diff(run.command, axis=0)).max(axis=0, initial=0) for run in runs], 0
+    )
     quantum, laws = np.max([run.quantum for run in runs], axis=0), []
     for j, joint in enumerate(runs[0].joints):
         persistent = {
@@ -104,5 +120,8 @@ def fit_joint_error(
         }
         law = JointErrorModel((joint,), rate, **persistent, power=power)
         laws.append(fit_one(law, joint_samples(runs, inputs, j, memory), memory, tails))
-    fitted = {name: np.concatenate([getattr(law, name) for law in laws]) for name in persistent}
+    fitted = {
+        name: np.concatenate([getattr(law, name) for law in laws])
+        for name in persistent
+    }
     return replace(laws[0], joints=runs[0].joints, **fitted)

@@ -20,14 +20,21 @@ from pipeline.models.joint_error.search import LEAST
 from pipeline.statistics.horizons import QUARTER
 
 QUARTERS = 4  # parts of the runs of a single motion
-ENOUGH, BLOCKS = 6, 4  # held-out parts that show their variation; else blocks of each, by time
-QUANTILES = np.concatenate([[0.001, 0.005], np.linspace(0.01, 0.99, 49), [0.995, 0.999]])
+ENOUGH, BLOCKS = (
+    6,
+    4,
+)  # held-out parts that show their variation; else blocks of each, by time
+QUANTILES = np.concatenate(
+    [[0.001, 0.005], np.linspace(0.01, 0.99, 49), [0.995, 0.999]]
+)
 MOVING, RESTING = "commanded", "at rest"
 Row = dict[str, object]
 MapTrials = Callable[[Callable, Sequence], Iterable]
 
 
-def parts_of(runs: Sequence[JointRun]) -> dict[str, tuple[list[JointRun], list[JointRun]]]:
+def parts_of(
+    runs: Sequence[JointRun],
+) -> dict[str, tuple[list[JointRun], list[JointRun]]]:
     """Part that is held out → the other runs, its runs. A part is a motion; of a single motion, a
     quarter of every run. Raises ModelDomainError if no other runs have LEAST samples.
     """
@@ -49,7 +56,9 @@ def parts_of(runs: Sequence[JointRun]) -> dict[str, tuple[list[JointRun], list[J
     if not parts:
         message = "the runs are too short to fit a law to a part of them and score it on the rest: "
         found = sum(len(run.command) for run in runs)
-        raise ModelDomainError(f"{message}record longer motions", samples=found, required=2 * LEAST)
+        raise ModelDomainError(
+            f"{message}record longer motions", samples=found, required=2 * LEAST
+        )
     return parts
 
 
@@ -72,14 +81,23 @@ def held_out(
     for model, own in standard.items():
         for joint, *errors in zip(runs[0].joints, *own, strict=True):
             z = np.concatenate(errors)
-            drawn = np.quantile(z, QUANTILES) if len(z) else np.full(len(QUANTILES), np.nan)
-            columns = {"model": model, "joint": joint, "normal": ndtri(QUANTILES), "noise": drawn}
+            drawn = (
+                np.quantile(z, QUANTILES) if len(z) else np.full(len(QUANTILES), np.nan)
+            )
+            columns = {
+                "model": model,
+                "joint": joint,
+                "normal": ndtri(QUANTILES),
+                "noise": drawn,
+            }
             quantiles.append(pd.DataFrame(columns))
     noise = pd.concat(quantiles, ignore_index=True)
     return {"joint_scores": pd.DataFrame(rows), "noise_quantiles": noise}
 
 
-def _score_part(trial: tuple[str, str], *, laws, parts) -> tuple[list[Row], list[ndarray]]:
+def _score_part(
+    trial: tuple[str, str], *, laws, parts
+) -> tuple[list[Row], list[ndarray]]:
     model, part = trial
     others, own = parts[part]
     law = fit_joint_error(others, **laws[model].law())
@@ -98,9 +116,15 @@ def score_runs(
     for steps, horizon in zip(horizons(law.rate), names, strict=True):
         parts = []
         for run in (run for run in runs if len(run.command) > steps + 1):
-            error, inputs = run.measured - run.command, drive(run.command, run.rate, law.power)
+            error, inputs = (
+                run.measured - run.command,
+                drive(run.command, run.rate, law.power),
+            )
             outlook, error = law.outlook(error, inputs, steps), error[steps:]
-            score, off = outlook.log_probability(error, run.quantum), error - outlook.mean
+            score, off = (
+                outlook.log_probability(error, run.quantum),
+                error - outlook.mean,
+            )
             variance = outlook.variance + run.quantum**2 / 12  # of the rounded angles
             values = np.stack([off, variance, score, z := off / np.sqrt(variance)])
             masks = np.stack([counted(run, steps), ~run.moving[steps:]])
@@ -108,14 +132,21 @@ def score_runs(
             parts.append((values, masks, block[None, :, None]))
         if not parts:
             continue
-        values, masks, block = (np.concatenate(each, axis=1) for each in zip(*parts, strict=True))
+        values, masks, block = (
+            np.concatenate(each, axis=1) for each in zip(*parts, strict=True)
+        )
         for (j, joint), (mask, samples) in product(
             enumerate(law.joints), zip(masks, (MOVING, RESTING), strict=True)
         ):
             for number in range(1, blocks + 1):
                 together = values[:, mask[:, j] & (block[0, :, 0] == number), j]
                 if together.shape[1]:
-                    row = {"block": number, "joint": joint, "horizon": horizon, "samples": samples}
+                    row = {
+                        "block": number,
+                        "joint": joint,
+                        "horizon": horizon,
+                        "samples": samples,
+                    }
                     rows.append(row | _summary(*together))
                 if samples == MOVING and steps == 1:
                     standard[j] = np.concatenate([standard[j], together[3]])
@@ -131,12 +162,17 @@ def _summary(off: ndarray, variance: ndarray, score: ndarray, z: ndarray) -> Row
         "measured_rad": np.sqrt(np.mean(off**2)),
         "one_sigma": np.mean(np.abs(z) <= 1),
         "two_sigma": np.mean(np.abs(z) <= 2),
-        "autocorrelation": float(np.mean(z[1:] * z[:-1])) / size if len(z) > 1 else np.nan,
+        "autocorrelation": float(np.mean(z[1:] * z[:-1])) / size
+        if len(z) > 1
+        else np.nan,
     }
 
 
 def joint_tables(
-    runs: Sequence[JointRun], laws: Mapping[str, Options], unused: Mapping[str, str], each=map
+    runs: Sequence[JointRun],
+    laws: Mapping[str, Options],
+    unused: Mapping[str, str],
+    each=map,
 ) -> dict[str, pd.DataFrame]:
     """Return the tables of :func:`held_out`, and ``joint_parameters`` of the laws fitted to all
     ``runs``, ``motions``, ``motion_ranges`` and ``unused_recordings`` (name → reason, ``unused``).
@@ -145,7 +181,9 @@ def joint_tables(
     for name, options in laws.items():
         law = fit_joint_error(runs, **options.law())
         step = np.diag(law.reach / law.rate)
-        fastest, still = (law.covariance_of_joint_step(each) for each in (step, 0 * step))
+        fastest, still = (
+            law.covariance_of_joint_step(each) for each in (step, 0 * step)
+        )
         modes = np.abs(np.linalg.eigvals(law.companion())).max(axis=-1)
         decay = -1 / (law.rate * np.log(np.minimum(modes, 1 - 1e-9)))
         columns = {
@@ -162,24 +200,35 @@ def joint_tables(
         own = [run for run in runs if run.motion == name]
         moved = np.any([run.moving.any(axis=0) for run in own], axis=0)
         moving = ", ".join(np.array(own[0].joints)[moved]) or "none"
-        motions.append((name, len(own), max(len(run.command) - 1 for run in own), moving))
+        motions.append(
+            (name, len(own), max(len(run.command) - 1 for run in own), moving)
+        )
     return {
         **held_out(runs, laws, each),
         "joint_parameters": pd.concat(parameters, ignore_index=True),
-        "motions": pd.DataFrame(motions, columns=["motion", "takes", "steps", "moving"]),
+        "motions": pd.DataFrame(
+            motions, columns=["motion", "takes", "steps", "moving"]
+        ),
         "motion_ranges": ranges_of_runs(runs),
-        "unused_recordings": pd.DataFrame([*unused.items()], columns=["recording", "reason"]),
+        "unused_recordings": pd.DataFrame(
+            [*unused.items()], columns=["recording", "reason"]
+        ),
     }
 
 
 def ranges_of_runs(runs: Sequence[JointRun]) -> pd.DataFrame:
     """Ranges of the measured poses and of the commanded joint speeds over all ``runs``."""
     poses = np.concatenate([run.measured for run in runs])
-    speeds = runs[0].rate * np.concatenate([np.diff(run.command, axis=0) for run in runs])
+    speeds = runs[0].rate * np.concatenate(
+        [np.diff(run.command, axis=0) for run in runs]
+    )
     tables = [
-        pd.DataFrame({"quantity": quantity, "name": runs[0].joints, "unit": unit}).assign(
-            least=values.min(axis=0), greatest=values.max(axis=0)
+        pd.DataFrame(
+            {"quantity": quantity, "name": runs[0].joints, "unit": unit}
+        ).assign(least=values.min(axis=0), greatest=values.max(axis=0))
+        for quantity, unit, values in (
+            ("pose", "rad", poses),
+            ("joint speed", "rad/s", speeds),
         )
-        for quantity, unit, values in (("pose", "rad", poses), ("joint speed", "rad/s", speeds))
     ]
     return pd.concat(tables, ignore_index=True)

@@ -74,7 +74,9 @@ class Outlook(NamedTuple):
         student = stdtr(finite, high) - stdtr(finite, low)
         cell = np.where(normal, ndtr(high) - ndtr(low), student)
         width = np.where(quantum > 0, quantum, 1.0)
-        return np.where(cell > 1e-280, np.log(np.maximum(cell, 1e-300) / width), density)
+        return np.where(
+            cell > 1e-280, np.log(np.maximum(cell, 1e-300) / width), density
+        )
 
 
 def unit_variance_factor(degrees: ndarray) -> ndarray:
@@ -124,7 +126,9 @@ def drive(command: ndarray, rate: float, power: float | str) -> Drive:
     return _terms(speed, change, sign, young, power)
 
 
-def _terms(speed: ndarray, change: ndarray, sign: ndarray, young, power: float | str) -> Drive:
+def _terms(
+    speed: ndarray, change: ndarray, sign: ndarray, young, power: float | str
+) -> Drive:
     """Return the inputs of speed in rad/s, acceleration, sign and its ``young`` parts."""
     one, size = np.ones_like(speed), np.abs(speed)
     if power == SATURATING:
@@ -149,7 +153,9 @@ class JointErrorModel(MotionModel):
     reach: ndarray  # (n,) rad/s, greatest recorded commanded speed
     quantum: ndarray  # (n,) rad, step of the recorded angles
     power: float | str = SATURATING  # p
-    traits: ClassVar = Traits(noisy_at_rest=True, needs_jacobian=False, compiled=False, memory=True)
+    traits: ClassVar = Traits(
+        noisy_at_rest=True, needs_jacobian=False, compiled=False, memory=True
+    )
 
     @property
     def keep(self) -> float:
@@ -175,16 +181,22 @@ class JointErrorModel(MotionModel):
         """
         power, rows = self.companion(), np.zeros((len(self.joints), 1, 3))
         rows[:, 0, 0] = 1.0
-        while rows.shape[1] <= steps:  # rows k … 2k − 1 are the first k times the k-th power
+        while (
+            rows.shape[1] <= steps
+        ):  # rows k … 2k − 1 are the first k times the k-th power
             rows, power = np.concatenate([rows, rows @ power], axis=1), power @ power
         impulse = rows[:, :steps] @ np.array([1.0, 0.0, 1 - self.keep])
         return rows[:, 1 : steps + 1].swapaxes(0, 1), impulse.T
 
     def residuals(self, error: ndarray, inputs: Drive) -> ndarray:
         """(N, n, 3) r, previous r and z in rad at every sample of ``error`` (N, n)."""
-        return past_of(error - np.einsum("kji,ji->kj", inputs.mean, self.mean_gain), self.keep)
+        return past_of(
+            error - np.einsum("kji,ji->kj", inputs.mean, self.mean_gain), self.keep
+        )
 
-    def variance(self, std: ndarray, ends: ndarray, steps: int, impulse: ndarray) -> ndarray:
+    def variance(
+        self, std: ndarray, ends: ndarray, steps: int, impulse: ndarray
+    ) -> ndarray:
         """(len(ends), n) variances in rad² of the errors at samples ``ends``, given those ``steps``
         samples before, for innovations of standard deviation ``std`` (N, n) at each sample.
         """
@@ -194,9 +206,13 @@ class JointErrorModel(MotionModel):
             each = impulse[:steps, None] * std[back]
             total = ((1 - share) * each**2).sum(axis=0)
             if np.any(share > 0):
-                for i in range(1, steps):  # response to an innovation of the drift i samples ago
+                for i in range(
+                    1, steps
+                ):  # response to an innovation of the drift i samples ago
                     each[i] += keep * each[i - 1]
-                total += share * ((1 - keep**2) * (each**2).sum(axis=0) + keep**2 * each[-1] ** 2)
+                total += share * (
+                    (1 - keep**2) * (each**2).sum(axis=0) + keep**2 * each[-1] ** 2
+                )
             parts.append(total)
         return np.concatenate(parts)
 
@@ -213,14 +229,18 @@ class JointErrorModel(MotionModel):
         )
         return Outlook(mean, variance, self.degrees)
 
-    def predict(self, errors: ndarray, commands: ndarray, steps: int) -> tuple[ndarray, ndarray]:
+    def predict(
+        self, errors: ndarray, commands: ndarray, steps: int
+    ) -> tuple[ndarray, ndarray]:
         """Return mean (n,) in rad and covariance (n, n) in rad² of the recorded error, its rounding
         included, ``steps`` samples after the last of the known ``errors`` (K, n). ``commands``
         (K + steps, n) are the commanded angles at these samples and the next ``steps``.
         """
         if len(commands) != len(errors) + steps or steps < 1:
             message = f"commands must have a row for each of the {len(errors)} errors and each of "
-            raise ModelDomainError(f"{message}the {steps} next samples, got {len(commands)}")
+            raise ModelDomainError(
+                f"{message}the {steps} next samples, got {len(commands)}"
+            )
         known = np.concatenate([errors, np.tile(errors[-1:], (steps, 1))])
         law = self.outlook(known, drive(commands, self.rate, self.power), steps)
         return law.mean[-1], np.diag(law.variance[-1] + self.quantum**2 / 12)
@@ -243,7 +263,12 @@ class JointErrorModel(MotionModel):
         return self.covariance_of_joint_step(np.broadcast_to(dq, np.shape(q)))
 
     def log_density(
-        self, chain: Mechanism, q: ndarray, v: ndarray, q_next: ndarray, measurement=None
+        self,
+        chain: Mechanism,
+        q: ndarray,
+        v: ndarray,
+        q_next: ndarray,
+        measurement=None,
     ) -> ndarray:
         """(...,) ln p in rad⁻ⁿ of one step without memory; a ``measurement`` (n, n) in rad² adds
         the variances of its diagonal.
@@ -255,12 +280,16 @@ class JointErrorModel(MotionModel):
 
     def with_trace(self, chain: Mechanism, q: ndarray, v: ndarray, trace: float):
         """Return the law with all variances times one factor; ModelDomainError for zero noise."""
-        return replace(self, scale=trace_factor(self.covariance(chain, q, v), trace) * self.scale)
+        return replace(
+            self, scale=trace_factor(self.covariance(chain, q, v), trace) * self.scale
+        )
 
     def sample(self, chain: Chain, q: ndarray, v: ndarray, rng: Generator) -> ndarray:
         """(..., n) draws of a step without memory."""
         variance = np.diagonal(self.covariance(chain, q, v), axis1=-2, axis2=-1)
-        return self.mean(chain, q, v) + np.sqrt(variance) * self.unit_noise(np.shape(q), rng)
+        return self.mean(chain, q, v) + np.sqrt(variance) * self.unit_noise(
+            np.shape(q), rng
+        )
 
     def unit_noise(self, shape: tuple[int, ...], rng: Generator) -> ndarray:
         """Draws of ``shape`` (..., n) with mean 0, variance 1 and the tails of the law."""
@@ -278,7 +307,9 @@ class JointErrorModel(MotionModel):
         still, offset = np.zeros_like(q), np.zeros_like(q) + self.mean_gain[:, 0]
         r, command = q - commanded - offset, np.zeros_like(q) + commanded
         drift = rng.standard_normal(q.shape)
-        return np.concatenate([command, still, still, still, offset, r, r, drift], axis=-1)
+        return np.concatenate(
+            [command, still, still, still, offset, r, r, drift], axis=-1
+        )
 
     def advance(
         self, chain: Chain, q: ndarray, v: ndarray, memory: ndarray, rng: Generator
@@ -286,7 +317,9 @@ class JointErrorModel(MotionModel):
         """Return draws (P, n) of the next poses in rad, and their memory (P, 8n), after ``q``
         (P, n) and ``memory`` under the commands ``v`` (m,) or (P, m) of the commanded pose.
         """
-        return self.follow(q, chain.nominal_step(memory[:, : q.shape[-1]], v), memory, rng)
+        return self.follow(
+            q, chain.nominal_step(memory[:, : q.shape[-1]], v), memory, rng
+        )
 
     def follow(
         self, q: ndarray, dq: ndarray, memory: ndarray, rng: Generator
@@ -316,7 +349,9 @@ class JointErrorModel(MotionModel):
         """Plain values for :func:`build`; null for infinite degrees of freedom."""
         plain = {each.name: getattr(self, each.name) for each in fields(self)}
         plain = {key: np.asarray(value).tolist() for key, value in plain.items()}
-        plain["degrees"] = [each if np.isfinite(each) else None for each in plain["degrees"]]
+        plain["degrees"] = [
+            each if np.isfinite(each) else None for each in plain["degrees"]
+        ]
         return {"kind": "joint_error"} | plain
 
 
@@ -328,7 +363,12 @@ def build(parameters: dict[str, Any]) -> JointErrorModel:
     arrays = {name: np.array(each, float) for name, each in values.items()}
     n, inf = len(whole["joints"]), np.inf
     sizes = {"memory": (n, 3), "mean_gain": (n, len(INPUTS)), "scale": (n, len(GROWTH))}
-    ends = {"memory": (-inf, inf), "mean_gain": (-inf, inf), "degrees": (2.0, inf), "drift": (0, 1)}
+    ends = {
+        "memory": (-inf, inf),
+        "mean_gain": (-inf, inf),
+        "degrees": (2.0, inf),
+        "drift": (0, 1),
+    }
     for name, array in arrays.items():
         (low, high), size = ends.get(name, (0.0, inf)), sizes.get(name, (n,))
         if array.shape != size or not np.all((low <= array) & (array <= high)):

@@ -45,7 +45,19 @@ def companion_of(memory: ndarray, keep: float) -> ndarray:
 
 @compiled
 def composite_loss(
-    memory, scale, drift, degrees, keep, persistence, r, past, growth, horizons, ends, counts, least
+    memory,
+    scale,
+    drift,
+    degrees,
+    keep,
+    persistence,
+    r,
+    past,
+    growth,
+    horizons,
+    ends,
+    counts,
+    least,
 ) -> float:
     """Mean negative log density of the residuals ``r`` (N,) at samples ``ends``, summed over the
     ``horizons``, plus the penalty CALIBRATION. ``counts`` ends belong to each horizon.
@@ -81,7 +93,9 @@ def composite_loss(
             for k in range(count):
                 each = impulse[i] * std[own_ends[k] - i]
                 white[k] += each**2
-                own[k] = each + persistence * own[k]  # response to the drift i samples ago
+                own[k] = (
+                    each + persistence * own[k]
+                )  # response to the drift i samples ago
                 drifted[k] += own[k] ** 2
         density, predicted, measured = 0.0, 0.0, 0.0
         for k in range(count):

@@ -48,14 +48,18 @@ def settled(command: ndarray, rate: float) -> ndarray:
     change = np.zeros_like(command)
     change[2:] = rate**2 * np.abs(np.diff(command, 2, axis=0))
     moving = np.where(change > 1e-3, change, np.nan)
-    usual = np.array([np.nanquantile(a, 0.8) if np.any(a > 0) else 0.0 for a in moving.T])
+    usual = np.array(
+        [np.nanquantile(a, 0.8) if np.any(a > 0) else 0.0 for a in moving.T]
+    )
     jump = change > JUMP * np.maximum(usual, SMALL)
     count = np.cumsum(np.concatenate([np.zeros_like(jump[:1]), jump]), axis=0)
     now = np.arange(1, len(command) + 1)
     return count[now] == count[np.maximum(now - 1 - round(SETTLING * rate), 0)]
 
 
-def counted(run: JointRun, steps: int, joints: Sequence[int] | slice = slice(None)) -> ndarray:
+def counted(
+    run: JointRun, steps: int, joints: Sequence[int] | slice = slice(None)
+) -> ndarray:
     """(N − steps, n) True where a prediction ``steps`` samples ahead counts: the joint, one of the
     columns ``joints``, is commanded to move, and neither end is within SETTLING s of a jump of the
     commanded speed.

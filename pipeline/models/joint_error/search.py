@@ -16,7 +16,12 @@ from itertools import pairwise
 import numpy as np
 from numpy import ndarray
 
-from pipeline.models.joint_error.law import Drive, JointErrorModel, past_of, unit_variance_factor
+from pipeline.models.joint_error.law import (
+    Drive,
+    JointErrorModel,
+    past_of,
+    unit_variance_factor,
+)
 from pipeline.models.joint_error.likelihood import composite_loss, damped_memory
 from pipeline.models.joint_error.samples import JointRun, counted, horizons
 
@@ -50,7 +55,9 @@ def joint_samples(
     lengths = [len(run.command) for run in runs]
     starts, chosen = np.cumsum([0, *lengths[:-1]]), {}
     error = np.concatenate([run.measured[:, j] - run.command[:, j] for run in runs])
-    together = Drive(*(np.concatenate([each[k][:, j] for each in inputs]) for k in range(2)))
+    together = Drive(
+        *(np.concatenate([each[k][:, j] for each in inputs]) for k in range(2))
+    )
     motions = sorted({run.motion for run in runs})
     # the held-out part of each sample: its motion, or quarter of the run
     groups = np.repeat([motions.index(run.motion) for run in runs], lengths)
@@ -60,14 +67,18 @@ def joint_samples(
         own = [np.flatnonzero(counted(run, steps, [j])) for run in runs]
         if sum(map(len, own)) < LEAST:  # a joint that stands still: all samples
             own = [np.arange(max(count - steps, 0)) for count in lengths]
-        before = np.concatenate([first + each for first, each in zip(starts, own, strict=True)])
+        before = np.concatenate(
+            [first + each for first, each in zip(starts, own, strict=True)]
+        )
         inside = groups[before] == groups[before + steps]
         chosen[steps] = before[inside] if inside.any() else before
     thin = zip(chosen.items(), MOST, strict=False)  # 0.1 s may be one sample
     before = {steps: all_[:: max(1, len(all_) // most)] for (steps, all_), most in thin}
     borders = {0, len(groups), *starts, *(1 + np.flatnonzero(np.diff(groups)))}
     pieces = [slice(*each) for each in pairwise(sorted(map(int, borders)))]
-    return JointSamples(error, together, pieces, groups, next(iter(chosen.values())), before)
+    return JointSamples(
+        error, together, pieces, groups, next(iter(chosen.values())), before
+    )
 
 
 def fit_one(
@@ -88,10 +99,14 @@ def fit_one(
 
 def _past(own: JointErrorModel, joint: JointSamples, r: ndarray) -> ndarray:
     """(N, 3, …) r, previous r and z of residuals or inputs ``r`` (N, …), piece by piece."""
-    return np.concatenate([np.moveaxis(past_of(r[p], own.keep), -1, 1) for p in joint.pieces])
+    return np.concatenate(
+        [np.moveaxis(past_of(r[p], own.keep), -1, 1) for p in joint.pieces]
+    )
 
 
-def _regression(joint: JointSamples, r: ndarray, past: ndarray) -> tuple[ndarray, ndarray]:
+def _regression(
+    joint: JointSamples, r: ndarray, past: ndarray
+) -> tuple[ndarray, ndarray]:
     """(3,) φ, ψ, χ by least squares of one sample."""
     a, y = past[joint.one], r[joint.one + 1]
     moment = a.T @ a
@@ -101,7 +116,9 @@ def _regression(joint: JointSamples, r: ndarray, past: ndarray) -> tuple[ndarray
     return values, np.linalg.cholesky(np.linalg.inv(moment / len(y) / error))
 
 
-def _likelihood(own, joint: JointSamples, r, past, values, size: float, tails: bool, start):
+def _likelihood(
+    own, joint: JointSamples, r, past, values, size: float, tails: bool, start
+):
     """Return the law with the most likely scale, drift, tails and damping of the memory ``values``
     (None: none), and the search's result.
     """
@@ -131,22 +148,35 @@ def _likelihood(own, joint: JointSamples, r, past, values, size: float, tails: b
 
     steps, before = next(iter(joint.before.items()))
     first = past[before] @ (own.memory[0] if values is None else values[0])
-    rms = np.log(max(float(np.sqrt(np.mean((r[before + steps] - first) ** 2))) / size, 1e-6))
+    rms = np.log(
+        max(float(np.sqrt(np.mean((r[before + steps] - first) ** 2))) / size, 1e-6)
+    )
     rounds = FIRST if start is None and values is not None else LAST
     if start is None:
         mean = np.maximum(growth[before + steps].mean(axis=0), 1e-6)
-        start = np.r_[rms - 0.7 - np.log(mean) / 2, np.log(4.0), -4.0, -7.0, np.zeros(3)]
+        start = np.r_[
+            rms - 0.7 - np.log(mean) / 2, np.log(4.0), -4.0, -7.0, np.zeros(3)
+        ]
     bounds = [(rms - 7, rms + 7)] * bases + [(-6.0, np.log(DEGREES[1] - DEGREES[0]))]
     bounds += [(-9.0, 4.0), (-14.0, -1.5), *[(-3.0, 3.0)] * 3]
     start = np.clip(start, *np.array(bounds).T)
     search = {"maxiter": rounds, "ftol": 1e-6}
     found = minimize(loss, start, method="L-BFGS-B", bounds=bounds, options=search).x
     memory, scale, drift, degrees = parameters(found)
-    best = {"memory": memory, "scale": scale * size**2, "drift": drift, "degrees": degrees}
-    return replace(own, **{name: np.array([each]) for name, each in best.items()}), found
+    best = {
+        "memory": memory,
+        "scale": scale * size**2,
+        "drift": drift,
+        "degrees": degrees,
+    }
+    return replace(
+        own, **{name: np.array([each]) for name, each in best.items()}
+    ), found
 
 
-def _mean(own: JointErrorModel, joint: JointSamples, size: float) -> tuple[ndarray, ndarray]:
+def _mean(
+    own: JointErrorModel, joint: JointSamples, size: float
+) -> tuple[ndarray, ndarray]:
     """Return β, and the residuals (N,) of the errors under a β fitted without their group."""
     weights, impulse = own.response([*joint.before][-1])
     x = joint.inputs.mean
@@ -176,7 +206,9 @@ def _mean(own: JointErrorModel, joint: JointSamples, size: float) -> tuple[ndarr
         if np.isinf(penalty):
             return np.zeros(len(across))
         least = 1e-6 * np.diag(total[0]) + 1e-12 * np.trace(total[0]) + 1e-300
-        return np.linalg.solve(moment + penalty * np.diag(np.diag(moment) + least), across)
+        return np.linalg.solve(
+            moment + penalty * np.diag(np.diag(moment) + least), across
+        )
 
     best = (np.inf, np.inf, {})
     for penalty in PENALTIES:

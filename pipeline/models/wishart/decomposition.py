@@ -40,7 +40,9 @@ class Decomposition:
             return
         if self.left is None or self.name != "given":
             known = f"one of {', '.join(COMPUTED)}, or given with the first factor of the Jacobian"
-            raise ModelDomainError(f"the decomposition must be {known}", decomposition=self.name)
+            raise ModelDomainError(
+                f"the decomposition must be {known}", decomposition=self.name
+            )
         try:
             matrix = np.array(self.left, dtype=float)
             regular = np.linalg.cond(matrix) * LEAST_CONDITION < 1
@@ -49,21 +51,30 @@ class Decomposition:
             regular = False
         if not (regular and len(set(matrix.shape)) == 1):
             message = "the given first factor of the Jacobian must be a finite, regular matrix"
-            raise ModelDomainError(f"{message}, as many rows as columns", left=str(self.left))
+            raise ModelDomainError(
+                f"{message}, as many rows as columns", left=str(self.left)
+            )
 
     def require_size(self, m: int) -> None:
         """Raise ModelDomainError for a given J₁ of another size than ``m`` task rows."""
         if self.left is not None and len(self.left) != m:
-            message = f"the given first factor must have as many rows as the task, {m}, got "
+            message = (
+                f"the given first factor must have as many rows as the task, {m}, got "
+            )
             raise ModelDomainError(message + str(len(self.left)), left=self.left)
 
 
 PIVOTED_LU = Decomposition("pivoted_lu")
-CONTROL = Decomposition("qr_transposed")  # for comparison: independent of units, axes and order
+CONTROL = Decomposition(
+    "qr_transposed"
+)  # for comparison: independent of units, axes and order
 
 
 def decomposition_of(
-    name: str, left: Sequence[Sequence[float]] | None, task: Sequence[str], joints: Sequence[str]
+    name: str,
+    left: Sequence[Sequence[float]] | None,
+    task: Sequence[str],
+    joints: Sequence[str],
 ) -> Decomposition:
     """Return the decomposition of this ``name`` and ``left`` J₁. ``by_shape`` is pivoted LU for as
     many ``joints`` as ``task`` rows, and QR for more joints.
@@ -94,12 +105,16 @@ def split(
     batch = np.broadcast_shapes(jacobian.shape[:-2], v.shape[:-1])
     # [J | v] with the batch axes last, which is several times as fast for small matrices
     rows = np.empty((m, n + 1, *batch))
-    rows[:, :n] = np.moveaxis(np.broadcast_to(jacobian, (*batch, m, n)), (-2, -1), (0, 1))
+    rows[:, :n] = np.moveaxis(
+        np.broadcast_to(jacobian, (*batch, m, n)), (-2, -1), (0, 1)
+    )
     rows[:, n] = np.moveaxis(np.broadcast_to(v, (*batch, m)), -1, 0)
     with np.errstate(divide="ignore", invalid="ignore"):
         # J₁⁻¹[J | v] = [J₂ | a]
         if decomposition.name == "given":
-            rows = np.tensordot(np.linalg.inv(np.array(decomposition.left)), rows, axes=1)
+            rows = np.tensordot(
+                np.linalg.inv(np.array(decomposition.left)), rows, axes=1
+            )
         elif decomposition.name == "qr_transposed":
             orthonormalize(rows, n)
         elif decomposition.name == "pivoted_lu":
@@ -112,7 +127,11 @@ def split(
         back = np.zeros((n, m, *batch))
         for row in second:
             back += row[:n, None] * row[None, n:]
-    return np.moveaxis(rows[:, n], 0, -1), np.moveaxis(back, (0, 1), (-2, -1)), log_determinant
+    return (
+        np.moveaxis(rows[:, n], 0, -1),
+        np.moveaxis(back, (0, 1), (-2, -1)),
+        log_determinant,
+    )
 
 
 def _eliminate(rows: ndarray) -> None:
@@ -121,7 +140,10 @@ def _eliminate(rows: ndarray) -> None:
         greatest = k + np.abs(rows[k:, k]).argmax(axis=0)
         for i in range(k + 1, len(rows)):
             swap = greatest == i
-            rows[k], rows[i] = np.where(swap, rows[i], rows[k]), np.where(swap, rows[k], rows[i])
+            rows[k], rows[i] = (
+                np.where(swap, rows[i], rows[k]),
+                np.where(swap, rows[k], rows[i]),
+            )
         rows[k + 1 :] -= (rows[k + 1 :, k] / rows[k, k])[:, None] * rows[k]
         rows[k + 1 :, k] = 0.0  # exactly
 
@@ -149,5 +171,7 @@ def frames(a: ndarray) -> ndarray:
     mirror = a.copy()
     mirror[..., 0] += sign * r
     reach = (r * (r + np.abs(a[..., 0])))[..., None, None]
-    reflection = np.eye(a.shape[-1]) - mirror[..., :, None] * mirror[..., None, :] / reach
+    reflection = (
+        np.eye(a.shape[-1]) - mirror[..., :, None] * mirror[..., None, :] / reach
+    )
     return -sign[..., None, None] * reflection

@@ -18,8 +18,19 @@ from pipeline.core import validation
 from pipeline.core.errors import ModelDomainError
 from pipeline.models import steps as base
 from pipeline.models.model import task_step
-from pipeline.models.steps import Estimate, Recorded, Truth, moving_steps, take_variances
-from pipeline.models.wishart.decomposition import CONTROL, Decomposition, decomposition_of, factors
+from pipeline.models.steps import (
+    Estimate,
+    Recorded,
+    Truth,
+    moving_steps,
+    take_variances,
+)
+from pipeline.models.wishart.decomposition import (
+    CONTROL,
+    Decomposition,
+    decomposition_of,
+    factors,
+)
 from pipeline.models.wishart.law import WishartModel, dispersion_of_trace, step_squares
 from pipeline.randommatrix.wishart import largest_dispersion, normalized_std
 
@@ -28,7 +39,10 @@ if TYPE_CHECKING:  # it loads numba
 
 RATIOS = np.geomspace(1e-5, 1e-1, 25)  # α₂/α₁ of the curve, in rad
 TOLERANCE = 1e-3  # of ln α₂/α₁ at which σ̂_B equals the moment estimate
-SIGMA_B_RANGE = (0.01, 2.0)  # of the likelihood search; a density exists only below the upper end
+SIGMA_B_RANGE = (
+    0.01,
+    2.0,
+)  # of the likelihood search; a density exists only below the upper end
 MARGIN = 1e-4  # in ln σ_B, distance of the search from the limit of the density
 COARSE = 0.05  # of ln σ_B, tolerance of the search before the spline
 REACH, NODES = 0.4, 9  # half width in ln σ_B and nodes of the spline; error below 1e-4
@@ -40,8 +54,12 @@ class Options(base.Options):
     """``estimator``: ``moments``, ``paper`` (a convex problem on every step) or ``likelihood``."""
 
     estimator: Estimator = "moments"
-    decomposition: Literal["by_shape", "pivoted_lu", "qr", "qr_transposed", "given"] = "by_shape"
-    left: list[list[float]] | None = None  # rows of J₁, only for the decomposition given
+    decomposition: Literal["by_shape", "pivoted_lu", "qr", "qr_transposed", "given"] = (
+        "by_shape"
+    )
+    left: list[list[float]] | None = (
+        None  # rows of J₁, only for the decomposition given
+    )
     # only for the paper's estimator: ε of B⁻¹ ⪰ εI, factor on the α₂/α₁ from the noise at rest
     floor: Annotated[float, Field(gt=0, lt=1)] = 0.2
     ratio_factor: Annotated[float, Field(gt=0)] = 1.0
@@ -49,8 +67,12 @@ class Options(base.Options):
     @model_validator(mode="after")
     def _require_left(self) -> Self:
         if (self.decomposition == "given") != (self.left is not None):
-            raise validation.Fault("left", "is required for, and only for, the decomposition given")
-        if self.left is not None and any(len(row) != len(self.left) for row in self.left):
+            raise validation.Fault(
+                "left", "is required for, and only for, the decomposition given"
+            )
+        if self.left is not None and any(
+            len(row) != len(self.left) for row in self.left
+        ):
             raise validation.Fault("left", "must be square: the rows of J1")
         return self
 
@@ -65,7 +87,11 @@ def estimate(recorded: Recorded, options: Options) -> Estimate:
 
 
 def _estimate(
-    sigma_b: float, recorded: Recorded, decomposition: Decomposition, diagnostics, **more
+    sigma_b: float,
+    recorded: Recorded,
+    decomposition: Decomposition,
+    diagnostics,
+    **more,
 ) -> Estimate:
     limit = largest_dispersion(len(recorded.chain.task), inverse_moments=2)
     diagnostics = {**diagnostics, "sigma_b_limit_of_the_covariance": limit}
@@ -82,7 +108,9 @@ def estimator_options(options: Options) -> dict[str, Options]:
     """Options of every estimator, for the decomposition of ``options`` and for the control."""
     cases = {"": options}
     if options.decomposition != CONTROL.name:
-        cases[f"control_{CONTROL.name}_"] = replace(options, decomposition=CONTROL.name, left=None)
+        cases[f"control_{CONTROL.name}_"] = replace(
+            options, decomposition=CONTROL.name, left=None
+        )
     return {
         f"{prefix}{{}}_{estimator}": replace(each, estimator=estimator)
         for prefix, each in cases.items()
@@ -90,38 +118,63 @@ def estimator_options(options: Options) -> dict[str, Options]:
     }
 
 
-def truths(recorded: Recorded, options: Options, dispersions: Sequence[float]) -> list[Truth]:
+def truths(
+    recorded: Recorded, options: Options, dispersions: Sequence[float]
+) -> list[Truth]:
     """Return known parameters with σ_B = each of ``dispersions``."""
     decomposition = _decomposition(options, recorded)
     return [
-        Truth(f"wishart {sigma_b:g}", _parameters(sigma_b, decomposition), {"sigma_b": sigma_b})
+        Truth(
+            f"wishart {sigma_b:g}",
+            _parameters(sigma_b, decomposition),
+            {"sigma_b": sigma_b},
+        )
         for sigma_b in dispersions
     ]
 
 
 def _parameters(sigma_b: float, decomposition: Decomposition) -> dict[str, Any]:
-    left = {} if decomposition.left is None else {"left": np.array(decomposition.left).tolist()}
-    return {"kind": "wishart", "sigma_b": sigma_b, "decomposition": decomposition.name} | left
+    left = (
+        {}
+        if decomposition.left is None
+        else {"left": np.array(decomposition.left).tolist()}
+    )
+    return {
+        "kind": "wishart",
+        "sigma_b": sigma_b,
+        "decomposition": decomposition.name,
+    } | left
 
 
 def diagnose(
-    recorded: Recorded, options: Options, estimate: Estimate | None, checks: int, rng: Generator
+    recorded: Recorded,
+    options: Options,
+    estimate: Estimate | None,
+    checks: int,
+    rng: Generator,
 ) -> tuple[dict[str, float], dict[str, pd.DataFrame]]:
     """Greatest relative difference between the closed form and the solver of (BsampOpt) at
     ``checks`` random moving steps, and the table ``sigma_b_weights``. The table has σ̂_B of
     (BsampOpt) over α₂/α₁, for the recorded takes and for as many takes drawn from the model of
     ``estimate``.
     """
-    from pipeline.models.convex import perturbation_gap  # here: CVXPY takes long to import
+    from pipeline.models.convex import (
+        perturbation_gap,
+    )  # here: CVXPY takes long to import
 
     decomposition, metrics = _decomposition(options, recorded), {}
     try:
         fit = fit_paper(recorded, decomposition, options.floor, options.ratio_factor)
         q, v, noise = moving_steps(recorded)
-        moving = np.flatnonzero(np.broadcast_to(np.any(recorded.v, axis=-1), recorded.q.shape[:2]))
+        moving = np.flatnonzero(
+            np.broadcast_to(np.any(recorded.v, axis=-1), recorded.q.shape[:2])
+        )
         checked = np.sort(rng.choice(len(q), min(checks, len(q)), replace=False))
         weights, objectives = fit.details
-        steps = recorded.chain.jacobian(q[checked]), task_step(recorded.chain, v)[checked]
+        steps = (
+            recorded.chain.jacobian(q[checked]),
+            task_step(recorded.chain, v)[checked],
+        )
         problems = objectives[moving[checked]], *steps, noise[checked]
         gap = perturbation_gap(problems, decomposition, weights, options.floor)
         metrics["convex_problems_checked"] = len(checked)
@@ -134,13 +187,17 @@ def diagnose(
     if estimate is not None:
         sources["drawn"] = _drawn_takes(estimate.model, recorded, rng)
     for source, takes in sources.items():
-        points = _weight_curve(problem_steps(takes, decomposition), options.floor, moments)
+        points = _weight_curve(
+            problem_steps(takes, decomposition), options.floor, moments
+        )
         rows += [(*point, source) for point in points]
     greatest = max(row[1] for row in rows if row[2:] == ("curve", "recorded"))
     ratio = fit.diagnostics["weights_ratio_alpha2_over_alpha1_rad"]
     rows.append((ratio, fit.estimates["sigma_b"], "used", "recorded"))
     table = pd.DataFrame(rows, columns=["ratio", "sigma_b", "point", "source"])
-    return metrics | {"sigma_b_greatest_over_weights": greatest}, {"sigma_b_weights": table}
+    return metrics | {"sigma_b_greatest_over_weights": greatest}, {
+        "sigma_b_weights": table
+    }
 
 
 def _drawn_takes(model: WishartModel, recorded: Recorded, rng: Generator) -> Recorded:
@@ -149,8 +206,12 @@ def _drawn_takes(model: WishartModel, recorded: Recorded, rng: Generator) -> Rec
 
     q, v = recorded.q, recorded.v
     drawn, _ = draw_steps(model, recorded.chain, q, v, rng)
-    measured = rng.multivariate_normal(np.zeros(q.shape[-1]), recorded.measurement, q.shape[:-1])
-    return replace(recorded, noise=drawn - q - recorded.chain.nominal_step(q, v) + measured)
+    measured = rng.multivariate_normal(
+        np.zeros(q.shape[-1]), recorded.measurement, q.shape[:-1]
+    )
+    return replace(
+        recorded, noise=drawn - q - recorded.chain.nominal_step(q, v) + measured
+    )
 
 
 def _weight_curve(
@@ -161,7 +222,9 @@ def _weight_curve(
 
     def sigma_b(ratio: float) -> float:
         weights = 1 / (1 + ratio), ratio / (1 + ratio)
-        return float(np.sqrt(solve_problems(steps, weights, floor)[0].mean(axis=0)).mean())
+        return float(
+            np.sqrt(solve_problems(steps, weights, floor)[0].mean(axis=0)).mean()
+        )
 
     curve = np.array([sigma_b(ratio) for ratio in RATIOS])
     yield from ((*pair, "curve") for pair in zip(RATIOS, curve, strict=True))
@@ -182,14 +245,19 @@ def fit_moments(recorded: Recorded, decomposition: Decomposition) -> Estimate:
 
     def from_takes(takes: ndarray) -> dict[str, float]:
         traces, measured = variances(takes)
-        means, trace = (each[takes].mean() for each in squares), float(traces.mean()) - measured
+        means, trace = (
+            (each[takes].mean() for each in squares),
+            float(traces.mean()) - measured,
+        )
         return {"sigma_b": dispersion_of_trace(*means, trace, m)}
 
     sigma_b = from_takes(np.arange(len(a)))["sigma_b"]
     return _estimate(sigma_b, recorded, decomposition, {}, from_takes=from_takes)
 
 
-def problem_steps(recorded: Recorded, decomposition: Decomposition) -> tuple[ndarray, ...]:
+def problem_steps(
+    recorded: Recorded, decomposition: Decomposition
+) -> tuple[ndarray, ...]:
     """ω (takes, M, n) in rad, J₁⁻¹v (takes, M, m) and J₂⁺ (takes, M, n, m) of the convex problems;
     raises SingularJacobianError.
     """
@@ -215,7 +283,10 @@ def solve_problems(
 
 
 def fit_paper(
-    recorded: Recorded, decomposition: Decomposition, floor: float, ratio_factor: float = 1.0
+    recorded: Recorded,
+    decomposition: Decomposition,
+    floor: float,
+    ratio_factor: float = 1.0,
 ) -> Estimate:
     """σ̂_B = (1/M) Σ_k σ̂_Bk (Sec. "Motion uncertainty characterization"), with B⁻¹ ⪰ εI for
     ``floor`` ε. α₂/α₁ is ``ratio_factor`` times the ratio of :func:`objective_weights` for the
@@ -230,16 +301,21 @@ def fit_paper(
     variance = np.mean(np.sum(noise[still] ** 2, axis=-1)) if still.any() else variance
     resting = float(np.sqrt(variance))
     weights = objective_weights(resting, len(recorded.chain.task), ratio_factor)
-    squares, fits = solve_problems(problem_steps(recorded, decomposition), weights, floor)
+    squares, fits = solve_problems(
+        problem_steps(recorded, decomposition), weights, floor
+    )
     dispersions, moving = np.sqrt(squares.mean(axis=0)), ~still.all(axis=0)
     diagnostics = {
         "sigma_b_greatest_over_time": dispersions.max(),
-        "sigma_b_mean_over_moving_steps": dispersions[moving].sum() / max(moving.sum(), 1),
+        "sigma_b_mean_over_moving_steps": dispersions[moving].sum()
+        / max(moving.sum(), 1),
         "share_of_steps_at_rest": 1 - moving.mean(),
         "weights_ratio_alpha2_over_alpha1_rad": weights[1] / weights[0],
         "noise_at_rest_rms_rad": resting,
         "problems": len(fits.bound),
-        "problems_without_perturbation": int(np.count_nonzero(~fits.s.any(axis=(1, 2)))),
+        "problems_without_perturbation": int(
+            np.count_nonzero(~fits.s.any(axis=(1, 2)))
+        ),
         "problems_on_the_bound_of_definiteness": int(np.count_nonzero(fits.bound)),
     }
 
@@ -249,7 +325,9 @@ def fit_paper(
 
     # weights (α₁, α₂) and objectives (takes·M,) of the convex problems
     more = {"from_takes": from_takes, "details": (weights, fits.objective)}
-    return _estimate(float(dispersions.mean()), recorded, decomposition, diagnostics, **more)
+    return _estimate(
+        float(dispersions.mean()), recorded, decomposition, diagnostics, **more
+    )
 
 
 def fit_likelihood(recorded: Recorded, decomposition: Decomposition) -> Estimate:
@@ -277,7 +355,9 @@ def fit_likelihood(recorded: Recorded, decomposition: Decomposition) -> Estimate
 
     def maximum(values: ndarray) -> float:
         spline = CubicSpline(nodes, values)
-        found = np.concatenate([nodes[[0, -1]], spline.derivative().roots(extrapolate=False)])
+        found = np.concatenate(
+            [nodes[[0, -1]], spline.derivative().roots(extrapolate=False)]
+        )
         return float(found[spline(found).argmax()])
 
     best = maximum(log_likelihoods.sum(axis=0))
@@ -286,7 +366,9 @@ def fit_likelihood(recorded: Recorded, decomposition: Decomposition) -> Estimate
     def from_takes(takes: ndarray) -> dict[str, float]:
         best = maximum(log_likelihoods[takes].sum(axis=0))
         if not at_end and best in (nodes[0], nodes[-1]):
-            message = "the maximum of these takes' likelihood is outside the evaluated range"
+            message = (
+                "the maximum of these takes' likelihood is outside the evaluated range"
+            )
             raise ModelDomainError(message, takes=takes.tolist())
         return {"sigma_b": float(np.exp(best))}
 

@@ -33,7 +33,12 @@ from pipeline.models.model import (
     principal_axes,
     task_step,
 )
-from pipeline.models.wishart.decomposition import PIVOTED_LU, Decomposition, factors, frames
+from pipeline.models.wishart.decomposition import (
+    PIVOTED_LU,
+    Decomposition,
+    factors,
+    frames,
+)
 from pipeline.randommatrix.wishart import degrees_of_freedom, largest_dispersion
 
 # ends of ln(d − m − 3): σ_B at the limit of the covariance, and a noise-free step
@@ -54,7 +59,9 @@ class WishartModel(MotionModel):
 
     def __post_init__(self) -> None:
         if not 0 < self.sigma_b < np.inf:
-            raise ModelDomainError("sigma_B must be positive and finite", sigma_B=self.sigma_b)
+            raise ModelDomainError(
+                "sigma_B must be positive and finite", sigma_B=self.sigma_b
+            )
 
     def law(self, chain: Chain) -> Law:
         m = len(chain.task)
@@ -65,7 +72,9 @@ class WishartModel(MotionModel):
         parameters = np.array([d])
         if self.decomposition.left is not None:
             left = np.array(self.decomposition.left)
-            parameters = np.concatenate([parameters, left.ravel(), np.linalg.inv(left).ravel()])
+            parameters = np.concatenate(
+                [parameters, left.ravel(), np.linalg.inv(left).ravel()]
+            )
         kind = WISHART_LAWS[self.decomposition.name]
         return Law(kind, parameters, m - 1, np.array(degrees, dtype=float))
 
@@ -80,7 +89,9 @@ class WishartModel(MotionModel):
         a, back, _ = factors(chain, q, v, self.decomposition)
         return step_covariance(a, back, self.sigma_b)
 
-    def with_trace(self, chain: Mechanism, q: ndarray, v: ndarray, trace: float) -> "WishartModel":
+    def with_trace(
+        self, chain: Mechanism, q: ndarray, v: ndarray, trace: float
+    ) -> "WishartModel":
         a, back, _ = factors(chain, q, v, self.decomposition)
         squares = (each.mean() for each in step_squares(a, back))
         return replace(self, sigma_b=dispersion_of_trace(*squares, trace, a.shape[-1]))
@@ -98,20 +109,29 @@ class WishartModel(MotionModel):
         return q + chain.null_step(q, v) + np.matvec(back, drawn)
 
     def log_density(
-        self, chain: Mechanism, q: ndarray, v: ndarray, q_next: ndarray, measurement=None
+        self,
+        chain: Mechanism,
+        q: ndarray,
+        v: ndarray,
+        q_next: ndarray,
+        measurement=None,
     ) -> ndarray:
         """(...,) ln of the exact density of a step, |det J₂|·p(B⁻¹a) at J₂(q_next − q), a = J₁⁻¹v:
         −inf if no B > 0 gives the step, ModelDomainError for v = 0 or n > m. With ``measurement``
         by quadrature, at rest N(q, measurement).
         """
         batch = np.broadcast_shapes(q.shape[:-1], v.shape[:-1], q_next.shape[:-1])
-        q, v, q_next = (np.broadcast_to(x, (*batch, x.shape[-1])) for x in (q, v, q_next))
+        q, v, q_next = (
+            np.broadcast_to(x, (*batch, x.shape[-1])) for x in (q, v, q_next)
+        )
         step = q_next - q - chain.null_step(q, v)
         a, back, log_determinant = factors(chain, q, v, self.decomposition)
         (n, m), d = back.shape[-2:], degrees_of_freedom(self.sigma_b, back.shape[-1])
         moving = np.any(task_step(chain, v), axis=-1)
         if measurement is not None:
-            from pipeline.models.wishart.quadrature import blurred_log_density  # loads numba
+            from pipeline.models.wishart.quadrature import (
+                blurred_log_density,
+            )  # loads numba
 
             _ = principal_axes(measurement)  # raises if it is no covariance
             result = np.array(normal_log_density(step, measurement))
@@ -121,10 +141,15 @@ class WishartModel(MotionModel):
         if n > m or not np.all(moving):
             where = f"on a plane ({n} joints and {m} task rows)"
             if n == m:
-                where = f"at rest, as at {int(np.sum(~moving))} of {moving.size} step(s)"
+                where = (
+                    f"at rest, as at {int(np.sum(~moving))} of {moving.size} step(s)"
+                )
             message = f"a step of the matrix model has no density {where}; give the covariance of "
             raise ModelDomainError(message + "the measurement noise")
-        return action_log_density(np.matvec(np.linalg.inv(back), step), a, d) + log_determinant
+        return (
+            action_log_density(np.matvec(np.linalg.inv(back), step), a, d)
+            + log_determinant
+        )
 
 
 def build(parameters: dict[str, Any]) -> WishartModel:
@@ -142,10 +167,14 @@ def action_log_density(w: ndarray, a: ndarray, d: float) -> ndarray:
     z = np.where(along > 0, along, 1.0)
     t = (u - along[..., None] * e) / z[..., None]
     shape = (d - m + 1) / 2
-    z_term = shape * np.log(d / 2) - lgamma(shape) - (shape + 1) * np.log(z) - d / (2 * z)
+    z_term = (
+        shape * np.log(d / 2) - lgamma(shape) - (shape + 1) * np.log(z) - d / (2 * z)
+    )
     t_term = lgamma((d + 1) / 2) - lgamma((d - m + 2) / 2) - (m - 1) / 2 * np.log(np.pi)
     t_term = t_term - (d + 1) / 2 * np.log1p(np.vecdot(t, t))
-    return np.where(along > 0, z_term + t_term - m * np.log(r) - (m - 1) * np.log(z), -np.inf)
+    return np.where(
+        along > 0, z_term + t_term - m * np.log(r) - (m - 1) * np.log(z), -np.inf
+    )
 
 
 def step_covariance(a: ndarray, back: ndarray, sigma_b: float) -> ndarray:
@@ -166,7 +195,9 @@ def _degrees_with_moments(sigma_b: float, moments: int, m: int) -> float:
     limit = largest_dispersion(m, inverse_moments=moments)
     if not sigma_b < limit:
         name = ("mean", "covariance")[moments - 1]
-        message = f"the {name} of a Wishart step exists only for sigma_B below {limit:.4g}"
+        message = (
+            f"the {name} of a Wishart step exists only for sigma_B below {limit:.4g}"
+        )
         raise ModelDomainError(message, sigma_B=sigma_b)
     return degrees_of_freedom(sigma_b, m)
 

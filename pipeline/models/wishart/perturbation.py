@@ -24,7 +24,9 @@ from pipeline.core.compiled import compiled, inner
 from pipeline.core.errors import ModelDomainError, SolverError
 
 STEPS = 300  # greatest number of values of s tried for a root
-LEAST_PIVOT = 1e-14  # pivot of AᵀA divided by its diagonal entry; below it A is singular
+LEAST_PIVOT = (
+    1e-14  # pivot of AᵀA divided by its diagonal entry; below it A is singular
+)
 LEAST_REST = 1e-28  # ‖ω⊥‖²/‖ω‖² below which ω⊥ is rounding
 ENDS = 1e-24, 1e24  # of s/tr AᵀA
 LEAST = 1e-20  # least value used of λ(s)/λ
@@ -41,7 +43,9 @@ class Perturbations(NamedTuple):
     bound: ndarray  # (N,) True where the constraint B⁻¹ ⪰ εI is active
 
 
-def objective_weights(rest_noise: float, m: int, factor: float = 1.0) -> tuple[float, float]:
+def objective_weights(
+    rest_noise: float, m: int, factor: float = 1.0
+) -> tuple[float, float]:
     """Return (α₁, α₂) of (BsampOpt), α₁ + α₂ = 1, for B (m, m); the paper does not state them. A
     residual of ``rest_noise`` (rms ‖ω‖ at rest in rad) costs as much as a perturbation of norm
     ‖I_m‖_F: α₂/α₁ = ``factor``·rest_noise/‖I_m‖_F. ModelDomainError if either is ≤ 0.
@@ -54,7 +58,11 @@ def objective_weights(rest_noise: float, m: int, factor: float = 1.0) -> tuple[f
 
 
 def fit_perturbations(
-    noise: ndarray, a: ndarray, back: ndarray, weights: tuple[float, float], floor: float
+    noise: ndarray,
+    a: ndarray,
+    back: ndarray,
+    weights: tuple[float, float],
+    floor: float,
 ) -> Perturbations:
     """Solve (BsampOpt) for N steps, with (const10) as B⁻¹ ⪰ εI for ``floor`` ε. Eq. (Omegki) is
     satisfied where the first term vanishes.
@@ -66,7 +74,9 @@ def fit_perturbations(
     finite = np.all(np.isfinite(noise), axis=-1)
     if not np.all(finite):
         where = {"index": int(finite.argmin()), "not_finite": int((~finite).sum())}
-        raise ModelDomainError("the process noise must be finite at every step", **where)
+        raise ModelDomainError(
+            "the process noise must be finite at every step", **where
+        )
     ratio, delta = weights[1] / weights[0], 1 - floor
     r, size = np.sqrt(np.vecdot(a, a)), np.vecdot(noise, noise)
     s, left, norms = np.zeros((*a.shape, a.shape[-1])), np.sqrt(size), np.zeros(len(a))
@@ -74,7 +84,9 @@ def fit_perturbations(
     matrix = HALF * back + (1 - HALF) * _outer(np.matvec(back, e), e)
     matrix *= r[:, None, None]
     pull = np.vecmat(noise, matrix)
-    k = np.flatnonzero(np.vecdot(pull, pull) > ratio**2 * size)  # y = 0 at every other step
+    k = np.flatnonzero(
+        np.vecdot(pull, pull) > ratio**2 * size
+    )  # y = 0 at every other step
     e, matrix, rest = e[k], matrix[k], np.zeros(len(k))
     if back.shape[1] > a.shape[1]:
         within = np.linalg.qr(matrix)[0]
@@ -85,8 +97,15 @@ def fit_perturbations(
     y, c, left[k], solved = find_optima(pull[k], e, gram, rest, ratio, delta, STEPS)
     if not solved.all():
         index = int(k[solved.argmin()])
-        problem = {"index": index, "noise": noise[index].tolist(), "ratio": ratio, "floor": floor}
-        raise SolverError("the perturbation of a step was not solved to optimality", **problem)
+        problem = {
+            "index": index,
+            "noise": noise[index].tolist(),
+            "ratio": ratio,
+            "floor": floor,
+        }
+        raise SolverError(
+            "the perturbation of a step was not solved to optimality", **problem
+        )
     x = np.vecdot(e, y)
     d = y - x[:, None] * e
     across = np.vecdot(d, d)
@@ -94,7 +113,10 @@ def fit_perturbations(
     block = c / np.where(across > 0, across, 1.0)
     beside = HALF * (_outer(e, d) + _outer(d, e))
     s[k] = _outer(x[:, None] * e, e) + beside + _outer(block[:, None] * d, d)
-    norms[k], bound[k] = np.sqrt(x * x + across + c * c), (c > 0) | (delta + x < APEX * delta)
+    norms[k], bound[k] = (
+        np.sqrt(x * x + across + c * c),
+        (c > 0) | (delta + x < APEX * delta),
+    )
     return Perturbations(s, weights[0] * left + weights[1] * norms, bound)
 
 
@@ -169,7 +191,11 @@ def place(
         case[MOVED, i] *= s
     x, along = _dot(case, E, case, Y), _dot(case, E, case, MOVED)
     # ‖d‖² − 2X(δ + c) = −bend·c² + 2·tilt·c + broken, d = y − xe, moving by g − along·e a c
-    broken, tilt, bend = -2 * delta * (delta + x), -delta * along - (delta + x), 2 * along
+    broken, tilt, bend = (
+        -2 * delta * (delta + x),
+        -delta * along - (delta + x),
+        2 * along,
+    )
     for i in range(m):
         d, turn = case[Y, i] - x * case[E, i], case[MOVED, i] - along * case[E, i]
         broken, tilt, bend = broken + d * d, tilt + d * turn, bend - turn * turn
@@ -189,19 +215,34 @@ def place(
 
 @compiled
 def find_optima(
-    pull: ndarray, e: ndarray, gram: ndarray, rest: ndarray, ratio: float, delta: float, steps: int
+    pull: ndarray,
+    e: ndarray,
+    gram: ndarray,
+    rest: ndarray,
+    ratio: float,
+    delta: float,
+    steps: int,
 ) -> tuple[ndarray, ndarray, ndarray, ndarray]:
     """Return y (N, m), c (N,) and ‖ω − Ay‖ (N,) of N problems, and flags (N,), False if A is nearly
     singular or the search for λ(s) = λ fails in ``steps`` iterations; ``pull`` is Aᵀω (N, m), ``e``
     (N, m), ``gram`` AᵀA (N, m, m), ``rest`` ‖ω⊥‖² (N,).
     """
     count, m = pull.shape
-    y, c, left, solved = np.zeros((count, m)), np.zeros(count), np.zeros(count), np.zeros(count) > 0
+    y, c, left, solved = (
+        np.zeros((count, m)),
+        np.zeros(count),
+        np.zeros(count),
+        np.zeros(count) > 0,
+    )
     factors, case = np.empty((2, m, m)), np.empty((6, m))
     for k in range(count):
         trace = 0.0
         for j in range(m):
-            case[PULL, j], case[E, j], trace = pull[k, j], e[k, j], trace + gram[k, j, j]
+            case[PULL, j], case[E, j], trace = (
+                pull[k, j],
+                e[k, j],
+                trace + gram[k, j, j],
+            )
         if factorize(gram[k], 0.0, factors[0]) > LEAST_PIVOT:
             root = _root(ratio, delta, rest[k], trace, steps, gram[k], factors, case)
             c[k], left[k], solved[k] = root
@@ -211,7 +252,9 @@ def find_optima(
 
 
 @inner
-def _root(ratio, delta, rest, trace, steps, gram, factors, case) -> tuple[float, float, bool]:
+def _root(
+    ratio, delta, rest, trace, steps, gram, factors, case
+) -> tuple[float, float, bool]:
     """Return c and ‖ω − Ay‖ at λ(s) = ``ratio``, and True if found in ``steps`` iterations.
 
     Illinois rule on f = ln λ(s)/λ in t = ln s: the value at an end that is kept twice is halved.

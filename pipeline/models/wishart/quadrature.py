@@ -22,14 +22,26 @@ from pipeline.models.wishart.decomposition import frames
 NODES = 17  # of the rule in s and in h
 ALONG, DIRECTION = 3, 3  # terms of a step, then terms per direction
 RANGE = 3.0  # of t: ± sinh 3 = ± 10 standard deviations
-ASCENTS, HALVINGS = 60, 8  # greatest numbers of Fisher scoring steps and of step halvings
+ASCENTS, HALVINGS = (
+    60,
+    8,
+)  # greatest numbers of Fisher scoring steps and of step halvings
 SETTLED = 1e-3  # tolerance of the mode in standard deviations
-LEAST_SHARE = 1e-3  # of the first covariance added to the second, in case all mass is at one node
-FADED = -45.0  # ln of a node's term relative to the greatest term; below it the mass is zero
+LEAST_SHARE = (
+    1e-3  # of the first covariance added to the second, in case all mass is at one node
+)
+FADED = (
+    -45.0
+)  # ln of a node's term relative to the greatest term; below it the mass is zero
 
 
 def blurred_log_density(
-    step: ndarray, a: ndarray, back: ndarray, measurement: ndarray, d: float, nodes: int = NODES
+    step: ndarray,
+    a: ndarray,
+    back: ndarray,
+    measurement: ndarray,
+    d: float,
+    nodes: int = NODES,
 ) -> ndarray:
     """(N,) log density of J₂⁺B⁻¹a + ε at ``step`` (N, n) in rad, q_{k+1} − q_k without its part in
     the null space of J. ``a`` (N, m) is not zero, ``back`` is J₂⁺ (N, n, m), ``measurement`` (n, n)
@@ -57,7 +69,9 @@ def _mixture(y: ndarray, a: ndarray, back: ndarray) -> ndarray:
     """
     n, m = back.shape[1:]
     r = np.sqrt(np.vecdot(a, a))[:, None, None]
-    left, singular, _ = np.linalg.svd(r * (back @ frames(a)[..., 1:]), full_matrices=False)
+    left, singular, _ = np.linalg.svd(
+        r * (back @ frames(a)[..., 1:]), full_matrices=False
+    )
     b = np.matvec(back, a)
     c, k = np.vecmat(y, left), np.vecmat(b, left)
     y, b = y - np.matvec(left, c), b - np.matvec(left, k)
@@ -82,7 +96,9 @@ def _log_integrand(case: ndarray, d: float, law: tuple, s: float, h: float) -> f
 
 
 @inner
-def _mode(case: ndarray, d: float, law: tuple) -> tuple[float, float, float, float, float]:
+def _mode(
+    case: ndarray, d: float, law: tuple
+) -> tuple[float, float, float, float, float]:
     """Mode (s, h) by Fisher scoring with step halving, and the covariance (ss, sh, hh) there."""
     # start: z of the step without measurement noise, at least 0.1
     (shape, freedom), s, h = law, np.log(max(case[0], 0.1)), np.log(d)
@@ -118,7 +134,9 @@ def _mode(case: ndarray, d: float, law: tuple) -> tuple[float, float, float, flo
 
 
 @compiled
-def _integrate(terms: ndarray, d: float, law: tuple[float, float], rule: ndarray) -> ndarray:
+def _integrate(
+    terms: ndarray, d: float, law: tuple[float, float], rule: ndarray
+) -> ndarray:
     """(N,) ln of the integral up to a constant, from the ``terms`` of :func:`_mixture`, with the
     nodes and weights ``rule`` (2, K) of the scaled s and h.
     """
@@ -154,7 +172,9 @@ def _integrate(terms: ndarray, d: float, law: tuple[float, float], rule: ndarray
                         squares[j] += residual / scale
                         product[j] *= scale
                 for j in range(nodes):
-                    value = freedom * (of_h + root_h * xi[j]) - g * factor[j] - squares[j]
+                    value = (
+                        freedom * (of_h + root_h * xi[j]) - g * factor[j] - squares[j]
+                    )
                     exponent[i, j] = of_s + 0.5 * value
                     mass[i, j] = weight[i] * weight[j] / np.sqrt(product[j])
                     top = max(top, exponent[i, j])

@@ -26,13 +26,19 @@ from pipeline.wrench import models as cables
 from pipeline.wrench.study import averaged_sigma_s, covariance_errors, variance_errors
 
 LEGS = 6
-DECOMPOSITIONS = ("qr_transposed", "qr")  # the order of the task's rows does not change them
+DECOMPOSITIONS = (
+    "qr_transposed",
+    "qr",
+)  # the order of the task's rows does not change them
 # Least accepted singular value of J⁻¹ over the greatest possible entry: below this value, an error
 # of a leg of a thousandth of the robot's size moves the platform by the whole size.
 LEAST_SINGULAR = 1e-3
 PARTS = {"forces": slice(3), "moments": slice(3, 6)}
 # form of Σ_S, and distance from the parametric model
-ERRORS = {"variance": ("diagonal", variance_errors), "covariance": ("full", covariance_errors)}
+ERRORS = {
+    "variance": ("diagonal", variance_errors),
+    "covariance": ("full", covariance_errors),
+}
 
 
 def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
@@ -42,8 +48,13 @@ def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
     ranges = {"attachment": options.attachment, "elevation": options.elevation}
     towed = replace(cables.study_bounds(study), **ranges), options.agents
     sizes = study.systems, study.test_systems
-    streams = [rng.stream(settings.seed, "outlook.towing", n) for n in range(study.repeats)]
-    parts = [error_rows(*towed, sizes, each).assign(repeat=n) for n, each in enumerate(streams)]
+    streams = [
+        rng.stream(settings.seed, "outlook.towing", n) for n in range(study.repeats)
+    ]
+    parts = [
+        error_rows(*towed, sizes, each).assign(repeat=n)
+        for n, each in enumerate(streams)
+    ]
     towing, hexapod = concatenate(parts), []
     least = np.linalg.svd(motion.inverse, compute_uv=False)[:, -1]
     place = {"place": np.linspace(0, 1, len(motion.q)), "least_singular_value": least}
@@ -116,13 +127,17 @@ def motion_of(options: SimpleNamespace) -> PlatformMotion:
     """
     start, end = map(pose_of, np.array(options.position), np.array(options.turn))
     limits, places = options.legs, options.places
-    before, after = (Rotation.from_matrix(pose[3:].reshape(3, 3)) for pose in (start, end))
+    before, after = (
+        Rotation.from_matrix(pose[3:].reshape(3, 3)) for pose in (start, end)
+    )
     shift, turn = end[:3] - start[:3], (after * before.inv()).as_rotvec()
     share = np.linspace(0, 1, places)[:, None]
     turned = (Rotation.from_rotvec(share * turn) * before).as_matrix().reshape(-1, 9)
     q, inverse = legs_at(options, np.hstack([start[:3] + share * shift, turned]))
     if q.min() < limits[0] or q.max() > limits[1]:
-        message = f"legs must be {limits[0]:g} to {limits[1]:g} m long, the motion needs "
+        message = (
+            f"legs must be {limits[0]:g} to {limits[1]:g} m long, the motion needs "
+        )
         message += f"{q.min():.4g} to {q.max():.4g} m; choose other ends or legs"
         raise ConfigError(message, key="legs")
     radius = np.linalg.norm(options.platform, axis=1).max()
@@ -130,13 +145,17 @@ def motion_of(options: SimpleNamespace) -> PlatformMotion:
     signs = np.sign(np.linalg.det(inverse))
     if least < LEAST_SINGULAR * max(1.0, radius / options.length) or np.ptp(signs):
         message = "the motion has a pose at which the legs do not hold the platform; choose a "
-        message += "smaller turn, or joints of base and platform that are not similar figures"
+        message += (
+            "smaller turn, or joints of base and platform that are not similar figures"
+        )
         raise ConfigError(message, key="turn")
     way = np.concatenate([shift, options.length * turn])
     return PlatformMotion(q, np.broadcast_to(way / places, q.shape), inverse)
 
 
-def equal_models(motion: PlatformMotion, noise: float, bound: float) -> dict[str, MotionModel]:
+def equal_models(
+    motion: PlatformMotion, noise: float, bound: float
+) -> dict[str, MotionModel]:
     """Return the models by name, each with rms noise of the legs of ``noise`` times their rms step;
     ``bound`` is u over the greatest norm of J⁻¹. Raises ConfigError without such a Wishart model.
     """
@@ -144,7 +163,10 @@ def equal_models(motion: PlatformMotion, noise: float, bound: float) -> dict[str
     trace = noise**2 * float(np.mean(np.vecdot(steps, steps)))
     models: dict[str, MotionModel] = {
         "additive": build_model(
-            {"kind": "additive", "noise_covariance": (trace / LEGS * np.eye(LEGS)).tolist()}
+            {
+                "kind": "additive",
+                "noise_covariance": (trace / LEGS * np.eye(LEGS)).tolist(),
+            }
         ),
         "gaussian": GaussianModel(1.0, bound * frobenius(motion.inverse).max()),
     } | {name: WishartModel(0.1, Decomposition(name)) for name in DECOMPOSITIONS}
@@ -152,7 +174,9 @@ def equal_models(motion: PlatformMotion, noise: float, bound: float) -> dict[str
         place = (motion, motion.q, motion.v, trace)
         return {name: model.with_trace(*place) for name, model in models.items()}
     except ModelDomainError as error:
-        message = f"no Wishart model has rms noise of {noise:g} times the step; choose less"
+        message = (
+            f"no Wishart model has rms noise of {noise:g} times the step; choose less"
+        )
         raise ConfigError(message, key="noise") from error
 
 
@@ -163,7 +187,10 @@ def lever(bounds: cables.Bounds) -> float:
 
 
 def error_rows(
-    bounds: cables.Bounds, agents: Sequence[int], sizes: tuple[int, int], rng: np.random.Generator
+    bounds: cables.Bounds,
+    agents: Sequence[int],
+    sizes: tuple[int, int],
+    rng: np.random.Generator,
 ) -> pd.DataFrame:
     """Return rows of ``towing``: Σ_S over ``sizes[0]`` systems, tested on ``sizes[1]`` others."""
     rows = []
@@ -186,9 +213,15 @@ def slope_rows(errors: pd.DataFrame) -> pd.DataFrame:
     rows = []
     for part, rows_of_part in errors.groupby("part", sort=False):
         for error in ERRORS:
-            means = np.log(rows_of_part.pivot(index="agents", columns="repeat", values=error))
-            slopes = np.polyfit(np.log(means.index.to_numpy(float)), means.to_numpy(), 1)[0]
-            rows.append((part, error, *paired_difference(slopes, np.zeros_like(slopes))[:3]))
+            means = np.log(
+                rows_of_part.pivot(index="agents", columns="repeat", values=error)
+            )
+            slopes = np.polyfit(
+                np.log(means.index.to_numpy(float)), means.to_numpy(), 1
+            )[0]
+            rows.append(
+                (part, error, *paired_difference(slopes, np.zeros_like(slopes))[:3])
+            )
     return pd.DataFrame(rows, columns=["part", "error", "slope", "low", "high"])
 
 
@@ -221,7 +254,11 @@ def draw(hexapod: pd.DataFrame, towing: pd.DataFrame) -> Figure:
     lines = {
         "additive": style.MODELS["additive"] | {"label": "additive"},
         "gaussian": style.MODELS["gaussian"] | {"label": "Gaussian"},
-        "qr_transposed": {"label": r"Wishart, QR of $J^{\mathsf{T}}$", "color": blue, "ls": "--"},
+        "qr_transposed": {
+            "label": r"Wishart, QR of $J^{\mathsf{T}}$",
+            "color": blue,
+            "ls": "--",
+        },
         "qr": {"label": "Wishart, QR of $J$", "color": green, "ls": dashes},
     }
     figure, ((rotation, wrench),) = style.panels(style.TWO_COLUMNS, 2.6, columns=2)
@@ -233,9 +270,16 @@ def draw(hexapod: pd.DataFrame, towing: pd.DataFrame) -> Figure:
     means = 100 * towing.groupby(["part", "agents"])[list(ERRORS)].mean()
     for part, color in (("forces", blue), ("moments", style.VERMILLION)):
         for error, dashes in zip(ERRORS, ("-", "--"), strict=True):
-            look = {"color": color, "marker": "o", "ms": 2.5, "label": f"{error} of {part}"}
+            look = {
+                "color": color,
+                "marker": "o",
+                "ms": 2.5,
+                "label": f"{error} of {part}",
+            }
             wrench.plot(means.loc[part, error], dashes, **look)
-    wrench.set(xscale="log", yscale="log", xlabel="number of cables", ylabel="error (%)")
+    wrench.set(
+        xscale="log", yscale="log", xlabel="number of cables", ylabel="error (%)"
+    )
     ticks = list(means.index.unique("agents"))
     wrench.set_xticks(ticks, [str(m) for m in ticks])
     wrench.set_yticks([1, 2, 5, 10], ["1", "2", "5", "10"])

@@ -15,7 +15,12 @@ from pipeline.arm.interface import Chain, trajectory_table
 from pipeline.arm.model import chain_of
 from pipeline.configuration import config
 from pipeline.core import rng
-from pipeline.core.errors import ConfigError, ModelDomainError, SingularJacobianError, SolverError
+from pipeline.core.errors import (
+    ConfigError,
+    ModelDomainError,
+    SingularJacobianError,
+    SolverError,
+)
 from pipeline.core.options.dataset import Robot
 from pipeline.figures import style
 from pipeline.laboratory.dynamics import JointPath, desired_path, open_session, perform
@@ -27,7 +32,14 @@ from pipeline.planning.motions import best_conditioned, least_uncertain, minimum
 from pipeline.planning.problem import InfeasibleError, Problem, uncertainty
 from pipeline.recordings.commands import commanded_steps
 from pipeline.statistics.takes import drawn_takes, percentile_interval
-from pipeline.studies.frame import Tables, concatenate, dataset_option, interval, number, trials
+from pipeline.studies.frame import (
+    Tables,
+    concatenate,
+    dataset_option,
+    interval,
+    number,
+    trials,
+)
 from pipeline.studies.simulated import disturb
 from pipeline.verdicts.wording import MISSING, join_names
 
@@ -35,7 +47,9 @@ FIXED = RECORDED, MINIMUM, BEST = "recorded", "minimum_norm", "best_conditioned"
 SURE = 0.975  # least share of the resamplings of a reliable result
 DIGITS = 9  # significant digits of a prediction that are compared
 KEYS = ["arm", "physics"]
-Motions = Mapping[str, np.ndarray]  # by name: (M+1, n) rad, or (choices,) sums of their noise
+Motions = Mapping[
+    str, np.ndarray
+]  # by name: (M+1, n) rad, or (choices,) sums of their noise
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,10 +72,14 @@ class Bench:
         robot = dataset_option(Robot, arm, "robot")
         motion = dataset_option(TrajectoryOptions, arm, "laboratory", "trajectory")
         dynamics = dataset_option(DynamicsOptions, arm, "laboratory", "dynamics")
-        times = {n: getattr(motion, n) / options.pace for n in ("duration", "rest", "ramp")}
+        times = {
+            n: getattr(motion, n) / options.pace for n in ("duration", "rest", "ramp")
+        }
         built, motion = chain_of(robot), replace(motion, **times)
         chain = chain_of(replace(robot, task=list(task))) if task else built
-        return cls(tuple(robot.joints), built, chain, motion, dynamics, options.takes, seed)
+        return cls(
+            tuple(robot.joints), built, chain, motion, dynamics, options.takes, seed
+        )
 
     @cached_property
     def recorded(self) -> np.ndarray:
@@ -81,8 +99,12 @@ class Bench:
         """
         motion, dynamics = JointPath(path, self.trajectory.rate), self.dynamics
         motion.require_followable(self.built)
-        session = open_session(self.built, dynamics, rng.stream(self.seed, "planning.session"))
-        streams = (rng.stream(self.seed, f"planning.{name}", n) for n in range(self.takes))
+        session = open_session(
+            self.built, dynamics, rng.stream(self.seed, "planning.session")
+        )
+        streams = (
+            rng.stream(self.seed, f"planning.{name}", n) for n in range(self.takes)
+        )
         takes = [perform(session, motion, dynamics, stream) for stream in streams]
         return np.stack([take.motion_capture for take in takes])
 
@@ -97,7 +119,9 @@ def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
     """Return the study's tables."""
     arms, of_dataset = options.arms.items(), Bench.of_dataset
     benches = {arm: of_dataset(arm, task, options, settings.seed) for arm, task in arms}
-    fixed = trials(settings, "planning: arms", fixed_motions, benches.values(), options=options)
+    fixed = trials(
+        settings, "planning: arms", fixed_motions, benches.values(), options=options
+    )
     cases = [(arm, name) for name in options.physics for arm in benches]
     common = {"benches": benches, "fixed": dict(zip(benches, fixed, strict=True))}
     common |= {"options": options, "models": config.model_options(options.models)}
@@ -109,7 +133,9 @@ def problem_of(bench: Bench, options: SimpleNamespace, smoothness: float) -> Pro
     """Return the planning problem: task path of the recorded motion and the study's margin."""
     chain, recorded = bench.chain, bench.recorded
     margin = options.margin * float(chain.least_singular_value(recorded).min())
-    return Problem(chain, chain.pose(recorded), bench.trajectory.rate, margin, smoothness)
+    return Problem(
+        chain, chain.pose(recorded), bench.trajectory.rate, margin, smoothness
+    )
 
 
 def fixed_motions(bench: Bench, options: SimpleNamespace) -> Motions:
@@ -122,7 +148,9 @@ def fixed_motions(bench: Bench, options: SimpleNamespace) -> Motions:
     }
 
 
-def plan_motion(bench: Bench, model: MotionModel, options: SimpleNamespace) -> np.ndarray:
+def plan_motion(
+    bench: Bench, model: MotionModel, options: SimpleNamespace
+) -> np.ndarray:
     """Return the motion (M+1, n) in rad of least Σ tr Cov under ``model``; raises InfeasibleError,
     and ModelDomainError for a model without a covariance or with the same covariance at every step.
     """
@@ -130,7 +158,9 @@ def plan_motion(bench: Bench, model: MotionModel, options: SimpleNamespace) -> n
     problem = problem_of(bench, options, 0.0)
     costs = cost(path[:-1], problem.steps)
     if np.ptp(costs) == 0:
-        raise ModelDomainError("the covariance is the same at every step, so all motions are equal")
+        raise ModelDomainError(
+            "the covariance is the same at every step, so all motions are equal"
+        )
     weight = options.smoothness * costs.sum() / np.sum(np.diff(path, axis=0) ** 2)
     return least_uncertain(replace(problem, smoothness=float(weight)), cost).joints
 
@@ -162,12 +192,18 @@ def tables_of(
     ]
     predictions = pd.DataFrame(rows, columns=["model", "motion", "sum"])
     tables = {"planning": sum_rows(sums), "planning_predictions": predictions}
-    return {name: rows.assign(arm=arm, physics=physics) for name, rows in tables.items()}
+    return {
+        name: rows.assign(arm=arm, physics=physics) for name, rows in tables.items()
+    }
 
 
-def realised_sums(bench: Bench, motions: Motions, choices: Sequence[np.ndarray]) -> Motions:
+def realised_sums(
+    bench: Bench, motions: Motions, choices: Sequence[np.ndarray]
+) -> Motions:
     """Return Σ_k tr of the sample covariance of ω_k over each choice of takes, by motion."""
-    times = np.stack([np.bincount(takes, minlength=bench.takes) for takes in choices]).astype(float)
+    times = np.stack(
+        [np.bincount(takes, minlength=bench.takes) for takes in choices]
+    ).astype(float)
     count, sums = times.sum(axis=1), {}
     for name, path in motions.items():
         try:
@@ -207,7 +243,9 @@ def compared(planning: pd.DataFrame, predictions: pd.DataFrame) -> pd.DataFrame:
     model: ``predicted`` and realised (``ratio``).
     """
     norm = predictions[predictions["motion"] == MINIMUM].drop(columns="motion")
-    both = predictions.merge(norm, on=[*KEYS, "model"], suffixes=("", " of norm")).dropna()
+    both = predictions.merge(
+        norm, on=[*KEYS, "model"], suffixes=("", " of norm")
+    ).dropna()
     both["predicted"] = both["sum"] / both["sum of norm"]
     return both.merge(planning[[*KEYS, "motion", "ratio"]], on=[*KEYS, "motion"])
 
@@ -221,20 +259,30 @@ def sum_rows(sums: Motions) -> pd.DataFrame:
     for place, (motion, values) in enumerate(sums.items()):
         ratios = values / sums[MINIMUM]
         low, high = percentile_interval(ratios[1:])
-        row = {"motion": motion, "sum": values[0], "ratio": ratios[0], "low": low, "high": high}
+        row = {
+            "motion": motion,
+            "sum": values[0],
+            "ratio": ratios[0],
+            "low": low,
+            "high": high,
+        }
         rows.append(row | {"least": float(np.mean(least == place))})
     return pd.DataFrame(rows)
 
 
 def motion_label(motion: str) -> str:
     """Return the name of a motion on the page."""
-    return f"{motion.replace('_', '-')} motion" if motion in FIXED else f"plan of {motion}"
+    return (
+        f"{motion.replace('_', '-')} motion" if motion in FIXED else f"plan of {motion}"
+    )
 
 
 def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
     """Return the fields of the page."""
     rows, pairs = tables["planning"], {"by": KEYS, "sort": False}
-    both = compared(rows, tables["planning_predictions"]).groupby([*KEYS, "model"], sort=False)
+    both = compared(rows, tables["planning_predictions"]).groupby(
+        [*KEYS, "model"], sort=False
+    )
     taus = both[["predicted", "ratio"]].apply(agreement).dropna()
     texts = map(interval, rows["ratio"], rows["low"], rows["high"])
     rows = rows.assign(
@@ -247,14 +295,18 @@ def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
     best = plans.loc[plans.groupby(**pairs)["ratio"].idxmin(), [*KEYS, "label", "text"]]
     shown = least.merge(best, "left", KEYS, suffixes=("", " of plan"))
     shown["label"] += [f" ({share:.0%})" for share in shown["least"]]
-    cells = shown[[*KEYS, "label", "text", "label of plan", "text of plan"]].fillna(MISSING)
+    cells = shown[[*KEYS, "label", "text", "label of plan", "text of plan"]].fillna(
+        MISSING
+    )
     sure = (least["plan"] & (least["least"] >= SURE)).sum()
     medians = taus.groupby("model", sort=False).median().map(number)
     return {
         "sure": sure,
         "pairs": len(least),
         "share": SURE,
-        "medians": join_names([f"{x} ({n})" for n, x in medians.items()] or ["undefined"]),
+        "medians": join_names(
+            [f"{x} ({n})" for n, x in medians.items()] or ["undefined"]
+        ),
         "cells": cells.to_numpy(),
     }
 
@@ -271,8 +323,15 @@ def draw(planning: pd.DataFrame, planning_predictions: pd.DataFrame) -> Figure:
     for axes, arm in zip(row, arms, strict=True):
         for each in both[both["arm"] == arm].itertuples():
             look = {"color": motions[each.motion], "marker": models[each.model]}
-            axes.plot([each.predicted], [each.ratio], ls="none", ms=4, alpha=0.8, **look)
-        axes.set(xscale="log", yscale="log", xlabel="predicted over minimum norm (1)", title=arm)
+            axes.plot(
+                [each.predicted], [each.ratio], ls="none", ms=4, alpha=0.8, **look
+            )
+        axes.set(
+            xscale="log",
+            yscale="log",
+            xlabel="predicted over minimum norm (1)",
+            title=arm,
+        )
         axes.axline((1, 1), (2, 2), **dotted)
         for ticks in (axes.xaxis, axes.yaxis):
             ticks.set_major_formatter("{x:g}")
@@ -280,9 +339,17 @@ def draw(planning: pd.DataFrame, planning_predictions: pd.DataFrame) -> Figure:
         axes.tick_params(which="both", labelsize=7)
     style.letters(row)
     row[0].set_ylabel("realised over minimum norm (1)")
-    looks = {motion_label(x): {"marker": "o", "color": color} for x, color in motions.items()}
+    looks = {
+        motion_label(x): {"marker": "o", "color": color} for x, color in motions.items()
+    }
     hollow = {"mfc": "none", "mec": style.BLACK}
-    looks |= {f"predicted by {x}": {"marker": mark} | hollow for x, mark in models.items()}
+    looks |= {
+        f"predicted by {x}": {"marker": mark} | hollow for x, mark in models.items()
+    }
     entries = [Line2D([], [], ls="none", label=x, **look) for x, look in looks.items()]
-    figure.legend(handles=[*entries, Line2D([], [], **dotted)], loc="outside lower center", ncols=3)
+    figure.legend(
+        handles=[*entries, Line2D([], [], **dotted)],
+        loc="outside lower center",
+        ncols=3,
+    )
     return figure

@@ -22,8 +22,16 @@ ANSWERS = {
 }
 LOOKS = {
     NORM: {"fmt": "o", "color": style.BLUE, "label": NORM},
-    "wishart": {"fmt": "s", "color": style.VERMILLION, "label": "std of the Wishart model"},
-    "gaussian": {"fmt": "D", "color": style.ORANGE, "label": "std of the Gaussian matrix model"},
+    "wishart": {
+        "fmt": "s",
+        "color": style.VERMILLION,
+        "label": "std of the Wishart model",
+    },
+    "gaussian": {
+        "fmt": "D",
+        "color": style.ORANGE,
+        "label": "std of the Gaussian matrix model",
+    },
 }
 
 

@@ -25,7 +25,11 @@ from pipeline.studies.frame import NoAnswerError, Tables, number, trials
 
 LOOKS = {  # estimators of σ_B
     "moments": {"label": "moments", "color": style.BLUE, "marker": "o"},
-    "paper": {"label": "the paper's convex problem", "color": style.VERMILLION, "marker": "s"},
+    "paper": {
+        "label": "the paper's convex problem",
+        "color": style.VERMILLION,
+        "marker": "s",
+    },
     "likelihood": {"label": "maximum likelihood", "color": style.ORANGE, "marker": "D"},
 }
 # estimates from a data set, and from one resampling of its takes
@@ -43,7 +47,11 @@ class KnownLaw(NamedTuple):
 def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
     """Return the table ``recovery``; NoAnswerError if the measurement noise is unknown."""
     recorded = training_steps(settings.dataset.robot, settings.dataset.motion)
-    chosen, every, count = slice(options.takes), slice(None, None, options.stride), options.datasets
+    chosen, every, count = (
+        slice(options.takes),
+        slice(None, None, options.stride),
+        options.datasets,
+    )
     try:  # some takes and steps of the recordings with the measurement noise of all
         part = replace(
             recorded,
@@ -60,7 +68,9 @@ def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
     pairs = trials(settings, "recovery: data sets", recover, data, **common)
     rows = [
         {"model": case.model, "estimator": name, "parameter": parameter}
-        | recovery_row(parameter, truth, [pair[name] for pair in pairs[n * count :][:count]])
+        | recovery_row(
+            parameter, truth, [pair[name] for pair in pairs[n * count :][:count]]
+        )
         for n, case in enumerate(cases)
         for name in case.estimators
         for parameter, truth in case.truth.values.items()
@@ -72,23 +82,31 @@ def known_laws(recorded: Recorded, options: SimpleNamespace) -> Iterator[KnownLa
     """Yield the laws of the data, with the recorded variance or a stated σ_B."""
     for name, model in config.model_options(options.estimators).items():
         names = options.estimators[name]
-        estimators = {each: replace(model, estimator=each) for each in names} or {"–": model}
+        estimators = {each: replace(model, estimator=each) for each in names} or {
+            "–": model
+        }
         for truth in truths(recorded, model, options.dispersions):
             yield KnownLaw(name, truth, estimators)
 
 
-def draw_data(truth: MotionModel, recorded: Recorded, rng: np.random.Generator) -> Recorded:
+def draw_data(
+    truth: MotionModel, recorded: Recorded, rng: np.random.Generator
+) -> Recorded:
     """Return ``recorded`` with the noise ω of every step drawn from ``truth`` plus N(0, Σ_m), the
     law that the likelihoods assume. Raises SingularJacobianError, and ModelDomainError without Σ_m.
     """
     q, v = recorded.q, recorded.v
     step, _ = draw_steps(truth, recorded.chain, q, v, rng)
-    measured = rng.multivariate_normal(np.zeros(q.shape[-1]), recorded.measurement, q.shape[:-1])
+    measured = rng.multivariate_normal(
+        np.zeros(q.shape[-1]), recorded.measurement, q.shape[:-1]
+    )
     noise = step - (q + recorded.chain.nominal_step(q, v)) + measured
     return replace(recorded, noise=noise, known_measurement=recorded.measurement)
 
 
-def recover(trial: tuple[KnownLaw, int], recorded: Recorded, seed: int) -> dict[str, Pair | None]:
+def recover(
+    trial: tuple[KnownLaw, int], recorded: Recorded, seed: int
+) -> dict[str, Pair | None]:
     """Return by estimator the estimates from a data set and from a resampling of its takes."""
     case, number = trial
     stream = f"recovery {case.truth.label}"
@@ -107,13 +125,17 @@ def recover(trial: tuple[KnownLaw, int], recorded: Recorded, seed: int) -> dict[
     return pairs
 
 
-def recovery_row(parameter: str, truth: float, pairs: Sequence[Pair | None]) -> dict[str, float]:
+def recovery_row(
+    parameter: str, truth: float, pairs: Sequence[Pair | None]
+) -> dict[str, float]:
     """Return mean, error and coverage of a ``parameter`` over two or more data sets."""
     given = [pair for pair in pairs if pair and all(parameter in part for part in pair)]
     row = {"truth": truth, "datasets": len(given), "lost": len(pairs) - len(given)}
     if len(given) < 2:
         return row
-    estimates, again = np.array([[part[parameter] for part in pair] for pair in given]).T
+    estimates, again = np.array(
+        [[part[parameter] for part in pair] for pair in given]
+    ).T
     error, mean, std = estimates - truth, estimates.mean(), estimates.std(ddof=1)
     half = NORMAL_QUANTILE * std / np.sqrt(len(estimates))
     low, high = percentile_interval(again - estimates)
@@ -137,7 +159,10 @@ def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
         label=rows["estimator"].map(lambda name: LOOKS.get(name, {}).get("label")),
         bias=[*map("{:+.2g} to {:+.2g} % at {:g}".format, *ends, rows["truth"])],
     )
-    wishart, others = rows[rows["parameter"] == "sigma_b"], rows[rows["parameter"] != "sigma_b"]
+    wishart, others = (
+        rows[rows["parameter"] == "sigma_b"],
+        rows[rows["parameter"] != "sigma_b"],
+    )
     columns = ["truth", "mean", "mean_low", "mean_high", "standard_deviation"]
     columns += ["bootstrap_standard_error", "coverage", "lost"]
     cells = [
@@ -151,7 +176,9 @@ def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
     return {
         "estimators": {name: part.dropna(subset="mean") for name, part in parts},
         "cells": cells,
-        "unbiased": others["truth"].between(others["mean_low"], others["mean_high"]).sum(),
+        "unbiased": others["truth"]
+        .between(others["mean_low"], others["mean_high"])
+        .sum(),
         "others": len(others),
     }
 
@@ -160,15 +187,23 @@ def draw(recovery: pd.DataFrame) -> Figure:
     """Draw the figure of the page."""
     recovery = recovery[recovery["parameter"] == "sigma_b"]
     figure, ((axes,),) = style.panels(style.ONE_COLUMN, 2.7)
-    places = {truth: place for place, truth in enumerate(dict.fromkeys(recovery["truth"]))}
+    places = {
+        truth: place for place, truth in enumerate(dict.fromkeys(recovery["truth"]))
+    }
     for shift, (estimator, look) in zip((-0.2, 0, 0.2), LOOKS.items(), strict=True):
         rows = recovery[recovery["estimator"] == estimator].dropna(subset="mean")
         x = rows["truth"].map(places) + shift
-        mean, least, greatest = (rows[c] / rows["truth"] for c in ("mean", "least", "greatest"))
-        axes.errorbar(x, mean, yerr=(mean - least, greatest - mean), ls="", ms=4, lw=1.2, **look)
+        mean, least, greatest = (
+            rows[c] / rows["truth"] for c in ("mean", "least", "greatest")
+        )
+        axes.errorbar(
+            x, mean, yerr=(mean - least, greatest - mean), ls="", ms=4, lw=1.2, **look
+        )
     axes.axhline(1, color=style.GREY, linewidth=0.8, zorder=0, label="true value")
     axes.set_xticks(list(places.values()), [f"{truth:g}" for truth in places])
-    axes.set(xlabel=r"true $\sigma_B$ (1)", ylabel=r"estimated over true $\sigma_B$ (1)")
+    axes.set(
+        xlabel=r"true $\sigma_B$ (1)", ylabel=r"estimated over true $\sigma_B$ (1)"
+    )
     axes.set_ylim(bottom=0)
     figure.legend(loc="outside lower center", ncols=2)
     return figure

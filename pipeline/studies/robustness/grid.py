@@ -25,7 +25,11 @@ from pipeline.wrench.study import run_study
 
 CHANCE = "random numbers"
 # consistent estimator of each of the paper's models
-CONSISTENT = {"additive": "shrinkage", "wishart": "likelihood", "gaussian": "likelihood"}
+CONSISTENT = {
+    "additive": "shrinkage",
+    "wishart": "likelihood",
+    "gaussian": "likelihood",
+}
 BASE = ""  # decision and level of the base case
 NamedCase = tuple[str, str, Choices]  # decision, level, case
 CLOCKS = ("aligned", "not aligned", "a frame late", "a frame early", "nearest step")
@@ -43,25 +47,41 @@ def decision_cases(
     }
     # threshold: share of the particles; 1 resamples at every step
     filters = [("resampling", scheme, {"scheme": scheme}) for scheme in SCHEMES]
-    filters += [("threshold", f"{share:g}", {"threshold": share}) for share in (0.25, 1.0)]
-    counts = [max(1, round(factor * base.filter.particles)) for factor in (0.1, 0.3, 3.0)]
+    filters += [
+        ("threshold", f"{share:g}", {"threshold": share}) for share in (0.25, 1.0)
+    ]
+    counts = [
+        max(1, round(factor * base.filter.particles)) for factor in (0.1, 0.3, 3.0)
+    ]
     filters += [("particles", f"{count}", {"particles": count}) for count in counts]
     modes, numbers = ("one_step", "free_running"), range(1, others + 1)
-    varied = [("realisations", mode.replace("_", " "), {"mode": mode}) for mode in modes]
-    varied += [("noise in scores", f"× {x:g}", {"measurement": x}) for x in (0.0, 0.5, 2.0)]
+    varied = [
+        ("realisations", mode.replace("_", " "), {"mode": mode}) for mode in modes
+    ]
+    varied += [
+        ("noise in scores", f"× {x:g}", {"measurement": x}) for x in (0.0, 0.5, 2.0)
+    ]
     varied += [("clock", clock, {"clock": clock}) for clock in CLOCKS]
     varied += [(d, x, {"filter": replace(base.filter, **new)}) for d, x, new in filters]
     varied += [(CHANCE, f"draws {n}", {"draw": base.draw + n}) for n in numbers]
     varied += [(CHANCE, f"takes {n}", {"batch": base.batch + n}) for n in numbers]
     cases = [("estimator", "likelihood", replace(base, models=models))]
-    cases += [("decomposition", *named) for named in readings(base, task, joints).items()]
-    cases += [(decision, level, replace(base, **new)) for decision, level, new in varied]
+    cases += [
+        ("decomposition", *named) for named in readings(base, task, joints).items()
+    ]
+    cases += [
+        (decision, level, replace(base, **new)) for decision, level, new in varied
+    ]
     return [(BASE, BASE, base), *(case for case in cases if case[2] != base)]
 
 
 def without_camera(case: Choices, base: Choices) -> bool:
     """Return True if ``case`` has the options of ``base`` for camera and filter."""
-    return (case.filter, case.clock, case.batch) == (base.filter, base.clock, base.batch)
+    return (case.filter, case.clock, case.batch) == (
+        base.filter,
+        base.clock,
+        base.batch,
+    )
 
 
 def cameras(
@@ -77,7 +97,13 @@ def cameras(
     ``periods`` in s are the periods of a frame and of a step.
     """
     (frame, step), t = periods, angles["t"]
-    times = (t, t - angles["take"].map(offsets), t + frame, t - frame, np.rint(t / step) * step)
+    times = (
+        t,
+        t - angles["take"].map(offsets),
+        t + frame,
+        t - frame,
+        np.rint(t / step) * step,
+    )
     return {
         clock: camera_of(angles.assign(t=time), joints, window=window)
         for clock, time in zip(CLOCKS, times, strict=True)
@@ -93,12 +119,20 @@ class Condition(NamedTuple):
 
 
 def conditions(
-    factors: Mapping[str, Sequence], seeds: Sequence[int], study: str, combined: Sequence[str] = ()
+    factors: Mapping[str, Sequence],
+    seeds: Sequence[int],
+    study: str,
+    combined: Sequence[str] = (),
 ) -> list[Condition]:
     """Return the base condition, each level alone and all combinations of ``combined``, by seed."""
-    points = [(), *(((name, level),) for name, levels in factors.items() for level in levels)]
+    points = [
+        (),
+        *(((name, level),) for name, levels in factors.items() for level in levels),
+    ]
     for levels in product(*([1.0, *factors[name]] for name in combined)):
-        point = tuple((name, x) for name, x in zip(combined, levels, strict=True) if x != 1.0)
+        point = tuple(
+            (name, x) for name, x in zip(combined, levels, strict=True) if x != 1.0
+        )
         points += [point] if len(point) > 1 else []
     return [Condition(study, seed, point) for point in points for seed in seeds]
 
@@ -116,21 +150,30 @@ def verdicts(
         evidence = motion_evidence(condition, laboratory, case, options)
     else:
         evidence = wrench_evidence(condition, wrench)
-    return claim_verdicts(claims, evidence, ArmNames(laboratory.joints, laboratory.chain.task))
+    return claim_verdicts(
+        claims, evidence, ArmNames(laboratory.joints, laboratory.chain.task)
+    )
 
 
 def motion_evidence(
-    condition: Condition, laboratory: Laboratory, case: Choices, options: SimpleNamespace
+    condition: Condition,
+    laboratory: Laboratory,
+    case: Choices,
+    options: SimpleNamespace,
 ) -> pd.DataFrame:
     """Return the evidence of a condition of the motion; none if the motion has a singular pose."""
     levels, motion = dict(condition.levels), laboratory.motion
     way = options.trajectories.get(levels.pop("trajectory", None), {})
     particles = levels.pop("particles", 1.0) * case.filter.particles
     pace, rest = way.get("pace", 1.0), way.get("rest", motion.rest)
-    changes = {key: tuple(way[key]) for key in ("folded", "extended") if key in way}  # rad
+    changes = {
+        key: tuple(way[key]) for key in ("folded", "extended") if key in way
+    }  # rad
     # the motion between the rests keeps its duration
     times = {"duration": motion.duration + 4 * (rest - motion.rest), "rest": rest}
-    changes |= {name: time / pace for name, time in (times | {"ramp": motion.ramp}).items()}
+    changes |= {
+        name: time / pace for name, time in (times | {"ramp": motion.ramp}).items()
+    }
     laboratory = replace(laboratory, motion=replace(motion, **changes))
     sizes = (options.training_takes, options.test_takes)
     try:
@@ -149,7 +192,9 @@ def motion_evidence(
 def wrench_evidence(condition: Condition, study: Wrench) -> pd.DataFrame:
     """Return the evidence of the numerical ``study`` of the wrench with other bounds."""
     levels, names = dict(condition.levels), ("kappa", "tension_std")
-    scaled = {n: [levels.get(n, 1.0) * value for value in getattr(study, n)] for n in names}
+    scaled = {
+        n: [levels.get(n, 1.0) * value for value in getattr(study, n)] for n in names
+    }
     stream = rng.stream(condition.seed, "wrench.study")
     _, errors, repeats = run_study(replace(study, **scaled), stream)
     return evidence_of({"wrench_errors": errors, "wrench_spread": repeats})

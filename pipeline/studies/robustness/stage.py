@@ -39,8 +39,12 @@ def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
     takes = recorded_takes(settings.dataset.robot, settings.dataset.motion)
     common = settings, options, read_claims(HERE / "conclusions.yaml"), takes
     parts = list(decision_verdicts(*common))
-    if settings.dataset.laboratory is None or not contracts.exists("kinect_noise", ARTICULATE):
-        print("robustness: no laboratory with a depth camera; its physics is not varied")
+    if settings.dataset.laboratory is None or not contracts.exists(
+        "kinect_noise", ARTICULATE
+    ):
+        print(
+            "robustness: no laboratory with a depth camera; its physics is not varied"
+        )
     else:
         parts += laboratory_verdicts(*common)
     rows = pd.concat(cases.drop_duplicates("claim") for cases in parts)
@@ -52,7 +56,10 @@ def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
 
 
 def decision_verdicts(
-    settings: SimpleNamespace, options: SimpleNamespace, claims: tuple[Claim, ...], takes: Takes
+    settings: SimpleNamespace,
+    options: SimpleNamespace,
+    claims: tuple[Claim, ...],
+    takes: Takes,
 ) -> Iterator[pd.DataFrame]:
     """Yield the verdicts of the recordings under every decision that the paper leaves open."""
     dataset, base = settings.dataset, Choices.of_run(settings)
@@ -62,12 +69,21 @@ def decision_verdicts(
     seen = {}
     if contracts.exists("angles", ARTICULATE):
         quality = contracts.read("quality", TRACK)
-        offsets = quality[quality["quantity"] == "clock_offset"].set_index("take")["value"]
-        angles, q = contracts.read("angles", ARTICULATE), contracts.read("joints", TRACK)
+        offsets = quality[quality["quantity"] == "clock_offset"].set_index("take")[
+            "value"
+        ]
+        angles, q = (
+            contracts.read("angles", ARTICULATE),
+            contracts.read("joints", TRACK),
+        )
         periods = (1 / dataset.depth.rate, 1 / dataset.motion.rate)
-        seen = grid.cameras(angles, q, offsets, periods, settings.articulation.noise_window)
+        seen = grid.cameras(
+            angles, q, offsets, periods, settings.articulation.noise_window
+        )
     else:
-        print("robustness: no depth camera; decisions on camera and filter are not varied")
+        print(
+            "robustness: no depth camera; decisions on camera and filter are not varied"
+        )
         cases = [named for named in cases if grid.without_camera(named[2], base)]
     sizes = (dataset.motion.rate, options.filtered, settings.simulation.realizations)
     recordings = Recordings(takes, seen, *sizes, settings.seed)
@@ -81,20 +97,28 @@ def decision_verdicts(
 
 
 def laboratory_verdicts(
-    settings: SimpleNamespace, options: SimpleNamespace, claims: tuple[Claim, ...], takes: Takes
+    settings: SimpleNamespace,
+    options: SimpleNamespace,
+    claims: tuple[Claim, ...],
+    takes: Takes,
 ) -> Iterator[pd.DataFrame]:
     """Yield the verdicts in every condition of the laboratory."""
     noise = contracts.read("kinect_noise", ARTICULATE)
     laboratory = Laboratory.of_run(settings, takes.training, noise)
     common = {"laboratory": laboratory, "claims": claims, "options": options}
-    common |= {"case": replace(Choices.of_run(settings), closed=True), "wrench": settings.wrench}
+    common |= {
+        "case": replace(Choices.of_run(settings), closed=True),
+        "wrench": settings.wrench,
+    }
     varied = {"trajectory": list(options.trajectories)} | options.factors
     every = grid.conditions(varied, options.seeds, "motion", options.combined)
     every += grid.conditions(options.wrench, options.seeds, "wrench")
     results = trials(settings, "robustness: conditions", grid.verdicts, every, **common)
     for condition, rows in zip(every, results, strict=True):
         factor = ", ".join(name for name, _ in condition.levels)
-        level = ", ".join(f"{x:g}" if isinstance(x, float) else x for _, x in condition.levels)
+        level = ", ".join(
+            f"{x:g}" if isinstance(x, float) else x for _, x in condition.levels
+        )
         yield rows.assign(grid=condition.study, factor=factor, level=level)
 
 
@@ -102,16 +126,25 @@ def changes(robustness: pd.DataFrame) -> pd.DataFrame:
     """Return the ``base`` verdict by part (decisions, laboratory), grid, factor and claim, and True
     if a level changes it.
     """
-    words = {(1, 1): BOTH, (1, 0): HOLDS, (0, 1): FAILS, (0, 0): UNKNOWN}  # some hold, some fail
+    words = {
+        (1, 1): BOTH,
+        (1, 0): HOLDS,
+        (0, 1): FAILS,
+        (0, 0): UNKNOWN,
+    }  # some hold, some fail
     some = zip(robustness["holds"] > 0, robustness["fails"] > 0, strict=True)
     decisions = robustness["grid"] == "decisions"
     rows = robustness.assign(verdict=[words[pair] for pair in some])
     rows = rows.assign(part=rows["grid"].where(decisions, "laboratory"))
     first = rows.loc[rows["factor"] == grid.BASE, ["grid", "claim", "verdict"]]
-    rows = rows.merge(first, on=["grid", "claim"], how="left", suffixes=("", "_of_base"))
+    rows = rows.merge(
+        first, on=["grid", "claim"], how="left", suffixes=("", "_of_base")
+    )
     rows = rows.rename(columns={"verdict_of_base": "base"})
     base = rows["factor"] == grid.BASE
-    rows["changed"] = (rows["verdict"] != rows["base"]).where(~base, rows["verdict"] == BOTH)
+    rows["changed"] = (rows["verdict"] != rows["base"]).where(
+        ~base, rows["verdict"] == BOTH
+    )
     lucky = rows[base & (rows["part"] == "laboratory")].assign(factor=grid.CHANCE)
     keys = ["part", "grid", "claim", "about", "base", "factor"]
     varied = pd.concat([rows[~base], lucky])
@@ -123,15 +156,30 @@ def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
     changed = changes(tables["robustness"])
     claims = changed["claim"]
     part = changed["part"].where(changed["factor"] != grid.CHANCE, grid.CHANCE)
-    flipped = {name: changed[changed["changed"] & (part == name)] for name in (*PARTS, grid.CHANCE)}
+    flipped = {
+        name: changed[changed["changed"] & (part == name)]
+        for name in (*PARTS, grid.CHANCE)
+    }
     counts = {name: len(rows["claim"].unique()) for name, rows in flipped.items()}
-    most = flipped["decisions"].groupby("factor")["claim"].nunique().sort_values(ascending=False)
-    lucky, unsteady = set(flipped[grid.CHANCE]["claim"]), set(claims[changed["changed"]])
+    most = (
+        flipped["decisions"]
+        .groupby("factor")["claim"]
+        .nunique()
+        .sort_values(ascending=False)
+    )
+    lucky, unsteady = (
+        set(flipped[grid.CHANCE]["claim"]),
+        set(claims[changed["changed"]]),
+    )
     steady, cells = [claim for claim in claims.unique() if claim not in unsteady], []
     for claim, rows in changed[claims.isin(unsteady)].groupby("claim", sort=False):
         varied = (rows.loc[part[rows.index] == name, "changed"] for name in PARTS)
-        of = [f"{some.sum()} of {len(some)}" if len(some) else MISSING for some in varied]
-        cells.append([claim + " †" * (claim in lucky), ", ".join(rows["base"].unique()), *of])
+        of = [
+            f"{some.sum()} of {len(some)}" if len(some) else MISSING for some in varied
+        ]
+        cells.append(
+            [claim + " †" * (claim in lucky), ", ".join(rows["base"].unique()), *of]
+        )
     return {
         "claims": claims.nunique(),
         "steady": len(steady),
@@ -164,24 +212,41 @@ def draw(robustness: pd.DataFrame) -> Figure:
     changed = changes(robustness)
     parts = dict(list(changed.groupby("part", sort=False)))
     claims = changed.drop_duplicates("claim").set_index("claim")["about"]
-    columns = {part: ["base case", *rows["factor"].unique()] for part, rows in parts.items()}
-    size = {"columns": len(parts), "sharey": True, "width_ratios": [*map(len, columns.values())]}
-    figure, (panels,) = style.panels(style.TWO_COLUMNS, 1.9 + 0.135 * len(claims), **size)
+    columns = {
+        part: ["base case", *rows["factor"].unique()] for part, rows in parts.items()
+    }
+    size = {
+        "columns": len(parts),
+        "sharey": True,
+        "width_ratios": [*map(len, columns.values())],
+    }
+    figure, (panels,) = style.panels(
+        style.TWO_COLUMNS, 1.9 + 0.135 * len(claims), **size
+    )
     place = {claim: y for y, claim in enumerate(claims.index)}
     for axes, (part, names) in zip(panels, columns.items(), strict=True):
         for row in parts[part].drop_duplicates("claim").itertuples():
             axes.plot([0], [place[row.claim]], ls="none", ms=4.2, **bases[row.base])
         for row in parts[part].itertuples():
-            look = (luck if row.factor == grid.CHANCE else other) if row.changed else same
+            look = (
+                (luck if row.factor == grid.CHANCE else other) if row.changed else same
+            )
             axes.plot([names.index(row.factor)], [place[row.claim]], **look)
         labels = [NAMES.get(name, name.replace("_", " ")) for name in names]
         axes.set_xticks(range(len(names)), labels, rotation=90)
-        axes.set(xlim=(-0.7, len(names) - 0.3), ylim=(len(claims) - 0.4, -0.6), title=part)
+        axes.set(
+            xlim=(-0.7, len(names) - 0.3), ylim=(len(claims) - 0.4, -0.6), title=part
+        )
         axes.tick_params(length=0)
         axes.spines[:].set_visible(False)
-    labels = [name.replace("-", " ") + " *" * (about != "method") for name, about in claims.items()]
+    labels = [
+        name.replace("-", " ") + " *" * (about != "method")
+        for name, about in claims.items()
+    ]
     panels[0].set_yticks(range(len(claims)), labels, fontsize=7)
     looks = {name: {"ls": "none"} | look for name, look in (bases | squares).items()}
     entries = [Line2D([], [], label=name, **look) for name, look in looks.items()]
-    figure.legend(handles=entries, loc="outside lower center", ncols=7, columnspacing=1.0)
+    figure.legend(
+        handles=entries, loc="outside lower center", ncols=7, columnspacing=1.0
+    )
     return figure

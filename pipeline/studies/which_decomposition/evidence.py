@@ -30,7 +30,10 @@ from pipeline.verdicts.claims import Claim
 
 PIVOTED, QR, QR_TRANSPOSED, GAUSSIAN = "pivoted_lu", "qr", "qr_transposed", "gaussian"
 # LU without pivoting of the planar task (x, z, φ) in every order of its rows
-PLAIN = {"lu_" + "".join("xzp"[row] for row in order): order for order in permutations(range(3))}
+PLAIN = {
+    "lu_" + "".join("xzp"[row] for row in order): order
+    for order in permutations(range(3))
+}
 READINGS = (PIVOTED, *PLAIN, QR, QR_TRANSPOSED)
 SIZES = {
     "joints 1 and 2": ("joint 1", "joint 2"),
@@ -88,14 +91,20 @@ class Published(NamedTuple):
 def published_values(claims: Sequence[Claim]) -> Published:
     """Return the published values of ``claims``."""
     stated = {claim.id: claim for claim in claims}
-    entries = [[int(x) - 1 for x in case["entry"]] for case in stated["sigma-omega"].cases()]
+    entries = [
+        [int(x) - 1 for x in case["entry"]] for case in stated["sigma-omega"].cases()
+    ]
     matrix = np.full((1 + np.max(entries),) * 2, np.nan)
     for (i, j), value in zip(entries, stated["sigma-omega"].published, strict=True):
         matrix[i, j] = matrix[j, i] = value
-    return Published(*(stated[name].published for name in ("sigma-b", "alpha", "u")), matrix)
+    return Published(
+        *(stated[name].published for name in ("sigma-b", "alpha", "u")), matrix
+    )
 
 
-def widths(chain: PlanarChain, paths: Paths, stated: Published, kind: str = "") -> np.ndarray:
+def widths(
+    chain: PlanarChain, paths: Paths, stated: Published, kind: str = ""
+) -> np.ndarray:
     """Return the WIDTHS (P,) of both models at the printed parameters ``stated`` on ``paths``."""
     result, n = np.zeros(len(paths.q), WIDTHS), paths.q.shape[-1]
     for start in range(0, len(paths.q), BLOCK):
@@ -103,12 +112,21 @@ def widths(chain: PlanarChain, paths: Paths, stated: Published, kind: str = "") 
         q, step = (part[block] for part in paths)
         jacobian, norm = chain.jacobian(q), frobenius(chain.inverse_jacobian(q))
         v = np.matvec(jacobian, step)
-        gaussian = stated.alpha**2 * (stated.u**2 - norm**2) * np.vecdot(v, v) / (n * v.shape[-1])
-        wishart = [wishart_variance(name, jacobian, v, stated.sigma_b) for name in READINGS]
+        gaussian = (
+            stated.alpha**2
+            * (stated.u**2 - norm**2)
+            * np.vecdot(v, v)
+            / (n * v.shape[-1])
+        )
+        wishart = [
+            wishart_variance(name, jacobian, v, stated.sigma_b) for name in READINGS
+        ]
         part = result[block]
         part["kind"], part["norm"] = kind, norm.max(axis=-1)
         part["gaussian"] = np.sqrt(gaussian.mean(axis=-1))
-        part["wishart"] = np.sqrt(np.stack([each.mean(axis=1) for each in wishart], axis=1))
+        part["wishart"] = np.sqrt(
+            np.stack([each.mean(axis=1) for each in wishart], axis=1)
+        )
     return result
 
 
@@ -118,10 +136,15 @@ def log_quantities(
     """Return the logarithm (R, P) or (P,) of each quantity of the WIDTHS ``drawn``; 0 equals the
     printed numbers. ``widening`` is added to the logarithm of the Gaussian model's width.
     """
-    printed, total = np.diag(stated.covariance), np.linalg.norm(drawn["wishart"], axis=-1).T
+    printed, total = (
+        np.diag(stated.covariance),
+        np.linalg.norm(drawn["wishart"], axis=-1).T,
+    )
     joints = np.moveaxis(drawn["wishart"], 0, -1) / np.sqrt(printed)[:, None]
     gaussian = np.exp(widening) * np.sqrt(len(printed)) * drawn["gaussian"]
-    quantities = {f"joint {j}": joints[:, j - 1] for j in range(1, len(printed) + 1)} | {
+    quantities = {
+        f"joint {j}": joints[:, j - 1] for j in range(1, len(printed) + 1)
+    } | {
         "trace": total / np.sqrt(np.trace(stated.covariance)),
         "gaussian": gaussian / np.sqrt(np.trace(stated.covariance)),
         "difference": total / gaussian,
@@ -139,7 +162,10 @@ def densities(
 
 
 def evidence_rows(
-    drawn: np.ndarray, stated: Published, tolerances: Sequence[float], span: tuple[float, float]
+    drawn: np.ndarray,
+    stated: Published,
+    tolerances: Sequence[float],
+    span: tuple[float, float],
 ) -> pd.DataFrame:
     """Return rows of ``evidence`` for the prior of the paths ``drawn``, for each tolerance f and
     for the integral over f in ``span``, uniform in ln ln f.
@@ -153,9 +179,16 @@ def evidence_rows(
         for tolerance, density in cases.items():
             mean = density.mean(axis=1)
             share, ratio = density / mean[:, None], mean / mean[pivoted]
-            error = (share - share[pivoted]).std(axis=1, ddof=1) / np.sqrt(density.shape[1])
+            error = (share - share[pivoted]).std(axis=1, ddof=1) / np.sqrt(
+                density.shape[1]
+            )
             low, high = (ratio * np.exp(x * NORMAL_QUANTILE * error) for x in (-1, 1))
-            columns = {"reading": READINGS, "likelihood": ratio, "low": low, "high": high}
+            columns = {
+                "reading": READINGS,
+                "likelihood": ratio,
+                "low": low,
+                "high": high,
+            }
             place = {"size": size, "quantities": name, "tolerance": tolerance}
             rows.append(pd.DataFrame(columns).assign(**place))
     return pd.concat(rows, ignore_index=True)
@@ -166,18 +199,29 @@ def width_rows(drawn: np.ndarray, stated: Published) -> pd.DataFrame:
     quantities = log_quantities(drawn, stated)
     width = np.exp([*quantities["trace"], quantities["gaussian"]])
     least = [*np.exp(quantities["difference"]).min(axis=1), 1.0]
-    columns = {"reading": (*READINGS, GAUSSIAN), "paths": len(drawn), "least_ratio": least}
+    columns = {
+        "reading": (*READINGS, GAUSSIAN),
+        "paths": len(drawn),
+        "least_ratio": least,
+    }
     levels = {"low": 0.05, "median": 0.5, "high": 0.95, "best": 0.99}
-    columns |= {name: np.quantile(width, level, axis=1) for name, level in levels.items()}
+    columns |= {
+        name: np.quantile(width, level, axis=1) for name, level in levels.items()
+    }
     return pd.DataFrame(columns | {"reached": np.mean(width >= 1, axis=1)})
 
 
 def unsquared_rows(drawn: np.ndarray, stated: Published, tolerances: Sequence[float]):
     """Return the table ``unsquared``: pivoted LU and Σ_k = α(u² − ‖J⁻¹‖²)/n² over α² for α."""
-    names, pivoted = (*SIZES["joints 1 and 2"], *SETS["small_difference"]), READINGS.index(PIVOTED)
+    names, pivoted = (
+        (*SIZES["joints 1 and 2"], *SETS["small_difference"]),
+        READINGS.index(PIVOTED),
+    )
     widenings = -np.log(stated.alpha) / 2, 0.0
     both = other, _ = [log_quantities(drawn, stated, each) for each in widenings]
-    means = [[densities(each, names, f)[pivoted].mean() for f in tolerances] for each in both]
+    means = [
+        [densities(each, names, f)[pivoted].mean() for f in tolerances] for each in both
+    ]
     low, high = np.exp(np.quantile(other["difference"][pivoted], [0.05, 0.95]))
     columns = {"tolerance": tolerances, "likelihood": np.divide(*means)}
     return pd.DataFrame(columns | {"low_ratio": low, "high_ratio": high})

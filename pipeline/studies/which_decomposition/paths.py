@@ -61,13 +61,20 @@ class Paths(NamedTuple):
 
 
 def draw_paths(
-    chain: PlanarChain, law: TimeLaw, kind: str, bound: float, count: int, rng: np.random.Generator
+    chain: PlanarChain,
+    law: TimeLaw,
+    kind: str,
+    bound: float,
+    count: int,
+    rng: np.random.Generator,
 ) -> Paths:
     """Return ``count`` random feasible paths of a ``kind``; ``bound`` û on ‖J⁻¹‖_F (1/m and 1)."""
     parts: list[Paths] = []
     while sum(len(part.q) for part in parts) < count:
         parts.append(_feasible_paths(chain, law, kind, bound, rng))
-    return Paths(*(np.concatenate(column)[:count] for column in zip(*parts, strict=True)))
+    return Paths(
+        *(np.concatenate(column)[:count] for column in zip(*parts, strict=True))
+    )
 
 
 def _feasible_paths(
@@ -101,7 +108,9 @@ def _feasible_paths(
         along, across = np.moveaxis(axes[chosen, None], 2, 0)
         turn = 2 * np.pi * shape
         ellipse = (np.sin(turn) * along + (1 - np.cos(turn)) * across) / (2 * np.pi)
-        q = start[chosen, None] + size[chosen, None, None] * (ellipse if loop else shape * along)
+        q = start[chosen, None] + size[chosen, None, None] * (
+            ellipse if loop else shape * along
+        )
         if np.any(of_task):
             q[of_task] = joint_angles(chain, q[of_task], elbow[chosen][of_task, None])
         speed = (np.abs(np.diff(q, axis=1)) / chain.max_speed).max(axis=(1, 2))
@@ -110,11 +119,15 @@ def _feasible_paths(
     chosen = np.arange(count)
     for _ in range(SCALINGS if task.any() else 1):
         ratio = peak / angles(chosen, COARSE)[1]
-        size *= np.where(np.isfinite(ratio), ratio, 0.5)  # shorter if it leaves the reach
+        size *= np.where(
+            np.isfinite(ratio), ratio, 0.5
+        )  # shorter if it leaves the reach
     for stride in (COARSE, 1):
         q, speed = angles(chosen, stride)
         kept = chain.within_limits(q).all(axis=1) & ~chain.singular(q).any(axis=1)
-        kept &= np.abs(speed / peak[chosen] - 1) < SPEED_TOLERANCE * (5 if stride > 1 else 1)
+        kept &= np.abs(speed / peak[chosen] - 1) < SPEED_TOLERANCE * (
+            5 if stride > 1 else 1
+        )
         chosen, q = chosen[kept], q[kept]
         kept = (frobenius(chain.inverse_jacobian(q)) < bound).all(axis=1)
         chosen, q = chosen[kept], q[kept]

@@ -36,7 +36,9 @@ from pipeline.tools.characterize.logs import folder_logs
 from pipeline.tools.export.command import scores_by_horizon
 
 HERE, EXPORTS = Path(__file__).parent, Path("data/export")
-CHARACTERIZED = Path("data/characterize")  # runs of characterize, one folder per dataset
+CHARACTERIZED = Path(
+    "data/characterize"
+)  # runs of characterize, one folder per dataset
 TAKE_TEXT, RUN_TEXT = (
     Template((HERE / f"{name}.txt").read_text(encoding="utf-8"), trim_blocks=True)
     for name in ("take", "run")
@@ -46,7 +48,9 @@ FACTOR = 2.0  # greatest factor between predicted and measured standard deviatio
 ENOUGH = 20  # least number of test takes for a comparison without training takes
 # false positive rate: half of it for the whole take, half for the greatest difference of a span
 LEVEL = 0.05
-MOST_CHANCE = 0.25  # greatest false positive rate; with a greater rate nothing can be shown
+MOST_CHANCE = (
+    0.25  # greatest false positive rate; with a greater rate nothing can be shown
+)
 FEWEST = round(2 / MOST_CHANCE) - 1  # least number of takes to compare with
 SPANS = 10  # number of parts of the motion that are compared
 
@@ -78,14 +82,18 @@ def _runs_in(file: Path, model: ExportedErrors, export: Path) -> list[JointRun]:
     if logs.movements:
         names = [*next(iter(logs.movements.values())).joints]
         if missing := [joint for joint in joints if joint not in names]:
-            message = f"the log has no joint {', '.join(missing)}; it has {', '.join(names)}"
+            message = (
+                f"the log has no joint {', '.join(missing)}; it has {', '.join(names)}"
+            )
             raise RecordingError(message, file=file)
         return joint_runs(logs.movements, logs.rate, joints).runs
     with chdir(run_folder(model.record["dataset"], export)):
         dataset = config.sections("assess", HERE / "reads.yaml").dataset
         if dataset.mocap is None:
             reason = next(iter(logs.unused.values()), "no log of joints")
-            raise RecordingError(f"no measured and commanded joint angles: {reason}", file=file)
+            raise RecordingError(
+                f"no measured and commanded joint angles: {reason}", file=file
+            )
         first = runs_of(training_steps(dataset.robot, dataset.motion))[0]
         takes = new_takes(file, dataset, first.command)
     return [replace(first, name=name, measured=q) for name, q in takes.items()]
@@ -107,7 +115,9 @@ def assessments_of_runs(
             own = all_rows[all_rows["horizon"] == horizon]
             share = own["predicted_rad"] / own["measured_rad"]
             inside = np.average(own["one_sigma"], weights=own["count"])
-            others = np.array([one["scores"][horizon] for one in known if horizon in one["scores"]])
+            others = np.array(
+                [one["scores"][horizon] for one in known if horizon in one["scores"]]
+            )
             count = 1 + len(others)
             lower = (1 + np.sum(others <= score)) / count
             rows[horizon] = share.min(), share.max(), inside, score, lower, count
@@ -116,7 +126,9 @@ def assessments_of_runs(
             continue
         columns = ["low", "high", "inside", "score", "lower", "count"]
         table = pd.DataFrame.from_dict(rows, orient="index", columns=columns)
-        yield RUN_TEXT.render(run=run, rows=table, known=len(known), export=export, factor=FACTOR)
+        yield RUN_TEXT.render(
+            run=run, rows=table, known=len(known), export=export, factor=FACTOR
+        )
 
 
 def run_folder(dataset: str, model: Path) -> Path:
@@ -127,7 +139,9 @@ def run_folder(dataset: str, model: Path) -> Path:
         composed = folder / config.COMPOSED
         if composed.is_file() and read_yaml(composed)["dataset"]["name"] == dataset:
             return folder
-    message = f"the model is of the dataset {dataset}, which has no run here; set dataset: "
+    message = (
+        f"the model is of the dataset {dataset}, which has no run here; set dataset: "
+    )
     message += f"{dataset} in params.yaml and run `dvc repro`, or run characterize"
     raise ConfigError(message, file=model)
 
@@ -138,7 +152,11 @@ def _assessments(file: Path, law: ExportedModel, export: str) -> Iterator[str]:
     names, q = contracts.stacked(joints := contracts.read("joints", TRACK), "q")
     fitted = (joints.drop_duplicates("take")["part"] == "training").to_numpy()
     reference = ~fitted if np.sum(~fitted) >= ENOUGH else np.ones_like(fitted)
-    known, mean, rate = np.array(names)[reference], q[fitted].mean(axis=0), dataset.motion.rate
+    known, mean, rate = (
+        np.array(names)[reference],
+        q[fitted].mean(axis=0),
+        dataset.motion.rate,
+    )
     takes = new_takes(file, dataset, mean)
     poses = np.concatenate([q[reference], [*takes.values()]])
     path, share = MeanPath(law.chain, mean), law.record["closed_loop_share"]
@@ -153,7 +171,9 @@ def _assessments(file: Path, law: ExportedModel, export: str) -> Iterator[str]:
         yield assessment(name, export, among, verdict)
 
 
-def new_takes(file: Path, dataset: SimpleNamespace, mean: np.ndarray) -> dict[str, np.ndarray]:
+def new_takes(
+    file: Path, dataset: SimpleNamespace, mean: np.ndarray
+) -> dict[str, np.ndarray]:
     """Return name → angles (M+1, n) in rad of the repetitions in ``file``: one in a motion capture
     take, all in a joint log. Repetitions in a log are shifted into phase with ``mean`` (M+1, n) in
     rad, the mean of the dataset's takes.
@@ -164,7 +184,9 @@ def new_takes(file: Path, dataset: SimpleNamespace, mean: np.ndarray) -> dict[st
         raise RecordingError("there is no such file", file=file)
     if dataset.mocap is not None:
         rows, _ = marker_rows(file.stem, file, "test", dataset)
-        return {file.stem: follower(dataset.robot, dataset.mocap)(rows, take=file.stem).q}
+        return {
+            file.stem: follower(dataset.robot, dataset.mocap)(rows, take=file.stem).q
+        }
     options, steps = dataset.joint_log, dataset.motion.steps
     moving, rest = steps - 2 * options.rest, options.rest
     movement = file.name if file.is_dir() else file.stem
@@ -176,7 +198,11 @@ def new_takes(file: Path, dataset: SimpleNamespace, mean: np.ndarray) -> dict[st
         raise RecordingError(message, file=file)
     path, near = mean[rest : rest + moving + 1], (SLACK, rest > 0)
     return {
-        name: stretch(take.actual, in_phase(take.actual, take.first, path, *near) - rest, steps + 1)
+        name: stretch(
+            take.actual,
+            in_phase(take.actual, take.first, path, *near) - rest,
+            steps + 1,
+        )
         for name, take in takes.items()
     }
 
@@ -195,7 +221,9 @@ def innovations_of(
     known, before = model.record["pose_covariance_rad2"], poses[:, :-1]
     v = model.command(before, commands.path[: before.shape[1]], task_step=commands.v)
     error = poses[:, 1:] - model.mean(before, task_step=v)
-    S = model.covariance(before, task_step=v) + (0.0 if known is None else 2 * np.array(known))
+    S = model.covariance(before, task_step=v) + (
+        0.0 if known is None else 2 * np.array(known)
+    )
     if not np.all(np.linalg.eigvalsh(S)[..., 0] > 0):
         message = "the model has no noise at a pose, so no measurement can be compared with it;"
         advice = "set dataset.motion.pose_noise and export the model again"
@@ -206,7 +234,9 @@ def innovations_of(
 class TakeVerdict(NamedTuple):
     """Distance of a take from N other takes, for all joints together and for each joint."""
 
-    evidence: pd.DataFrame  # all joints, then each joint: own, mean, std (nats per step) and p
+    evidence: (
+        pd.DataFrame
+    )  # all joints, then each joint: own, mean, std (nats per step) and p
     p_whole: float  # p of the greatest |t| of the whole take
     ends: np.ndarray  # (SPANS + 1,) s, limits of the spans
     span_t: np.ndarray  # (n, SPANS) t by joint and span
@@ -262,7 +292,9 @@ def judge(
     return TakeVerdict(table, p_whole, ends, span_t, p_spans, int(others.sum()))
 
 
-def _distances(own: np.ndarray, theirs: np.ndarray) -> tuple[np.ndarray, float, np.ndarray]:
+def _distances(
+    own: np.ndarray, theirs: np.ndarray
+) -> tuple[np.ndarray, float, np.ndarray]:
     """Return t (...) of ``own`` (...) from N takes ``theirs`` (N, ...); p of the greatest |t| by
     its rank among the greatest of the N takes; and p of each |t| alone.
     """
@@ -283,8 +315,13 @@ def assessment(take: str, model: str, fitted: int, verdict: TakeVerdict) -> str:
     """Return the verdict as a sentence, and one line of numbers per joint. ``fitted`` is the number
     of takes to compare with to which the ``model`` was fitted.
     """
-    joint, span = np.unravel_index(np.argmax(np.abs(verdict.span_t)), verdict.span_t.shape)
+    joint, span = np.unravel_index(
+        np.argmax(np.abs(verdict.span_t)), verdict.span_t.shape
+    )
     begins, ends = verdict.ends[span : span + 2]
-    values = {"joint": verdict.evidence.index[1 + joint], "t": verdict.span_t[joint, span]}
+    values = {
+        "joint": verdict.evidence.index[1 + joint],
+        "t": verdict.span_t[joint, span],
+    }
     values |= {"begins": begins, "ends": ends, "fewest": FEWEST, "fitted": fitted}
     return TAKE_TEXT.render(take=take, model=model, v=verdict, **values)

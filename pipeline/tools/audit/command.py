@@ -43,12 +43,16 @@ def run(folder: Path) -> None:
         entries = read_yaml(lock).get("stages", {}) if lock.is_file() else {}
         names = stage_names(file, project / "params.yaml") if entries else []
         stages += [entries[name] for name in names if name in entries]
-    for out in (project / out["path"] for stage in stages for out in stage.get("outs", [])):
+    for out in (
+        project / out["path"] for stage in stages for out in stage.get("outs", [])
+    ):
         shutil.rmtree(out) if out.is_dir() else out.unlink(missing_ok=True)
     repro = [sys.executable, "-m", "dvc", "repro", "--all-pipelines", "--force"]
     ran = subprocess.run(repro, cwd=project, env=environment, stdout=sys.stderr)
     if ran.returncode or not stages:
-        raise PipelineError("`dvc repro -P` failed; its message is above", folder=project)
+        raise PipelineError(
+            "`dvc repro -P` failed; its message is above", folder=project
+        )
     # the lock files contain the hashes of files that are not in git
     changed = _git(project, "status", "--porcelain").splitlines()
     equal = "equal to the commit"
@@ -59,7 +63,9 @@ def run(folder: Path) -> None:
     if changed:
         print("\n".join([*changed, _git(project, "diff", "--stat")]), end="")
         message = f"{len(changed)} files differ from the commit after a run of all"
-        raise PipelineError(f"{message} stages; see `git -C '{project}' diff`", folder=project)
+        raise PipelineError(
+            f"{message} stages; see `git -C '{project}' diff`", folder=project
+        )
     print(f"audit: {len(stages)} stages run again, every file {equal}")
 
 
@@ -91,7 +97,9 @@ def clone_commit(root: Path, folder: Path) -> Path:
     shutil.rmtree(project, ignore_errors=True)
     _git(folder, "clone", "--quiet", str(root), str(project))
     if not (project / "dvc.lock").is_file():
-        raise PipelineError("dvc.lock is not committed; run `dvc repro` and commit it", file=root)
+        raise PipelineError(
+            "dvc.lock is not committed; run `dvc repro` and commit it", file=root
+        )
     for sheet in sorted(root.glob("data/raw/*/dataset.yaml")):
         up, *names = Path(read_yaml(sheet).get("recordings", "")).parts or ("",)
         if up == ".." and names and not (folder / names[0]).is_symlink():
@@ -103,5 +111,7 @@ def _git(folder: Path, *words: str) -> str:
     done = subprocess.run(["git", *words], cwd=folder, capture_output=True, text=True)
     if done.returncode:
         message = f"git {words[0]}: {' '.join(done.stderr.split())}"
-        raise PipelineError(f"{message}; an audit needs a repository with a commit", folder=folder)
+        raise PipelineError(
+            f"{message}; an audit needs a repository with a commit", folder=folder
+        )
     return done.stdout

@@ -33,7 +33,11 @@ from pipeline.stages import fit, ingest, predict, track
 from pipeline.statistics.horizons import chosen_law
 from pipeline.tools.characterize.logs import folder_logs
 from pipeline.tools.export import command as export
-from pipeline.tools.new_dataset.command import assigned_values, dataset_files, open_draft
+from pipeline.tools.new_dataset.command import (
+    assigned_values,
+    dataset_files,
+    open_draft,
+)
 from pipeline.tools.new_dataset.values import KEYS
 from pipeline.verdicts.model_card import answer, model_card
 from pipeline.verdicts.report_page import with_plain_names
@@ -63,7 +67,9 @@ def run(
     if model is not None:
         config.model_options([model.removesuffix(CLOSED)])
     if scale not in (scales := config.option_names("scale")):
-        raise ConfigError(f"no scale {scale!r}; there are {', '.join(scales)}", key="--scale")
+        raise ConfigError(
+            f"no scale {scale!r}; there are {', '.join(scales)}", key="--scale"
+        )
     name = name or re.sub(r"\W+", "_", folder.resolve().name)
     assigned = {"robot.urdf": str(urdf)} if urdf else {}
     assigned |= assigned_values(set)
@@ -75,7 +81,9 @@ def run(
         place = folder
         card = Run(name, scale, False, list(logged.runs[0].joints), [], {}, {}, tables)
         exported = model or chosen_law(tables["joint_scores"])[0]
-        record = exported and _record_of_runs(exported, logged, name, tables["joint_scores"])
+        record = exported and _record_of_runs(
+            exported, logged, name, tables["joint_scores"]
+        )
     else:
         _write_dataset(name, folder, assigned, ask, motion)
         with _project(name, folder.resolve(), scale) as place:
@@ -94,7 +102,9 @@ def run(
     report = REPORTS / name
     report.mkdir(parents=True, exist_ok=True)
     save(noise_quantiles(card.tables["noise_quantiles"]), report, "noise_quantiles")
-    text = model_card(with_plain_names(card), []).replace(HEADING, f"{HEADING}\n{PICTURE}\n", 1)
+    text = model_card(with_plain_names(card), []).replace(
+        HEADING, f"{HEADING}\n{PICTURE}\n", 1
+    )
     # drop the card's export command, which would export a model of params.yaml's dataset
     contracts.write_text(TO_EXPORT.sub("", text), report / "model_card.md")
     print(f"\n{TO_EXPORT.sub('', answer(card)).rstrip()}\n")
@@ -129,9 +139,13 @@ def _logged_runs(folder: Path, assigned: dict[str, str]) -> RunsOfLogs | None:
     return RunsOfLogs(found.runs, unused)
 
 
-def _record_of_runs(model: str, logged: RunsOfLogs, name: str, scores: pd.DataFrame) -> dict:
+def _record_of_runs(
+    model: str, logged: RunsOfLogs, name: str, scores: pd.DataFrame
+) -> dict:
     if model not in FAMILY:
-        raise ConfigError(f"the model {model} needs a Jacobian: give --urdf FILE", key="--model")
+        raise ConfigError(
+            f"the model {model} needs a Jacobian: give --urdf FILE", key="--model"
+        )
     options = config.model_options([model])[model]
     return export.error_record(model, options, logged.runs, name, scores)
 
@@ -142,12 +156,18 @@ def _write_dataset(
     """Write the dataset's files if missing or incomplete; ConfigError if a value is still ???."""
     sheet, option = dataset_files(name)
     if exists := option.exists() and sheet.exists():
-        print(f"characterize: the dataset {name} exists and is used without changes; to write it")
-        print(f"characterize: again by --urdf, --set or --motion, delete {sheet} and {option}")
+        print(
+            f"characterize: the dataset {name} exists and is used without changes; to write it"
+        )
+        print(
+            f"characterize: again by --urdf, --set or --motion, delete {sheet} and {option}"
+        )
         values = config.dataset_values(option)
         if not datasheet.is_open(values):
             return
-        assigned = {key: v for key, v in assigned.items() if get_filled(values, key) is None}
+        assigned = {
+            key: v for key, v in assigned.items() if get_filled(values, key) is None
+        }
     draft = open_draft(name, None if exists else folder, assigned)
     draft.fill(assigned, suggested=True, motion=motion if ask else None, ask=ask)
     if not ask:
@@ -156,16 +176,24 @@ def _write_dataset(
         if urdf := get_filled(draft.values(), "robot.urdf"):
             links = read_urdf(Path(urdf)).links
             usual |= dict([("robot.tool", tool) for tool in TOOLS if tool in links][:1])
-        taken = {key: value for key, value in usual.items() if key in draft.open_values()}
+        taken = {
+            key: value for key, value in usual.items() if key in draft.open_values()
+        }
         for key, value in taken.items():
-            print(f"characterize: {key} is set to {value}; --set {key}=VALUE changes it")
+            print(
+                f"characterize: {key} is set to {value}; --set {key}=VALUE changes it"
+            )
         draft.fill(taken, suggested=True)
         if "joint_log.start" in (keys := draft.open_values()) and {*keys} <= {*KEYS}:
             draft.fill({}, motion=motion or 1)
-            print(f"characterize: motion {motion or 1} is analysed; --motion NUMBER changes it")
+            print(
+                f"characterize: motion {motion or 1} is analysed; --motion NUMBER changes it"
+            )
     draft.write()
     if keys := draft.open_values():
-        message = f"the files do not state {', '.join(keys)}; run again with --ask, or with"
+        message = (
+            f"the files do not state {', '.join(keys)}; run again with --ask, or with"
+        )
         raise ConfigError(f"{message} --set KEY=VALUE for each", file=option)
 
 
@@ -194,18 +222,26 @@ def _results(
     """Return tables and metrics; of the joint error laws only, if a stage fails."""
     metrics = {}
     try:
-        for part in ["motion", "depth"] if settings.dataset.depth is not None else ["motion"]:
+        for part in (
+            ["motion", "depth"] if settings.dataset.depth is not None else ["motion"]
+        ):
             _run_stage(ingest.run, part)
         _run_stage(track.run)
         for model in settings.models:
             _run_stage(fit.run, model)
-            metrics[f"fit_{model}"] = json.loads((fit.OUT / model / "fit.json").read_text())
+            metrics[f"fit_{model}"] = json.loads(
+                (fit.OUT / model / "fit.json").read_text()
+            )
         _run_stage(predict.run)
     except PipelineError as error:
         if logged is None:
             raise
-        print(f"characterize: only joint error laws; the motion cannot be analysed: {error}")
-        return joint_tables(logged.runs, config.model_options(FAMILY), logged.unused), {}
+        print(
+            f"characterize: only joint error laws; the motion cannot be analysed: {error}"
+        )
+        return joint_tables(
+            logged.runs, config.model_options(FAMILY), logged.unused
+        ), {}
     files = predict.OUT.glob("*.parquet")
     tables = {file.stem: contracts.read(file.stem, predict.OUT) for file in files}
     tables["takes"] = quality.side_by_side(contracts.read("takes", track.OUT))

@@ -34,9 +34,13 @@ def run(name: str | None = None) -> None:
     for number, fault in enumerate(faults, start=1):
         print(f"{number}. {fault}")
     if faults:
-        files = " or ".join(os.path.relpath(f) for f in (datasheet.path_of(name), option_file))
+        files = " or ".join(
+            os.path.relpath(f) for f in (datasheet.path_of(name), option_file)
+        )
         message = f"{len(faults)} faults: correct {files}, or the named file"
-        asks = f"; `new-dataset {name} --ask` asks for every ???" * ("???" in str(faults))
+        asks = f"; `new-dataset {name} --ask` asks for every ???" * (
+            "???" in str(faults)
+        )
         raise ConfigError(message + asks)
     print(f"check: {name} has no faults")
 
@@ -48,12 +52,19 @@ def dataset_faults(option_file: Path) -> list[str]:
     except PipelineError as error:
         return [str(error)]
     dataset, _, absent = datasheet.check_values(values)
-    texts = [f"{key}: ??? must be replaced by a value" for key in datasheet.unfilled_keys(values)]
+    texts = [
+        f"{key}: ??? must be replaced by a value"
+        for key in datasheet.unfilled_keys(values)
+    ]
     texts += [f"{key}: no value" for key in absent]
     errors = value_faults(values)
     if not texts and not errors:
         errors = ingest_faults(dataset)
-    if not texts and not errors and read_yaml(PARAMS).get("dataset") == option_file.stem:
+    if (
+        not texts
+        and not errors
+        and read_yaml(PARAMS).get("dataset") == option_file.stem
+    ):
         with collecting(errors):
             config.compose_config(PARAMS)
     # errors that differ only in numbers are one line, with the files of the further errors
@@ -63,7 +74,9 @@ def dataset_faults(option_file: Path) -> list[str]:
         groups.setdefault(re.sub(r"[0-9]+", "#", kind), []).append(error)
     for first, *others in groups.values():
         files = ", ".join(str(error.evidence.get("file", "")) for error in others[:3])
-        texts.append(f"{first}; and {len(others)} more: {files}" if others else str(first))
+        texts.append(
+            f"{first}; and {len(others)} more: {files}" if others else str(first)
+        )
     return texts
 
 
@@ -72,21 +85,33 @@ def value_faults(values: dict[str, Any]) -> list[PipelineError]:
     sound = deepcopy(values)
     errors: list[PipelineError] = [*datasheet.check_values(values)[1]]
     for fault in errors:  # remove faulty values before the robot is read
-        above, _, name = str(fault.evidence["key"]).removeprefix("dataset.").rpartition(".")
+        above, _, name = (
+            str(fault.evidence["key"]).removeprefix("dataset.").rpartition(".")
+        )
         if isinstance(node := get_nested(sound, above), dict):
             node.pop(name, None)
-    recordings, urdf, robot = (get_filled(sound, k) for k in ("recordings", "robot.urdf", "robot"))
+    recordings, urdf, robot = (
+        get_filled(sound, k) for k in ("recordings", "robot.urdf", "robot")
+    )
     if recordings and not raw_folder(recordings).is_dir():
-        errors.append(RecordingError("no such folder", file=recordings, key="dataset.recordings"))
+        errors.append(
+            RecordingError("no such folder", file=recordings, key="dataset.recordings")
+        )
     if urdf:
         with collecting(errors):
             read_urdf(Path(urdf))
             if robot:
                 chain_of(validated(Robot, robot, "robot"))
-    logged, joints = (get_filled(sound, k) for k in ("joint_log.joints", "robot.joints"))
+    logged, joints = (
+        get_filled(sound, k) for k in ("joint_log.joints", "robot.joints")
+    )
     if logged and (missing := [joint for joint in joints or [] if joint not in logged]):
         message = f"{', '.join(missing)} of robot.joints is not logged; the log holds"
-        errors.append(ConfigError(f"{message} {', '.join(logged)}", key="dataset.joint_log.joints"))
+        errors.append(
+            ConfigError(
+                f"{message} {', '.join(logged)}", key="dataset.joint_log.joints"
+            )
+        )
     return errors
 
 

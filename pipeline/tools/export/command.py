@@ -25,7 +25,12 @@ from pipeline.models.closed_loop import FOLDER, SHARE, fit_closed_loop, mean_pat
 from pipeline.models.exported import FORMAT, chain_record
 from pipeline.models.joint_error.fit import Options as ErrorOptions
 from pipeline.models.joint_error.fit import fit_joint_error, runs_of
-from pipeline.models.joint_error.held_out import MOVING, held_out, ranges_of_runs, score_runs
+from pipeline.models.joint_error.held_out import (
+    MOVING,
+    held_out,
+    ranges_of_runs,
+    score_runs,
+)
 from pipeline.models.joint_error.samples import JointRun
 from pipeline.models.steps import Recorded
 from pipeline.randommatrix.wishart import largest_dispersion
@@ -61,7 +66,9 @@ def write_export(record: dict[str, Any], file: Path) -> None:
     contracts.write_text(json.dumps(record, indent=1, ensure_ascii=False) + "\n", file)
     contracts.write_text(reader_source(), reader)
     print(f"export: wrote {file} and {reader}")
-    print(f"export: in that folder: from {reader.stem} import load; load('{file.name}')")
+    print(
+        f"export: in that folder: from {reader.stem} import load; load('{file.name}')"
+    )
     for each in record["not_known"]:
         print(f"export: not known: {each['parameter']}: {each['found']}")
 
@@ -142,7 +149,9 @@ def exported_record(model: str, settings: Any) -> dict[str, Any]:
             "arm": chain_record(recorded.chain),
         }
         with suppress(ModelDomainError):  # the noise of a measured pose is not known
-            record["pose_covariance_rad2"] = (recorded.measurement / 2).tolist()  # half a step's
+            record["pose_covariance_rad2"] = (
+                recorded.measurement / 2
+            ).tolist()  # half a step's
         file = FIT / name / (FOLDER if model != name else "") / "parameters.json"
         if name in settings.models and file.is_file():
             fitted = _read(file), _read(FIT / name / "fit.json")
@@ -171,13 +180,17 @@ def _ranges(rows: pd.DataFrame) -> dict[str, dict[str, Any]]:
     }
 
 
-def _fit(recorded: Recorded, options: Any, closed_form: bool) -> tuple[dict[str, Any], ...]:
+def _fit(
+    recorded: Recorded, options: Any, closed_form: bool
+) -> tuple[dict[str, Any], ...]:
     """Return parameters and estimates of a model that the last run has no fit of."""
     fit = kinds.estimate(recorded, options)
     if not closed_form:
         return fit.parameters, fit.determined
     closed = fit_closed_loop(recorded, options, fit)
-    estimates = {f"closed_loop_{key}": v for key, v in closed.estimate.determined.items()}
+    estimates = {
+        f"closed_loop_{key}": v for key, v in closed.estimate.determined.items()
+    }
     return closed.estimate.parameters | {SHARE: closed.share}, estimates
 
 
@@ -190,7 +203,9 @@ def _fitted_part(
 ) -> dict[str, Any]:
     """Return the part of the record that the fit determines; ``rate`` in Hz."""
     if kinds.NO_MODEL in parameters:
-        raise ModelDomainError(f"no model to export: {parameters[kinds.NO_MODEL]}", model=model)
+        raise ModelDomainError(
+            f"no model to export: {parameters[kinds.NO_MODEL]}", model=model
+        )
     require_known(model, parameters, recorded)
     share, not_known = parameters.get(SHARE, 0.0), []
     if parameters.get("u_unbounded"):  # only the noise level is known, not α and u
@@ -199,10 +214,14 @@ def _fitted_part(
         parameters = {"kind": parameters["kind"], "level": level} | shared
         found = "u at the end of its search"
         required = "a greatest likelihood or least error at a finite u"
-        not_known = [{"parameter": "alpha and u apart", "found": found, "required": required}]
+        not_known = [
+            {"parameter": "alpha and u apart", "found": found, "required": required}
+        ]
     if share > 0:  # ranges apply to the commands after the closed-loop correction
         v = mean_path(recorded).corrected_commands(recorded.q, share)
-        noise = recorded.q_next - recorded.q - recorded.chain.nominal_step(recorded.q, v)
+        noise = (
+            recorded.q_next - recorded.q - recorded.chain.nominal_step(recorded.q, v)
+        )
         recorded = replace(recorded, v=v, noise=noise)
     return {
         "parameters": parameters,
@@ -215,7 +234,10 @@ def _fitted_part(
 def require_known(model: str, parameters: dict[str, Any], recorded: Recorded) -> None:
     """Raise ModelDomainError for a Wishart model without a covariance."""
     limit = largest_dispersion(len(recorded.chain.task), inverse_moments=2)
-    if parameters["kind"] == "wishart" and (sigma_b := parameters.get("sigma_b", 0.0)) >= limit:
+    if (
+        parameters["kind"] == "wishart"
+        and (sigma_b := parameters.get("sigma_b", 0.0)) >= limit
+    ):
         raise ModelDomainError(
             f"{model}: sigma_b {sigma_b:.3g} is not below {limit:.3g}, where a step has a "
             "covariance; the recordings give no Wishart model to predict with"
@@ -226,7 +248,9 @@ def _read(file: Path) -> dict[str, Any]:
     try:
         return json.loads(file.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        raise ContractError(f"cannot be read ({error}); run the stage fit", file=file) from None
+        raise ContractError(
+            f"cannot be read ({error}); run the stage fit", file=file
+        ) from None
 
 
 def reader_source() -> str:
@@ -251,7 +275,9 @@ def reader_source() -> str:
         add(module)
     for kind, module in laws.items():
         texts[module] = texts[module].replace("\ndef build(", f"\ndef build_{kind}(")
-    modules = re.sub(r"\bnp\.(matvec|vecmat|vecdot)\(", r"\1(", "\n\n\n".join(texts.values()))
+    modules = re.sub(
+        r"\bnp\.(matvec|vecmat|vecdot)\(", r"\1(", "\n\n\n".join(texts.values())
+    )
     parts = {"imports": "".join(sorted(imports - {FUTURE})), "modules": f"{modules}\n"}
     template = (HERE / "reader.txt").read_text(encoding="utf-8")
     named = ", ".join(f'"{kind}": build_{kind}' for kind in laws)

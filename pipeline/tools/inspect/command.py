@@ -35,7 +35,12 @@ from pipeline.formats.format import (
 from pipeline.formats.joints.log import BAG, JOINT_STATE
 from pipeline.formats.motion.take import STRAY
 from pipeline.formats.number_sheet import TREES
-from pipeline.tools.inspect.depth import add_cloud, add_image, add_index, describe_numbered
+from pipeline.tools.inspect.depth import (
+    add_cloud,
+    add_image,
+    add_index,
+    describe_numbered,
+)
 from pipeline.tools.inspect.finding import REASONS, ROBOT, Finding, as_json, as_table
 from pipeline.tools.inspect.joints import add_joint_log, add_table, compare_tables
 
@@ -66,7 +71,9 @@ def inspect(place: Path) -> list[Finding]:
         raise RecordingError("there is no such file or folder", file=place)
     with Sandbox() as sandbox:
 
-        def read(file: Path, describe: Callable[[Path], Finding] = describe_file) -> Finding:
+        def read(
+            file: Path, describe: Callable[[Path], Finding] = describe_file
+        ) -> Finding:
             try:
                 return sandbox.call(describe, file)
             except PipelineError as error:
@@ -74,21 +81,29 @@ def inspect(place: Path) -> list[Finding]:
 
         if is_bag(place) or not place.is_dir():
             return [read(place)]
-        paths = [p for p in paths_below(place) if "/." not in f"/{p.relative_to(place)}"]
+        paths = [
+            p for p in paths_below(place) if "/." not in f"/{p.relative_to(place)}"
+        ]
         paths = [path for path in paths if path.suffix != ".dvc"]  # DVC's, as raw_files
         bags = {path for path in paths if path.is_dir() and is_bag(path)}
         # an unreadable folder is listed as a file, so that its finding reports the error
-        files = [p for p in paths if not (p.is_dir() and os.access(p, os.R_OK | os.X_OK))]
+        files = [
+            p for p in paths if not (p.is_dir() and os.access(p, os.R_OK | os.X_OK))
+        ]
         files = [file for file in files if bags.isdisjoint(file.parents)]
         indexes = [read(file) for file in files if file.suffix.lower() in INDEXES]
         # normalise paths, since an index may contain depth/../depth/1.png
-        placed = {os.path.normpath(p) for one in indexes for p in (one.file, *one.files)}
+        placed = {
+            os.path.normpath(p) for one in indexes for p in (one.file, *one.files)
+        }
         rest = [file for file in files if os.path.normpath(file) not in placed]
         frames = [file for file in rest if file.suffix.lower() in image.ENDINGS]
         others = [file for file in rest if file not in frames]
         findings = [*map(read, bags), *indexes, *map(read, others)]
         for one in frame_sequences(frames):
-            findings.append(read(one.pattern, *[describe_numbered] * (len(one.files) > 1)))
+            findings.append(
+                read(one.pattern, *[describe_numbered] * (len(one.files) > 1))
+            )
     if not findings:
         stops = ["the folder holds no recordings: name another, or a file"]
         return [Finding(place, stops=stops)]
@@ -154,7 +169,11 @@ def _add_motion(finding: Finding, form: Format) -> None:
     markers = [name for name in take.markers if not STRAY.fullmatch(name)]
     if not (markers or take.bodies):
         finding.ask("markers")
-    finding.facts = {"bodies": [*take.bodies], "markers": markers, "frames": len(take.frame)}
+    finding.facts = {
+        "bodies": [*take.bodies],
+        "markers": markers,
+        "frames": len(take.frame),
+    }
     finding.facts |= {"first_frame": first, "steps": steps, "rate_from": take.rate_from}
     finding.count({"unlabelled_markers": len(take.markers) - len(markers)})
     faults = {name: n for name, n in take.counts.items() if name != "marker_samples"}
@@ -169,7 +188,10 @@ def _add_trajectory(finding: Finding, form: Format) -> None:
 
 def _add_force(finding: Finding, form: Format) -> None:
     record = form.read(finding.file, ForceLogOptions())
-    finding.rate, finding.duration = record.rate, float(record.time[-1] - record.time[0])
+    finding.rate, finding.duration = (
+        record.rate,
+        float(record.time[-1] - record.time[0]),
+    )
     finding.units, finding.facts = dict(record.units), dict(record.marks)
     if not {"lost_packets", "missing_samples"} & {*record.counts}:
         finding.facts["times"] = "none in the log: lost rows cannot be counted"
@@ -182,7 +204,10 @@ def _add_calibration(finding: Finding, form: Format) -> None:
     """Add the values of a calibration of a transducer or a camera."""
     values = vars(form.read(finding.file))
     finding.facts = {name: np.asarray(value).tolist() for name, value in values.items()}
-    if finding.kind == Kind.INTRINSICS and (values["width"], values["height"]) == ANY_SIZE:
+    if (
+        finding.kind == Kind.INTRINSICS
+        and (values["width"], values["height"]) == ANY_SIZE
+    ):
         finding.facts |= {"width": None, "height": None}
         finding.ask("image_size")
 
@@ -197,10 +222,16 @@ def _add_bag(finding: Finding, form: Format) -> None:
     finding.version, finding.duration = f"ROS {summary.version}", summary.duration
     finding.count(summary.counts)
     finding.facts["passed_over"] = summary.passed_over
-    topics = finding.facts["topics"] = {n: [*summary.topics[n]] for n in sorted(summary.topics)}
-    finding.facts["frames_are"] = str(Kind.IMAGE if rosbag.IMAGE in types else Kind.CLOUD)
+    topics = finding.facts["topics"] = {
+        n: [*summary.topics[n]] for n in sorted(summary.topics)
+    }
+    finding.facts["frames_are"] = str(
+        Kind.IMAGE if rosbag.IMAGE in types else Kind.CLOUD
+    )
     for option, kinds in TOPICS.items():
-        names = [name for name, (kind, count) in topics.items() if kind in kinds and count]
+        names = [
+            name for name, (kind, count) in topics.items() if kind in kinds and count
+        ]
         if len(names) == 1:
             finding.facts[option.rpartition(".")[2]] = names[0]
         elif names:
@@ -219,10 +250,18 @@ def _add_robot(finding: Finding, form: Format) -> None:
     for joint in tree.joints.values():
         joints.setdefault(joint.kind, []).append(joint.name)
     # exclude mimic joints, which depend on another joint
-    own = {j.name for j in tree.joints.values() if j.kind in SINGLE and j.follows is None}
-    moving = {end: [j.name for j in tree.above(end) if j.name in own] for end in tree.ends}
+    own = {
+        j.name for j in tree.joints.values() if j.kind in SINGLE and j.follows is None
+    }
+    moving = {
+        end: [j.name for j in tree.above(end) if j.name in own] for end in tree.ends
+    }
     most = max([*map(len, moving.values()), 1])
-    arms = [{"joints": names, "tip": end} for end, names in moving.items() if len(names) == most]
+    arms = [
+        {"joints": names, "tip": end}
+        for end, names in moving.items()
+        if len(names) == most
+    ]
     turning, chains, refusals = joints.get("revolute", []), [], []
     for chain in (turning[first : first + 3] for first in range(len(turning) - 2)):
         try:

@@ -41,9 +41,14 @@ def add_cloud(finding: Finding, form: Format) -> None:
         *place, w, x, y, z = read.viewpoint
         turn = np.degrees(Rotation.from_quat([x, y, z, w]).as_rotvec())
         angle = float(np.linalg.norm(turn))
-        at, axis = (" ".join(f"{v + 0.0:.3g}" for v in e) for e in (place, turn / (angle or 1.0)))
+        at, axis = (
+            " ".join(f"{v + 0.0:.3g}" for v in e)
+            for e in (place, turn / (angle or 1.0))
+        )
         turned = f"at {at}, turned by {angle:.4g}° about {axis}"
-        finding.facts["viewpoint"] = f"{turned}, not applied: points are in the sensor's frame"
+        finding.facts["viewpoint"] = (
+            f"{turned}, not applied: points are in the sensor's frame"
+        )
     finding.ask("cloud_unit")
 
 
@@ -67,7 +72,9 @@ def describe_numbered(pattern: Path) -> Finding:
         finding.timed(time, dropped)
     else:
         step = median_step(time)
-        words = f"; the numbers step by {step:g}: state how many a second has" * (step != 1)
+        words = f"; the numbers step by {step:g}: state how many a second has" * (
+            step != 1
+        )
         finding.ask("frame_rate", step=words)
     _add_frames(finding, [file.name for file in frames.files])
     return finding
@@ -79,12 +86,16 @@ def _add_frames(finding: Finding, names: Sequence[str]) -> None:
     finding.facts["frames"] = len(names)
     exists = [frame.is_file() for frame in finding.files]
     if not all(exists):
-        count = f"{exists.count(False)} of {len(names)} frames of the index do not exist"
+        count = (
+            f"{exists.count(False)} of {len(names)} frames of the index do not exist"
+        )
         finding.stops.append(f"{count}: {names[exists.index(False)]} …")
     if not any(exists):
         return
     first = Finding(frame := finding.files[exists.index(True)])
-    form, add = (cloud.FORMAT, add_cloud) if cloud.is_cloud(frame) else (image.IMAGE, add_image)
+    form, add = (
+        (cloud.FORMAT, add_cloud) if cloud.is_cloud(frame) else (image.IMAGE, add_image)
+    )
     first.format, first.kind = form.name, form.kind
     try:
         add(first, form)

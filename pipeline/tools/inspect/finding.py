@@ -49,23 +49,39 @@ class Finding:
     version: str | None = None
     rate: float | None = None  # Hz
     duration: float | None = None  # s, from the first sample to the last
-    units: dict[str, str] = field(default_factory=dict)  # quantity → unit stated in the file
-    gaps: dict[str, int] = field(default_factory=dict)  # counts of missing or repaired samples
+    units: dict[str, str] = field(
+        default_factory=dict
+    )  # quantity → unit stated in the file
+    gaps: dict[str, int] = field(
+        default_factory=dict
+    )  # counts of missing or repaired samples
     facts: dict[str, object] = field(default_factory=dict)  # further facts by name
     files: list[Path] = field(default_factory=list)  # frames of a sequence
     open: list[Question] = field(default_factory=list)
-    stops: list[str] = field(default_factory=list)  # faults for which the stages raise an error
+    stops: list[str] = field(
+        default_factory=list
+    )  # faults for which the stages raise an error
 
     @property
     def suggested(self) -> dict[str, str]:
         """Last part of an option's key → suggested value."""
-        return {one.option.rpartition(".")[2]: one.suggested for one in self.open if one.suggested}
+        return {
+            one.option.rpartition(".")[2]: one.suggested
+            for one in self.open
+            if one.suggested
+        }
 
     def count(self, counts: dict[str, int]) -> None:
         """Add the ``counts`` that are not zero; announced and found numbers are facts."""
-        facts = {n: number for n, number in counts.items() if n.startswith(("announced", "found"))}
+        facts = {
+            n: number
+            for n, number in counts.items()
+            if n.startswith(("announced", "found"))
+        }
         self.facts |= facts
-        self.gaps |= {n: number for n, number in counts.items() if number and n not in facts}
+        self.gaps |= {
+            n: number for n, number in counts.items() if number and n not in facts
+        }
 
     def ask(self, name: str, suggested: str | None = None, **found: object) -> None:
         """Add the question ``name`` of texts.yaml about the values that were ``found``."""
@@ -74,7 +90,9 @@ class Finding:
 
     def withdraw(self, name: str) -> None:
         """Remove the question ``name``, which another file answers."""
-        self.open = [one for one in self.open if one.option != QUESTIONS[name]["option"]]
+        self.open = [
+            one for one in self.open if one.option != QUESTIONS[name]["option"]
+        ]
 
     def timed(self, time: np.ndarray, lost: int = 0, digits: int = 3) -> None:
         """Add duration and rate of samples at ``time`` (N,) s, with ``lost`` ones in between."""
@@ -87,7 +105,11 @@ class Finding:
         if option.startswith("dataset."):
             self.open.append(Question(error.message, option))
         else:
-            evidence = {n: value for n, value in error.evidence.items() if n not in ("file", "key")}
+            evidence = {
+                n: value
+                for n, value in error.evidence.items()
+                if n not in ("file", "key")
+            }
             self.stops.append(str(PipelineError(error.message, **evidence)))
         return self
 
@@ -102,7 +124,10 @@ def as_json(findings: list[Finding]) -> str:
     """Return a JSON list, one object per recording, without the names of depth frames."""
     plain = [
         {name: value for name, value in vars(one).items() if name != "files"}
-        | {"file": printable_path(one.file), "open": [each._asdict() for each in one.open]}
+        | {
+            "file": printable_path(one.file),
+            "open": [each._asdict() for each in one.open],
+        }
         for one in findings
     ]
     return json.dumps(plain, indent=2, ensure_ascii=False, default=str)
@@ -118,7 +143,10 @@ def as_table(findings: list[Finding], folder: Path) -> str:
             reasons.setdefault(reason, []).append(printable_path(one.file, folder))
             continue
         kind = [one.format, one.version, one.units, one.facts.get("markers")]
-        kind += [one.facts.get("bodies"), *((each.option, each.suggested) for each in one.open)]
+        kind += [
+            one.facts.get("bodies"),
+            *((each.option, each.suggested) for each in one.open),
+        ]
         name = str(one.file) if one.stops else re.sub(r"\d+", "*", str(one.file))
         groups.setdefault(f"{name} {kind}", []).append(one)
     lines = []
@@ -126,9 +154,13 @@ def as_table(findings: list[Finding], folder: Path) -> str:
         lines += _fact_lines(group, folder)
         lines += [f"    ? {question}" for question in group[0].open]
         lines += [f"    ! {reason}" for reason in group[0].stops]
-    lines += [f"not recognised, {reason}: {_text(names)}" for reason, names in reasons.items()]
+    lines += [
+        f"not recognised, {reason}: {_text(names)}" for reason, names in reasons.items()
+    ]
     # replace control characters, since names come from the files
-    return "\n".join("".join(c if c.isprintable() else "\ufffd" for c in line) for line in lines)
+    return "\n".join(
+        "".join(c if c.isprintable() else "\ufffd" for c in line) for line in lines
+    )
 
 
 def _fact_lines(group: list[Finding], folder: Path) -> list[str]:
@@ -146,13 +178,19 @@ def _fact_lines(group: list[Finding], folder: Path) -> list[str]:
     facts += [f"{number} {name.replace('_', ' ')}" for name, number in counts.items()]
     if first.units:
         facts.append(f"unit {', '.join(dict.fromkeys(first.units.values()))}")
-    values = first.facts | {"columns": first.facts.get("labels") or first.facts.get("columns")}
+    values = first.facts | {
+        "columns": first.facts.get("labels") or first.facts.get("columns")
+    }
     for name in PRINTED_FACTS:
         if (value := values.get(name)) or value == 0:
             facts.append(f"{name.replace('_', ' ')} {_text(value)}")
     head = " ".join(filter(None, [f"{place}:", first.format, first.version]))
-    joined = "; ".join(fact.replace(" ", "\xa0") for fact in facts)  # no line ends inside a fact
-    wrapped = textwrap.wrap(joined, WIDTH, break_long_words=False, break_on_hyphens=False)
+    joined = "; ".join(
+        fact.replace(" ", "\xa0") for fact in facts
+    )  # no line ends inside a fact
+    wrapped = textwrap.wrap(
+        joined, WIDTH, break_long_words=False, break_on_hyphens=False
+    )
     return [head, *(f"    {line}".replace("\xa0", " ") for line in wrapped)]
 
 

@@ -51,12 +51,19 @@ def add_joint_log(finding: Finding, form: Format) -> None:
         return
     # a bag's message defines its units
     bag = form.name == BAG.name
-    record = _in_units(finding, record, bag or record.time_unit, bag or record.angle_unit)
+    record = _in_units(
+        finding, record, bag or record.time_unit, bag or record.angle_unit
+    )
     time = record.time
     finding.timed(time)
     steps = np.diff(time)
-    if len(steps) > 3 and (np.abs(steps * finding.rate - 1) > movement.CLOCK_TOLERANCE).any():
-        smoother = movement.smoothness_by_rows(time, np.hstack([*signals.values()]), finding.rate)
+    if (
+        len(steps) > 3
+        and (np.abs(steps * finding.rate - 1) > movement.CLOCK_TOLERANCE).any()
+    ):
+        smoother = movement.smoothness_by_rows(
+            time, np.hstack([*signals.values()]), finding.rate
+        )
         likely, jitter = "rows" if smoother > 1 else "times", 1e3 * float(steps.std())
         finding.ask("clock", likely, jitter=jitter, smoother=smoother)
     if {*ANGLES} <= {*signals}:
@@ -65,10 +72,15 @@ def add_joint_log(finding: Finding, form: Format) -> None:
 
 def add_table(finding: Finding, form: Format) -> None:
     """Add size, columns, clock and joint angles of a table of numbers to ``finding``."""
-    sheet = form.read(finding.file, key=f"{OPTION}.separator, .decimal (or dataset.force.log)")
+    sheet = form.read(
+        finding.file, key=f"{OPTION}.separator, .decimal (or dataset.force.log)"
+    )
     facts, labels = finding.facts, sheet.labels
     cells = pd.DataFrame(sheet.values(sheet.numeric, gaps=True)).dropna(how="all")
-    missing, filled = int(cells.isna().sum(axis=None)), cells.interpolate(limit_direction="both")
+    missing, filled = (
+        int(cells.isna().sum(axis=None)),
+        cells.interpolate(limit_direction="both"),
+    )
     finding.count({"missing_cells": missing})
     values = dict(zip(sheet.numeric, filled.to_numpy().T, strict=True))
     finding.version = sheet.origin
@@ -88,7 +100,9 @@ def add_table(finding: Finding, form: Format) -> None:
     facts["timed"] = 0 in clocks
     columns = {labels[n]: column for n, column in values.items()} if labels else {}
     named = [labels.index(name) for name in meanings.clocks_of(columns)]
-    counted = bool(labels) and not meanings.COUNTERS.isdisjoint(meanings.words_of(labels[0]))
+    counted = bool(labels) and not meanings.COUNTERS.isdisjoint(
+        meanings.words_of(labels[0])
+    )
     clocks = [n for n in named if n in clocks] or [0] * (facts["timed"] and not counted)
     clock = next(iter(clocks or named), None)
     if clocks:
@@ -101,10 +115,14 @@ def add_table(finding: Finding, form: Format) -> None:
     if len(columns) == len(values):  # labels are unique
         time = values[clock] if clocks else None
         signals, guesses = meanings.signals_of([*columns], time, columns.__getitem__)
-        if certain := {name: own for name, own in signals.items() if name not in guesses}:
+        if certain := {
+            name: own for name, own in signals.items() if name not in guesses
+        }:
             facts["signals"] = certain
         if guesses:
-            each = ", ".join(f"{name}: [{', '.join(own)}]" for name, own in signals.items())
+            each = ", ".join(
+                f"{name}: [{', '.join(own)}]" for name, own in signals.items()
+            )
             finding.ask("signals", f"{{{each}}}", reasons="; ".join(guesses.values()))
     other = meanings.other_content(labels, [sheet.unit(n) for n in range(len(labels))])
     if other and not signals:
@@ -128,8 +146,14 @@ def _add_signals(
     units = {"time_unit": clock is not None and sheet.unit(clock, "time")}
     units["angle_unit"] = sheet.unit(first, "angle")
     units = {key: spelled(unit or "") for key, unit in units.items()}
-    known = {key: unit for key, unit in units.items() if unit in (*TIME_UNITS, *ANGLE_UNITS)}
-    options = {"signals": signals, "rate": 1.0, "time": None if clock is None else labels[clock]}
+    known = {
+        key: unit for key, unit in units.items() if unit in (*TIME_UNITS, *ANGLE_UNITS)
+    }
+    options = {
+        "signals": signals,
+        "rate": 1.0,
+        "time": None if clock is None else labels[clock],
+    }
     stated = {"time_unit": clock, "angle_unit": first}
     own = {bare(labels[stated[key]]): unit for key, unit in known.items()}
     finding.units = own | finding.units
@@ -143,12 +167,16 @@ def _add_signals(
     finding.facts |= {"joint_names": names} if names else {}
     finding.count(log.counts)
     if clock is None:
-        content = ", ".join(f"{label} holds {what}" for label, what in sheet.left_out.items())
+        content = ", ".join(
+            f"{label} holds {what}" for label, what in sheet.left_out.items()
+        )
         finding.ask("no_clock", "null", content=content and f" ({content})")
     else:
         step = round(float(np.median(np.diff(log.time))), 9)
         finding.facts |= {"time": labels[clock], "step_of_time": step}
-    log = _in_units(finding, log, clock is None or "time_unit" in known, "angle_unit" in known)
+    log = _in_units(
+        finding, log, clock is None or "time_unit" in known, "angle_unit" in known
+    )
     if clock is not None:
         _add_tracking(finding, log, signals)
 
@@ -166,8 +194,12 @@ def compare_tables(findings: Sequence[Finding]) -> None:
             continue
         means = {name: meanings.meaning(name) for name in tables}
         speed = "target", "velocity"
-        named["speed"] = [n for n, each in means.items() if (each.role, each.quantity) == speed]
-        roles = {role: tables[names[0]] for role, names in named.items() if len(names) == 1}
+        named["speed"] = [
+            n for n, each in means.items() if (each.role, each.quantity) == speed
+        ]
+        roles = {
+            role: tables[names[0]] for role, names in named.items() if len(names) == 1
+        }
         for role, one in roles.items():
             one.facts["role"] = role
             one.withdraw("content")
@@ -175,14 +207,18 @@ def compare_tables(findings: Sequence[Finding]) -> None:
             if one.facts["columns"] == 1:
                 one.withdraw("one_column")
         finding = roles["target"]
-        options = LogOptions(joints=finding.facts["columns"] - 1, signals={"angles": None})
+        options = LogOptions(
+            joints=finding.facts["columns"] - 1, signals={"angles": None}
+        )
         try:
             logs = [read_joint_table(roles[role].file, options) for role in ANGLES]
         except PipelineError:
             continue  # no joint log; the table's finding has the reason
         if (length := min(len(log.time) for log in logs)) > 2:
             angles = [log.signals["angles"][:length] for log in logs]
-            log = JointLog(logs[0].time[:length], dict(zip(ANGLES, angles, strict=True)), {})
+            log = JointLog(
+                logs[0].time[:length], dict(zip(ANGLES, angles, strict=True)), {}
+            )
             _add_tracking(finding, _in_units(finding, log))
 
 
@@ -195,17 +231,23 @@ def _in_units(
     second = angle = 1.0
     if not timed:
         step = float(np.median(np.diff(log.time)))
-        fits = [n for n, s in TIME_UNITS.items() if RATES[0] <= 1 / (step * s) <= RATES[1]]
+        fits = [
+            n for n, s in TIME_UNITS.items() if RATES[0] <= 1 / (step * s) <= RATES[1]
+        ]
         fits = [n for n in fits if log.time[-1] * TIME_UNITS[n] < EPOCH.stop]
         odd = f"{step:g}, at a rate from {RATES[0]:g} to {RATES[1]:g} Hz in none of the units"
-        finding.ask("time_unit", fits[0] if fits else None, step=f"{step:g}" if fits else odd)
+        finding.ask(
+            "time_unit", fits[0] if fits else None, step=f"{step:g}" if fits else odd
+        )
         second = TIME_UNITS[fits[0]] if fits else 1.0
     if not angled:
         first = log.signals.get("actual", np.hstack([*log.signals.values()]))
         greatest = float(np.abs(movement.without_damage(first)).max())
         angle = ANGLE_UNITS["deg"] if greatest > MOST_TURNS * TURN else 1.0
         if angle == 1.0 or (first % 1).any():
-            finding.ask("angle_unit", "rad" if angle == 1.0 else "deg", greatest=greatest)
+            finding.ask(
+                "angle_unit", "rad" if angle == 1.0 else "deg", greatest=greatest
+            )
         else:
             counts = 2 ** ceil(log2(greatest + 1))
             ends, angle = {"least": first.min(), "greatest": first.max()}, TURN / counts
@@ -213,7 +255,10 @@ def _in_units(
     signals = {name: values * angle for name, values in log.signals.items()}
     if "actual" in signals:
         sound = movement.without_damage(signals["actual"])
-        finding.facts["range"] = [sound.min(axis=0).tolist(), sound.max(axis=0).tolist()]
+        finding.facts["range"] = [
+            sound.min(axis=0).tolist(),
+            sound.max(axis=0).tolist(),
+        ]
     return replace(log, time=log.time * second, signals=signals)
 
 
@@ -226,18 +271,25 @@ def _add_tracking(
     """
     time, angles = log.time - log.time[0], []
     steps = np.diff(time)
-    rate = float(f"{1 / steps[steps < 2 * np.median(steps)].mean():.4g}")  # nominal, without gaps
+    rate = float(
+        f"{1 / steps[steps < 2 * np.median(steps)].mean():.4g}"
+    )  # nominal, without gaps
     if not RATES[0] / 100 < rate <= RATES[1]:  # the times are in an unknown unit
         return
     try:
         sound = [movement.without_damage(log.signals[name]) for name in ANGLES]
         pairing = commands.find_pairing(*sound, rate)
         for name, factor in zip(ANGLES, (1.0, abs(pairing.factor[0])), strict=True):
-            where, values = {"signal": name, "lines": log.lines}, log.signals[name] * factor
+            where, values = (
+                {"signal": name, "lines": log.lines},
+                log.signals[name] * factor,
+            )
             names = tuple((labels or {}).get(name, log.joints))
             movement.require_plausible(values, time, names, True, "rad", **where)
             values, removed = unwrap(values, time, names, **where)
-            finding.count({movement.UNWRAPPED: removed + finding.gaps.get(movement.UNWRAPPED, 0)})
+            finding.count(
+                {movement.UNWRAPPED: removed + finding.gaps.get(movement.UNWRAPPED, 0)}
+            )
             angles.append(values / factor)
         movement.require_fresh(*angles, rate)
     except PipelineError as error:
@@ -246,12 +298,17 @@ def _add_tracking(
     actual, target = angles
     actual = actual + TURN * whole_turns(target, actual)
     pairing = commands.find_pairing(actual, target, rate)
-    for quantity, option, value, without in commands.suspects(pairing, actual, target, rate):
+    for quantity, option, value, without in commands.suspects(
+        pairing, actual, target, rate
+    ):
         finding.ask("pairing", value, quantity=quantity, without=without, option=option)
     actual, target = pairing.apply(actual, target)
     standing, late = commands.standing_joints(actual, target), lag(target, actual, rate)
     finding.count({"missing_samples": dropped_frames(time)})
-    moving, joints = ~standing, names or [f"joint {n}" for n in range(1, len(standing) + 1)]
+    moving, joints = (
+        ~standing,
+        names or [f"joint {n}" for n in range(1, len(standing) + 1)],
+    )
     pair = actual[:, moving], target[:, moving], rate, JointLogSection.mismatch
     try:
         commands.require_pair(*pair, np.array(joints)[moving])
@@ -264,7 +321,9 @@ def _add_tracking(
         else f"at rest, tracking error {np.abs(actual - target).max():.2g} rad"
     )
     if standing.any():
-        finding.facts["joints_that_stand_still"] = (np.flatnonzero(standing) + 1).tolist()
+        finding.facts["joints_that_stand_still"] = (
+            np.flatnonzero(standing) + 1
+        ).tolist()
     lacks = [run.lack(len(target)) for run in excursions(target, rate)]
     finding.facts["motions"] = f"{lacks.count('')} whole"
     finding.count({"motions_cut_off": sum("cut off" in lack for lack in lacks)})

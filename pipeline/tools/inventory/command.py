@@ -12,7 +12,9 @@ def run(folder: Path, file: Path) -> None:
     """Write the inventory of ``folder`` to ``file``; without recordings, keep ``file``."""
     folder = raw_folder(str(folder))
     if any(folder.glob("*")) or not (folder.is_dir() or file.is_file()):
-        contracts.write_text(listing(folder).to_csv(index=False, lineterminator="\n"), file)
+        contracts.write_text(
+            listing(folder).to_csv(index=False, lineterminator="\n"), file
+        )
         return
     print(f"inventory: no recordings in {folder}; an existing inventory is kept")
     if not file.is_file():

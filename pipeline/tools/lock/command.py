@@ -28,9 +28,13 @@ def run() -> None:
         for lock in sorted(Path().glob(place)):
             text = lock.read_text(encoding="utf-8")
             head, *entries = re.split(r"(?m)^(?=  \S)", text)
-            if not _is_sound(text):  # DVC was killed while it wrote the last entry that is there
+            if not _is_sound(
+                text
+            ):  # DVC was killed while it wrote the last entry that is there
                 entries = entries[:-1]
-                if CONFLICT in text or (entries and not _is_sound(head + "".join(entries))):
+                if CONFLICT in text or (
+                    entries and not _is_sound(head + "".join(entries))
+                ):
                     continue  # another fault, which DVC names
             if not entries:
                 lock.unlink()
@@ -42,7 +46,11 @@ def run() -> None:
             if ordered != text:
                 contracts.write_text(ordered, lock)
                 changed.append(str(lock))
-    done = f"{', '.join(changed)} put in order" if changed else "every dvc.lock is in order"
+    done = (
+        f"{', '.join(changed)} put in order"
+        if changed
+        else "every dvc.lock is in order"
+    )
     print(f"lock: {done}")
 
 
@@ -84,5 +92,7 @@ def stage_names(file: Path, params: Path = Path("params.yaml")) -> list[str]:
             read_yaml(params)[values[2:-1]] if isinstance(values, str) else values
             for values in stage.get("matrix", {}).values()
         ]
-        names += [f"{name}@{'-'.join(items)}" if lists else name for items in product(*lists)]
+        names += [
+            f"{name}@{'-'.join(items)}" if lists else name for items in product(*lists)
+        ]
     return names

@@ -62,7 +62,9 @@ def run(
             f"new-dataset: {len(keys)} values are open: {', '.join(keys)}; edit the two files, or "
             f"run `new-dataset {name}` with --set, --suggested, --motion or --ask"
         )
-    print(f"new-dataset: set `dataset: {name}` in params.yaml, and run `python -m pipeline check`")
+    print(
+        f"new-dataset: set `dataset: {name}` in params.yaml, and run `python -m pipeline check`"
+    )
 
 
 def assigned_values(words: Sequence[str]) -> dict[str, str]:
@@ -70,7 +72,9 @@ def assigned_values(words: Sequence[str]) -> dict[str, str]:
     for word in words:
         if "=" not in word:
             raise ConfigError(f"--set takes KEY=VALUE, not {word!r}")
-    return {key.strip(): value for key, _, value in (word.partition("=") for word in words)}
+    return {
+        key.strip(): value for key, _, value in (word.partition("=") for word in words)
+    }
 
 
 def open_draft(name: str, folder: Path | None, assigned: Mapping[str, str]) -> "Draft":
@@ -81,7 +85,9 @@ def open_draft(name: str, folder: Path | None, assigned: Mapping[str, str]) -> "
     overwritten.
     """
     if not Path("params.yaml").is_file():
-        raise ConfigError("there is no params.yaml here; run the pipeline from the project's root")
+        raise ConfigError(
+            "there is no params.yaml here; run the pipeline from the project's root"
+        )
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]*", name):
         message = f"{name!r} cannot name a dataset: use letters, digits, _ and - only"
         raise ConfigError(message, key="NAME")
@@ -96,18 +102,28 @@ def open_draft(name: str, folder: Path | None, assigned: Mapping[str, str]) -> "
     if not folder.is_dir():
         raise RecordingError("there is no such folder", file=folder)
     for file in filter(Path.exists, (*files, files[0].with_name("dvc.yaml"))):
-        message = "this file exists and is not overwritten; choose another name, or leave out"
+        message = (
+            "this file exists and is not overwritten; choose another name, or leave out"
+        )
         raise ConfigError(f"{message} --from to fill in open values", file=file)
     recorded = layout(inspect(folder), folder)
-    known = entries(name, recorded, folder, {"robot": {"urdf": assigned.get("robot.urdf")}})
+    known = entries(
+        name, recorded, folder, {"robot": {"urdf": assigned.get("robot.urdf")}}
+    )
     sections = {key.partition(".")[0] for key in known}
-    known |= {key: template.Entry() for key in assigned if key.partition(".")[0] in sections}
+    known |= {
+        key: template.Entry() for key in assigned if key.partition(".")[0] in sections
+    }
     text = template.fill_template(_read("template", name), known)
     if count := len(recorded.unplaced):
-        files = [printable_path(one.file, folder) for one in recorded.unplaced[:UNPLACED]]
+        files = [
+            printable_path(one.file, folder) for one in recorded.unplaced[:UNPLACED]
+        ]
         listed = f"# {count} not placed: {', '.join(map(template.text_of, files))}"
         text = text.replace(BETWEEN, f"\n{listed}{BETWEEN}", 1)
-        print(f"new-dataset: {count} files not placed, named in the datasheet; see inspect")
+        print(
+            f"new-dataset: {count} files not placed, named in the datasheet; see inspect"
+        )
     return Draft(name, text, recorded, folder)
 
 
@@ -167,7 +183,11 @@ class Draft:
         self.text = text
 
     def fill(
-        self, assigned: Mapping[str, str], suggested=False, motion: int | None = None, ask=False
+        self,
+        assigned: Mapping[str, str],
+        suggested=False,
+        motion: int | None = None,
+        ask=False,
     ) -> None:
         """Fill in the ``assigned`` values (key such as robot.tool → YAML); if ``suggested``, all
         suggestions without a fault; the values of the motion with the printed number ``motion``; if
@@ -181,7 +201,9 @@ class Draft:
                 if key in before and entry.text:
                     with suppress(PipelineError):
                         self.answer(key, entry.text)
-                        print(f"suggestion accepted: {key}: {get_filled(self.values(), key)}")
+                        print(
+                            f"suggestion accepted: {key}: {get_filled(self.values(), key)}"
+                        )
             suggested = self.open_values() != before
         if motion is not None:
             self._choose_motion(self.show_motions(), str(motion))
@@ -193,7 +215,9 @@ class Draft:
         """Write the files, and the inventory of recordings that are outside of the datasheet's
         folder.
         """
-        texts = dict(zip(dataset_files(self.name), self.text.split(BETWEEN, 1), strict=True))
+        texts = dict(
+            zip(dataset_files(self.name), self.text.split(BETWEEN, 1), strict=True)
+        )
         inventory = next(iter(texts)).with_name("dvc.yaml")
         outside = inventory.parent.resolve() not in self.folder.resolve().parents
         if outside and not inventory.exists():
@@ -209,7 +233,9 @@ class Draft:
         """Print the motions in the logs, numbered from 1, and return them."""
         offered = motions_in_logs(self.values())
         if not offered:
-            raise ConfigError("the logs have no motion from rest to rest and no repeated motion")
+            raise ConfigError(
+                "the logs have no motion from rest to rest and no repeated motion"
+            )
         for number, motion in enumerate(offered, start=1):
             counts = Counter(name for name, _ in motion.places)
             ends = {"start": _round(motion.start, 2), "end": _round(motion.end, 2)}
@@ -218,11 +244,15 @@ class Draft:
 
     def _choose_motion(self, offered: list[FoundMotion], number: str) -> None:
         if number not in map(str, range(1, len(offered) + 1)):
-            raise ConfigError(f"there is no motion {number}; choose 1 to {len(offered)}")
+            raise ConfigError(
+                f"there is no motion {number}; choose 1 to {len(offered)}"
+            )
         motion = offered[int(number) - 1]
         rest = motion.rest(self.values()["motion"]["rate"])
         ends = _round(motion.start, 4), _round(motion.end, 4)
-        for key, value in zip(KEYS, (motion.steps + 2 * rest, *ends, rest), strict=True):
+        for key, value in zip(
+            KEYS, (motion.steps + 2 * rest, *ends, rest), strict=True
+        ):
             if key in self.open_values():
                 self.answer(key, str(value))
 
@@ -252,7 +282,9 @@ class Draft:
 
 def _accept_answer(accept: Callable[[str], None], suggested: str) -> None:
     """Prompt until ``accept`` raises no error, or until there is no answer."""
-    while answer := input(f"[{suggested}] " if suggested else "? ").strip() or suggested:
+    while (
+        answer := input(f"[{suggested}] " if suggested else "? ").strip() or suggested
+    ):
         try:
             return accept(answer)
         except PipelineError as error:
@@ -267,9 +299,19 @@ def motions_in_logs(values: dict[str, Any]) -> list[FoundMotion]:
     Raises ConfigError where a needed value is still ???, and errors of the reader.
     """
     if "joint_log" not in values:
-        raise ConfigError("the dataset has no joint_log, so that no motions can be found")
-    ends, needed = [0.0] * len(values["robot"]["joints"]), ("name", "recordings", "robot")
-    log = values["joint_log"] | {"start": ends, "end": ends, "rest": 0, "tolerance": 1.0}
+        raise ConfigError(
+            "the dataset has no joint_log, so that no motions can be found"
+        )
+    ends, needed = (
+        [0.0] * len(values["robot"]["joints"]),
+        ("name", "recordings", "robot"),
+    )
+    log = values["joint_log"] | {
+        "start": ends,
+        "end": ends,
+        "rest": 0,
+        "tolerance": 1.0,
+    }
     motion = {"rate": values["motion"]["rate"], "steps": 1}
     known = {"joint_log": log, "motion": motion} | {key: values[key] for key in needed}
     if keys := ", ".join(unfilled_keys(known)):

@@ -52,7 +52,11 @@ class RecordingLayout(NamedTuple):
     def shared(self, fact: str) -> list[str]:
         """Return the names (``fact`` is markers or bodies) that all motion-capture takes have."""
         lists = [take.finding.facts[fact] for take in self.of("mocap")]
-        return [name for name in lists[0] if all(name in names for names in lists)] if lists else []
+        return (
+            [name for name in lists[0] if all(name in names for names in lists)]
+            if lists
+            else []
+        )
 
 
 def layout(findings: list[Finding], folder: Path) -> RecordingLayout:
@@ -76,15 +80,28 @@ def layout(findings: list[Finding], folder: Path) -> RecordingLayout:
     # copies of tables as arrays of one signal are no logs
     if not (motion or any("signals" in one.facts for one in of[Kind.JOINTS])):
         movements = _movements(of[Kind.TABLE], folder) or movements
-    sections = {"mocap": motion, "encoders": encoders, "depth": filmed, "joint_log": movements}
-    takes = [take for section, own in sections.items() for take in _placed(section, own, folder)]
+    sections = {
+        "mocap": motion,
+        "encoders": encoders,
+        "depth": filmed,
+        "joint_log": movements,
+    }
+    takes = [
+        take
+        for section, own in sections.items()
+        for take in _placed(section, own, folder)
+    ]
     single = {kind: of[kind] for kind in SINGLE if of[kind]}
     placed = {one.file for kind in single.values() for one in kind}
     placed |= {one.file for take in takes for one in take.files}
-    return RecordingLayout(takes, single, [one for one in findings if one.file not in placed])
+    return RecordingLayout(
+        takes, single, [one for one in findings if one.file not in placed]
+    )
 
 
-def _placed(section: str, recorded: dict[Path, Finding], folder: Path) -> Iterator[PlacedTake]:
+def _placed(
+    section: str, recorded: dict[Path, Finding], folder: Path
+) -> Iterator[PlacedTake]:
     """Yield the takes of a section, sorted by pattern. If every pattern would match one take, and a
     shared pattern all takes, the shared one is used.
     """
@@ -114,7 +131,9 @@ def shared_pattern(paths: Sequence[Path], folder: Path) -> str | None:
     rests = [name[len(start) :] for name in names]
     end = commonprefix([rest[::-1] for rest in rests])[::-1]  # noqa: RUF071
     pattern = (f"{start}*{end}" if any(rests) else start).replace("**", "*")
-    matched = {path for path in folder.glob(pattern) if path.is_dir() == paths[0].is_dir()}
+    matched = {
+        path for path in folder.glob(pattern) if path.is_dir() == paths[0].is_dir()
+    }
     return pattern if matched == {*paths} else None
 
 
@@ -127,7 +146,9 @@ def _movements(tables: list[Finding], folder: Path) -> dict[Path, Finding]:
             whole[one.file] = one
         if one.file.parent != folder:
             folders[one.file.parent][one.file.name] = one
-    alike = Counter(tuple(sorted(names)) for names in folders.values() if len(names) > 1)
+    alike = Counter(
+        tuple(sorted(names)) for names in folders.values() if len(names) > 1
+    )
     return whole or {
         path: Finding(path, "movement", Kind.TABLE, facts={"tables": inside})
         for path, inside in folders.items()

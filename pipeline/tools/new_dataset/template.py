@@ -32,7 +32,10 @@ class Entry(NamedTuple):
 
 def text_of(text: str) -> str:
     """Return ``text`` as YAML, quoted if YAML could read another value."""
-    plain = re.fullmatch(r"[A-Za-z_.][\w./*-]*", text, re.ASCII) and parse_yaml(text) == text
+    plain = (
+        re.fullmatch(r"[A-Za-z_.][\w./*-]*", text, re.ASCII)
+        and parse_yaml(text) == text
+    )
     return text if plain else json.dumps(text, ensure_ascii=False)
 
 
@@ -67,7 +70,9 @@ def fill_template(template: str, entries: Mapping[str, Entry]) -> str:
             lines.append(line)
         elif below.startswith(left_out):
             continue
-        elif parts["optional"] and not any(f"{one}.".startswith(below) for one in entries):
+        elif parts["optional"] and not any(
+            f"{one}.".startswith(below) for one in entries
+        ):
             left_out = below
         else:
             value, note, certain = entries.get(key, Entry(""))
@@ -76,7 +81,11 @@ def fill_template(template: str, entries: Mapping[str, Entry]) -> str:
                 lines += _block(value, f"{parts['indent']}  ")
                 continue
             suggested = f"suggested is {value}" if value and not certain else ""
-            value = (value or parts["value"] or "") if certain and value is not None else OPEN
+            value = (
+                (value or parts["value"] or "")
+                if certain and value is not None
+                else OPEN
+            )
             lines.append(_line(parts, value, suggested, note, parts["hint"]))
     return "\n".join(lines) + "\n"
 
@@ -100,7 +109,9 @@ def set_value(text: str, key: str, value: str) -> str:
     elif above == key:
         raise ConfigError(f"has parts: set {key}.PART", key=key)
     elif stated:
-        raise ConfigError(f"{above} is {stated}: set {above} to {{key: value, …}}", key=key)
+        raise ConfigError(
+            f"{above} is {stated}: set {above} to {{key: value, …}}", key=key
+        )
     else:
         indent = f"{parts['indent']}  " if parts else ""
         names = key.removeprefix(above).strip(".").split(".")

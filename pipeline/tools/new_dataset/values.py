@@ -17,10 +17,19 @@ from pipeline.formats.joints.names import match_joints, states_joints
 from pipeline.recordings.commands import UNFILLED, named_joints
 from pipeline.tools.inspect.command import describe_file
 from pipeline.tools.inspect.finding import ROBOT, Finding, printable_path
-from pipeline.tools.new_dataset.layout import PlacedTake, RecordingLayout, shared_pattern
+from pipeline.tools.new_dataset.layout import (
+    PlacedTake,
+    RecordingLayout,
+    shared_pattern,
+)
 from pipeline.tools.new_dataset.template import Entry, text_of
 
-KEYS = ("motion.steps", "joint_log.start", "joint_log.end", "joint_log.rest")  # keys of a motion
+KEYS = (
+    "motion.steps",
+    "joint_log.start",
+    "joint_log.end",
+    "joint_log.rest",
+)  # keys of a motion
 SPACE = 6  # number of coordinates of a pose
 PLACE = f"{OPEN} # [x, y, z]"
 NEAR = 0.01  # rad, greatest excess of an angle over a joint's limit
@@ -48,7 +57,9 @@ def _one_of(choices: Iterable[str], suggested: str | None = None) -> Entry:
 def _consensus(takes: Iterable[PlacedTake], fact: str) -> Entry:
     """Return the number that all recordings state, else ???."""
     stated = {take.finding.facts.get(fact) for take in takes}
-    return Entry(f"{stated.pop():.10g}" if len(stated) == 1 and None not in stated else None)
+    return Entry(
+        f"{stated.pop():.10g}" if len(stated) == 1 and None not in stated else None
+    )
 
 
 def _name_list(names: Iterable[str]) -> str:
@@ -82,9 +93,15 @@ def entries(
         "depth": depth and _depth(depth, recorded.patterns("depth"), cameras),
         "force": force and _force(force, calibrations, folder),
         "joint_log": logs and _joint_log(recorded, folder, urdf, robot, facts),
-        "motion": {"rate": _rate(takes, logs, get_filled(values, "joint_log.time_unit"))},
+        "motion": {
+            "rate": _rate(takes, logs, get_filled(values, "joint_log.time_unit"))
+        },
     }
-    found = {f"{part}.{k}": one for part, known in found.items() for k, one in dict(known).items()}
+    found = {
+        f"{part}.{k}": one
+        for part, known in found.items()
+        for k, one in dict(known).items()
+    }
     kept, asked = {key.partition(".")[0] for key in found}, _questions(recorded)
     for key in asked:
         known = found.get(key, Entry())
@@ -105,7 +122,9 @@ def entries(
     return found | {"motion.steps": _consensus(takes, "steps")} | robot
 
 
-def _rate(takes: Sequence[PlacedTake], logs: Sequence[Finding], unit: str | None) -> Entry:
+def _rate(
+    takes: Sequence[PlacedTake], logs: Sequence[Finding], unit: str | None
+) -> Entry:
     """Return the one rate of all recordings; a suggestion if no log states the unit of times."""
     rates = {take.finding.rate for take in takes}
     with_roles = any("role" in log.facts for log in logs)
@@ -113,7 +132,10 @@ def _rate(takes: Sequence[PlacedTake], logs: Sequence[Finding], unit: str | None
         suggested, step = log.suggested.get("time_unit"), log.facts.get("step_of_time")
         second = TIME_UNITS.get(str(unit or suggested))
         if log.rate:
-            rates.add(log.rate * (TIME_UNITS[suggested] / second if suggested and second else 1))
+            rates.add(
+                log.rate
+                * (TIME_UNITS[suggested] / second if suggested and second else 1)
+            )
         elif step and second and ("role" in log.facts or not with_roles):
             rates.add(1 / (step * second))
     stated = {f"{rate:.4g}" for rate in rates if rate}
@@ -130,7 +152,9 @@ def _questions(recorded: RecordingLayout) -> Entries:
     ]
     notes: dict[str, str] = {}
     suggested: dict[str, dict[str, str]] = defaultdict(dict)
-    for name, log in asking + [("", one) for one in recorded.single.get(Kind.FORCE, [])]:
+    for name, log in asking + [
+        ("", one) for one in recorded.single.get(Kind.FORCE, [])
+    ]:
         for question, option, value in log.open:
             key = option.removeprefix("dataset.")
             notes.setdefault(key, question)
@@ -157,17 +181,27 @@ def _links_of(names: list[str]) -> dict[str, list[str]]:
     return links if all(links) and [*map(len, links.values())] == [3, 3, 3] else {}
 
 
-def _mocap(recorded: RecordingLayout, links: dict[str, list[str]], bodies: list[str]) -> Entries:
+def _mocap(
+    recorded: RecordingLayout, links: dict[str, list[str]], bodies: list[str]
+) -> Entries:
     found = _parts(recorded, "mocap", Entry("null"))
     if bodies:
         mount = {"position": PLACE, "rpy": f"{OPEN} # rad"}
-        found["markers"] = Entry(dict.fromkeys(bodies, f"{OPEN} # {{a: [x, y, z], b: …, c: …}}"))
-        found["bodies"] = Entry({n: {"name": text_of(n), "mount": mount} for n in bodies})
+        found["markers"] = Entry(
+            dict.fromkeys(bodies, f"{OPEN} # {{a: [x, y, z], b: …, c: …}}")
+        )
+        found["bodies"] = Entry(
+            {n: {"name": text_of(n), "mount": mount} for n in bodies}
+        )
     elif links:
-        found["markers"] = Entry({k: dict.fromkeys(names, PLACE) for k, names in links.items()})
+        found["markers"] = Entry(
+            {k: dict.fromkeys(names, PLACE) for k, names in links.items()}
+        )
     else:
         names = _name_list(recorded.shared("markers")) or "none in all takes"
-        found["markers"] = _suggestion(f"{{link1: {{name: [x, y, z], …}}, …}}; there are {names}")
+        found["markers"] = _suggestion(
+            f"{{link1: {{name: [x, y, z], …}}, …}}; there are {names}"
+        )
     return found
 
 
@@ -175,7 +209,10 @@ def _parts(recorded: RecordingLayout, section: str, none: Entry) -> Entries:
     """Return the patterns of training and test part. Takes named as a depth sequence are the test
     part (``none`` without such takes); the others are the training part if they are one group.
     """
-    filmed, patterns = {take.name for take in recorded.of("depth")}, recorded.patterns(section)
+    filmed, patterns = (
+        {take.name for take in recorded.of("depth")},
+        recorded.patterns(section),
+    )
     test = {take.pattern for take in recorded.of(section) if take.name in filmed}
     training = [pattern for pattern in patterns if pattern not in test]
     if len(training) == 1 and len(test) <= 1:
@@ -194,7 +231,9 @@ def _encoders(recorded: RecordingLayout) -> Entries:
     }
 
 
-def _depth(takes: Sequence[PlacedTake], patterns: Sequence[str], cameras: Sequence[str]) -> Entries:
+def _depth(
+    takes: Sequence[PlacedTake], patterns: Sequence[str], cameras: Sequence[str]
+) -> Entries:
     found = {"takes": _one_of(patterns)}
     ((pattern, _),) = Counter(take.pattern for take in takes).most_common(1)
     takes = [take for take in takes if take.pattern == pattern]
@@ -203,7 +242,9 @@ def _depth(takes: Sequence[PlacedTake], patterns: Sequence[str], cameras: Sequen
         key = "index" if first.option == "index" else "frames"
         found[key] = _one_of([first.file.relative_to(place).as_posix()])
         if rates := sorted(take.finding.rate for take in takes if take.finding.rate):
-            found["rate"] = Entry(f"{rates[len(rates) // 2]:.4g}", "as the indexes state")
+            found["rate"] = Entry(
+                f"{rates[len(rates) // 2]:.4g}", "as the indexes state"
+            )
     for key in {"topic", "camera_info"} & first.facts.keys():
         found[key] = _one_of([first.facts[key]])
     if first.facts.get("frames_are") == Kind.CLOUD:
@@ -213,12 +254,16 @@ def _depth(takes: Sequence[PlacedTake], patterns: Sequence[str], cameras: Sequen
     return found | {key: _consensus(takes, key) for key in ("width", "height")}
 
 
-def _force(logs: Sequence[Finding], calibrations: Sequence[str], folder: Path) -> Entries:
+def _force(
+    logs: Sequence[Finding], calibrations: Sequence[str], folder: Path
+) -> Entries:
     stems, configurations = Counter(finding.file.stem for finding in logs), {}
     for finding in logs:
         stem = finding.file.stem
         name = stem if stems[stem] == 1 else f"{finding.file.parent.name}_{stem}"
-        configurations[name] = {"file": text_of(printable_path(finding.file, folder))} | CABLE
+        configurations[name] = {
+            "file": text_of(printable_path(finding.file, folder))
+        } | CABLE
     found = {"configurations": Entry(configurations)}
     options = {finding.option for finding in logs}
     for key, stated in (("log.format", options), ("log.calibration", {*calibrations})):
@@ -228,32 +273,50 @@ def _force(logs: Sequence[Finding], calibrations: Sequence[str], folder: Path) -
 
 
 def _joint_log(
-    recorded: RecordingLayout, folder: Path, urdf: str, robot: Entries, facts: Mapping[str, Any]
+    recorded: RecordingLayout,
+    folder: Path,
+    urdf: str,
+    robot: Entries,
+    facts: Mapping[str, Any],
 ) -> Entries:
     takes = recorded.of("joint_log")
     pattern = shared_pattern([take.path for take in takes], folder)
-    found = {"movements": _one_of(recorded.patterns("joint_log"), pattern and text_of(pattern))}
+    found = {
+        "movements": _one_of(
+            recorded.patterns("joint_log"), pattern and text_of(pattern)
+        )
+    }
     first = takes[0].finding
     signals, count = first.facts.get("signals", {}), first.facts.get("joints")
     if tables := first.facts.get("tables", {}):
         choice = _one_of(sorted(tables))
         found |= {"actual": choice, "target": choice, "speed": Entry("null")}
         roles = {table.facts.get("role", ""): name for name, table in tables.items()}
-        found |= {role: Entry(text_of(name), "by its name") for role, name in roles.items() if role}
+        found |= {
+            role: Entry(text_of(name), "by its name")
+            for role, name in roles.items()
+            if role
+        }
         first = tables[roles.get("target", next(iter(tables)))]
         timed = first.facts.get("timed")
         found["time"] = Entry("0" if timed else None)
         count = first.facts["columns"] - 1 if timed else None
     elif first.kind != Kind.JOINTS:
         if "signals" not in first.suggested:
-            named = [f"{name}: [{_name_list(labels)}]" for name, labels in signals.items()]
+            named = [
+                f"{name}: [{_name_list(labels)}]" for name, labels in signals.items()
+            ]
             found["signals"] = Entry(f"{{{', '.join(named)}}}")
         count = len(next(iter(signals.values())))
         none = _suggestion("null: rows are evenly spaced at motion.rate")
-        found["time"] = _one_of([first.facts["time"]]) if "time" in first.facts else none
+        found["time"] = (
+            _one_of([first.facts["time"]]) if "time" in first.facts else none
+        )
     named = signals.get("actual", ()) if isinstance(signals, Mapping) else ()
     stated = {(*take.finding.facts.get("joint_names", named),) for take in takes}
-    moving = [joint for kind in SINGLE for joint in facts.get("joints", {}).get(kind, [])]
+    moving = [
+        joint for kind in SINGLE for joint in facts.get("joints", {}).get(kind, [])
+    ]
     arm = robot.get("robot.joints", Entry()).value
     names = stated.pop() if len(stated) == 1 else ()
     found["joints"] = _joints(names, count, arm, urdf, moving, first)
@@ -262,7 +325,9 @@ def _joint_log(
         if len(own) == 1:
             found[key] = Entry(own.pop(), "by the labels")
         elif first.kind != Kind.JOINTS or "samples" not in first.facts:
-            found[key] = Entry()  # a log that was read asks for the units that it does not state
+            found[key] = (
+                Entry()
+            )  # a log that was read asks for the units that it does not state
     return found
 
 
@@ -289,7 +354,9 @@ def _joints(
         return _suggestion(f"{count} joints" if count else "")
     ends = [*zip(*log.facts.get("range", ()), strict=True)]
     ends = ends if len(ends) == len(order) else []
-    places = ", ".join(f"{n} {a:.3g} to {b:.3g}" for n, (a, b) in zip(order, ends, strict=False))
+    places = ", ".join(
+        f"{n} {a:.3g} to {b:.3g}" for n, (a, b) in zip(order, ends, strict=False)
+    )
     beyond = [
         joint.name
         for joint, (least, most) in zip(named_joints(urdf, order), ends, strict=False)
@@ -304,19 +371,32 @@ def _joints(
 def _robot(facts: Mapping[str, Any], planar: bool) -> Entries:
     """Return the entries of the arm or planar chain in a URDF with these ``facts``."""
     arms, chains = facts.get("arms", []), facts.get("chains", [])
-    if not planar and (not arms or [arms[0]["joints"]] != [one["joints"] for one in chains]):
+    if not planar and (
+        not arms or [arms[0]["joints"]] != [one["joints"] for one in chains]
+    ):
         if not arms:
             return {}
         joints = arms[0]["joints"]
-        found = {"robot.joints": Entry(f"[{_name_list(joints)}]", "all that move the last link")}
+        found = {
+            "robot.joints": Entry(
+                f"[{_name_list(joints)}]", "all that move the last link"
+            )
+        }
         if len(joints) < SPACE:
-            found["robot.task"] = _suggestion("", "[x, y, z]" if len(joints) >= 3 else None)
+            found["robot.task"] = _suggestion(
+                "", "[x, y, z]" if len(joints) >= 3 else None
+            )
         return found | {"robot.tool": _one_of(arm["tip"] for arm in arms)}
-    found, others = {"robot.plane": Entry("")}, facts.get("joints", {}).get("revolute", [])
+    found, others = (
+        {"robot.plane": Entry("")},
+        facts.get("joints", {}).get("revolute", []),
+    )
     chain = _suggestion(f"three parallel ones of {_name_list(others) or 'the URDF'}")
     if len(chains) == 1:
         own = chains[0]["joints"]
-        chain = Entry(f"[{_name_list(own)}]", "the only three in a row that are parallel")
+        chain = Entry(
+            f"[{_name_list(own)}]", "the only three in a row that are parallel"
+        )
         found["robot.tool"] = _one_of(chains[0]["tools"])
         others = [joint for joint in others if joint not in own]
     locked = _suggestion(_name_list(others)) if others or not chains else Entry("{}")

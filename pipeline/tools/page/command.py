@@ -21,7 +21,9 @@ from pipeline.core.errors import ContractError
 REPORTS, RESULTS = Path("reports"), ("report.md", "model_card.md")
 TEMPLATE = Path(__file__).with_name("page.html")
 COLOURS = 64  # of a figure on the page, enough for its lines and shades
-WIDE = 900  # px, least width of a figure of two columns, which scrolls on a narrow screen
+WIDE = (
+    900  # px, least width of a figure of two columns, which scrolls on a narrow screen
+)
 # attributes of a frame that scrolls and can be focused by keyboard
 FRAME = {"role": "region", "aria-label": "wide content", "tabindex": 0}
 TABLE = '<div role="region" aria-label="wide content" tabindex="0" class="table">'
@@ -72,7 +74,9 @@ def _section(
     try:
         content = file.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError):
-        raise ContractError("no such page in UTF-8; run `dvc repro -P`", file=file) from None
+        raise ContractError(
+            "no such page in UTF-8; run `dvc repro -P`", file=file
+        ) from None
     parser = MarkdownIt("commonmark", {"html": False}).enable("table")
     tokens = parser.parse(content)
     headings: list[tuple[int, str, str]] = []
@@ -82,24 +86,40 @@ def _section(
             slug = re.sub(r"[^\w\- ]", "", text.lower()).replace(" ", "-")
             # an anchor is the file's name and GitHub's slug; the title's is the file's name only
             anchor = _anchor(file, slug if headings or token.tag != "h1" else "")
-            twins = [name for _, name, _ in headings if re.fullmatch(rf"{anchor}(-\d+)?", name)]
+            twins = [
+                name
+                for _, name, _ in headings
+                if re.fullmatch(rf"{anchor}(-\d+)?", name)
+            ]
             token.attrs["id"] = f"{anchor}-{len(twins) + 1}" if twins else anchor
             headings.append((int(token.tag[1]), token.attrs["id"], escape(text)))
-        elif token.type == "inline" and token.children and token.children[0].type == "image":
+        elif (
+            token.type == "inline"
+            and token.children
+            and token.children[0].type == "image"
+        ):
             tokens[place - 1].attrs |= FRAME | {"class": "figure"}
         for child in token.children or []:
             if child.type == "image":
                 child.attrs |= _figure_attributes(file.parent / str(child.attrs["src"]))
             elif child.type == "link_open":
-                child.attrs["href"] = _address(str(child.attrs["href"]), file, files, folder)
+                child.attrs["href"] = _address(
+                    str(child.attrs["href"]), file, files, folder
+                )
     html = parser.renderer.render(tokens, parser.options, {})
-    html = html.replace("<table>", f"{TABLE}\n<table>").replace("</table>", "</table>\n</div>")
-    html = UNSEEN.sub(FOLD, html.replace("&lt;br&gt;", "<br>"))  # line ends in a table's cells
+    html = html.replace("<table>", f"{TABLE}\n<table>").replace(
+        "</table>", "</table>\n</div>"
+    )
+    html = UNSEEN.sub(
+        FOLD, html.replace("&lt;br&gt;", "<br>")
+    )  # line ends in a table's cells
     html = FIGURE.sub(r"\1</p>\n<p>\2</p>", html)
     if file.stem == FOLDED:
         html = FOLDS.sub(FOLD, html)
     else:  # parts under headings of level 3 are beside each other
-        html = CARDS.sub(lambda found: CARD_GROUP.format(CARD.sub(ONE_CARD, found[0])), html)
+        html = CARDS.sub(
+            lambda found: CARD_GROUP.format(CARD.sub(ONE_CARD, found[0])), html
+        )
     return html, headings or [(1, "", file.stem)]
 
 
@@ -126,7 +146,9 @@ def _figure_attributes(file: Path) -> dict[str, str]:
             shape = "wide" if image.width > WIDE else "high"
             few = image.convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE)
     except OSError:
-        raise ContractError("no such PNG; run the stage that draws it", file=picture) from None
+        raise ContractError(
+            "no such PNG; run the stage that draws it", file=picture
+        ) from None
     few.save(written, "PNG", optimize=True)
     address = f"data:image/png;base64,{b64encode(written.getvalue()).decode('ascii')}"
     return {"src": address, "class": shape}

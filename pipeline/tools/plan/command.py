@@ -20,9 +20,21 @@ from pipeline.core import contracts
 from pipeline.core.columns import PLANE, SPACE, columns, members, spread
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.dataset import Robot
-from pipeline.figures.style import BLACK, GREY, PNG_RESOLUTION, TWO_COLUMNS, joint_lines, panels
+from pipeline.figures.style import (
+    BLACK,
+    GREY,
+    PNG_RESOLUTION,
+    TWO_COLUMNS,
+    joint_lines,
+    panels,
+)
 from pipeline.formats.format import format_of
-from pipeline.formats.trajectory import FORMAT, read_poses, read_trajectory, write_trajectory
+from pipeline.formats.trajectory import (
+    FORMAT,
+    read_poses,
+    read_trajectory,
+    write_trajectory,
+)
 from pipeline.models.kinds import fitted_model
 from pipeline.planning.motions import POINTS, Planned, least_uncertain
 from pipeline.planning.problem import Problem, uncertainty
@@ -43,7 +55,9 @@ def run(
 ) -> None:
     """Write the plan, and print its cost and least singular value."""
     if out.is_file() or {file.name for file in out.glob("*")} - {JOINTS, PICTURE}:
-        raise ConfigError("OUT exists and contains no plan; name another folder", file=out)
+        raise ConfigError(
+            "OUT exists and contains no plan; name another folder", file=out
+        )
     robot = config.sections("track").dataset.robot
     chain = chain_of(robot)
     poses, rate = read_path(path, chain, robot)
@@ -68,17 +82,24 @@ def read_path(file: Path, chain: Chain, robot: Robot) -> tuple[np.ndarray, float
     positions in m and the rotation vector of the tip in rad. A planar arm has φ, which is 0 at zero
     joint angles. Raises RecordingError as the formats do, and for joints of another arm.
     """
-    if format_of(file, [FORMAT]) and (joints := members(table := read_trajectory(file), "q")):
+    if format_of(file, [FORMAT]) and (
+        joints := members(table := read_trajectory(file), "q")
+    ):
         if sorted(joints) != sorted(robot.joints):
             message = f"the file has the joints {', '.join(joints)}, but the arm has "
             raise RecordingError(message + ", ".join(robot.joints), file=file, line=1)
         poses = chain.pose(table[columns("q", robot.joints)].to_numpy())
     else:
         table = read_poses(file, chain.task)
-        poses, zero = table[[*chain.task]].to_numpy(), chain.pose(np.zeros(len(chain.lower)))
+        poses, zero = (
+            table[[*chain.task]].to_numpy(),
+            chain.pose(np.zeros(len(chain.lower))),
+        )
         if len(zero) > len(chain.task):  # rows of a pose in space
             # φ is a turn about y
-            named = table.rename(columns={PLANE[2]: "ry"}).reindex(columns=SPACE, fill_value=0.0)
+            named = table.rename(columns={PLANE[2]: "ry"}).reindex(
+                columns=SPACE, fill_value=0.0
+            )
             turn = named[[*SPACE[3:]]].to_numpy(copy=True)
             rotation = Rotation.from_rotvec(turn).as_matrix()
             if PLANE[2] in chain.task:
@@ -89,11 +110,18 @@ def read_path(file: Path, chain: Chain, robot: Robot) -> tuple[np.ndarray, float
 
 
 def _draw(
-    planned: Planned, margin: float, t: np.ndarray, joints: list[str], unit: str, file: Path
+    planned: Planned,
+    margin: float,
+    t: np.ndarray,
+    joints: list[str],
+    unit: str,
+    file: Path,
 ) -> None:
     """Write the figure ``file`` (PNG): joints, cost per step and least singular value over time."""
     figure, ((angles, cost, clearance),) = panels(TWO_COLUMNS, 2.5, columns=3)
-    for column, line in zip(planned.joints.T, joint_lines(joints).values(), strict=True):
+    for column, line in zip(
+        planned.joints.T, joint_lines(joints).values(), strict=True
+    ):
         angles.plot(t, column, **line)
     cost.plot(t[:-1], planned.cost, color=BLACK)
     clearance.plot(t, planned.clearance, color=BLACK, label="planned")
@@ -102,5 +130,7 @@ def _draw(
     angles.set(xlabel="time (s)", ylabel="joints (rad)")
     cost.set(xlabel="time (s)", ylabel=f"{unit} of a step")
     clearance.set(xlabel="time (s)", ylabel="least singular value (m)", ylim=(0, None))
-    figure.legend(*angles.get_legend_handles_labels(), loc="outside upper center", ncols=4)
+    figure.legend(
+        *angles.get_legend_handles_labels(), loc="outside upper center", ncols=4
+    )
     figure.savefig(file, dpi=PNG_RESOLUTION)

@@ -20,11 +20,17 @@ from pipeline.core.options.dataset import Robot
 from pipeline.recordings.depth_takes import arm_points
 
 HERE, FOLDER, ENVIRONMENT = Path(__file__).parent, Path("data/view"), Path(".venv-view")
-TRACK, FILTER, ARTICULATE = Path("data/track"), Path("data/filter"), Path("data/articulate")
+TRACK, FILTER, ARTICULATE = (
+    Path("data/track"),
+    Path("data/filter"),
+    Path("data/articulate"),
+)
 DEPTH = Path("data/ingest/depth")
 MEASURED = (40, 40, 40)
 COLOURS = ((0, 114, 178), (213, 94, 0), (0, 158, 115), (204, 121, 167), (230, 159, 0))
-Clouds = list[tuple[float, np.ndarray]]  # time (s) and points (I, 3) m of each depth frame
+Clouds = list[
+    tuple[float, np.ndarray]
+]  # time (s) and points (I, 3) m of each depth frame
 
 
 class Track(NamedTuple):
@@ -50,7 +56,9 @@ def run(take: str | None = None, open: bool = False) -> None:
     for model in settings.models:
         if contracts.exists("posterior", FILTER / model):
             rows = contracts.read("posterior", FILTER / model).query("take == @name")
-            std = np.sqrt(np.diagonal(matrices(rows, "c", robot.joints), axis1=-2, axis2=-1))
+            std = np.sqrt(
+                np.diagonal(matrices(rows, "c", robot.joints), axis1=-2, axis2=-1)
+            )
             if len(rows):
                 tracks[model] = Track(rows["t"].to_numpy(), values(rows, "m"), std)
     clouds = _clouds(name, robot) if settings.dataset.depth is not None else []
@@ -75,7 +83,10 @@ def _rerun() -> ModuleType:
 
 def _clouds(name: str, robot: Robot) -> Clouds:
     """Return time on the motion capture's clock and arm points of every depth frame of a take."""
-    angles, frames = contracts.read("angles", ARTICULATE), contracts.read("frames", DEPTH)
+    angles, frames = (
+        contracts.read("angles", ARTICULATE),
+        contracts.read("frames", DEPTH),
+    )
     angles, frames = (table[table["take"] == name] for table in (angles, frames))
     arm, times = arm_of(robot), dict(zip(angles["frame"], angles["t"], strict=True))
     points = dict(zip(frames["frame"], arm_points(frames, DEPTH), strict=True))
@@ -96,19 +107,28 @@ def skeletons(robot: Robot, q: np.ndarray) -> np.ndarray:
 
 
 def write_recording(
-    rerun: ModuleType, file: Path, take: str, robot: Robot, tracks: dict[str, Track], clouds: Clouds
+    rerun: ModuleType,
+    file: Path,
+    take: str,
+    robot: Robot,
+    tracks: dict[str, Track],
+    clouds: Clouds,
 ) -> None:
     """Write an .rrd file whose layout shows the scene and one plot per joint."""
     blueprint = importlib.import_module("rerun.blueprint")
     recording = rerun.RecordingStream("manipulator-uncertainty")
     plots = [
-        blueprint.TimeSeriesView(origin=rerun.new_entity_path(["angles", joint]), name=joint)
+        blueprint.TimeSeriesView(
+            origin=rerun.new_entity_path(["angles", joint]), name=joint
+        )
         for joint in robot.joints
     ]
     scene = blueprint.Spatial3DView(origin="scene", name=take)
     layout = blueprint.Horizontal(scene, blueprint.Vertical(*plots))
     recording.save(file, default_blueprint=blueprint.Blueprint(layout))
-    for (name, track), colour in zip(tracks.items(), (MEASURED, *COLOURS), strict=False):
+    for (name, track), colour in zip(
+        tracks.items(), (MEASURED, *COLOURS), strict=False
+    ):
         for t, nodes in zip(track.t, skeletons(robot, track.q), strict=True):
             recording.set_time("time", duration=float(t))
             strip = rerun.LineStrips3D([nodes], colors=[colour], radii=[0.004])
@@ -121,9 +141,13 @@ def write_recording(
         for j, joint in enumerate(robot.joints):
             for part, label, width, line in lines:
                 place = rerun.new_entity_path(["angles", joint, name, part])
-                style = rerun.SeriesLines(colors=[colour], names=[label], widths=[width])
+                style = rerun.SeriesLines(
+                    colors=[colour], names=[label], widths=[width]
+                )
                 recording.log(place, style, static=True)
-                recording.send_columns(place, [time], rerun.Scalars.columns(scalars=line[:, j]))
+                recording.send_columns(
+                    place, [time], rerun.Scalars.columns(scalars=line[:, j])
+                )
     for t, points in clouds:
         recording.set_time("time", duration=float(t))
         recording.log("scene/cloud", rerun.Points3D(points, radii=[0.002]))

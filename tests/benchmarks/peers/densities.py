@@ -12,10 +12,14 @@ CONFIGURATION = (
 def setup(samples, x, y, bandwidth, shown):
     # KDEpy has one bandwidth for all variables: 1 after scaling
     scaled = np.load(samples) / bandwidth
-    grid = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2) / bandwidth
+    grid = (
+        np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2) / bandwidth
+    )
 
     def call() -> list:
-        density = FFTKDE(kernel="gaussian", bw=1.0).fit(scaled).evaluate(grid) / np.prod(bandwidth)
+        density = FFTKDE(kernel="gaussian", bw=1.0).fit(scaled).evaluate(
+            grid
+        ) / np.prod(bandwidth)
         return density.reshape(len(x), len(y))[::shown, ::shown].tolist()
 
     return call

@@ -17,10 +17,19 @@ def take_of(law, **plain) -> "Take":
 class Take:
     """A motion of M steps of n joints; subclasses ``move(q, command)`` the particles."""
 
-    def __init__(self, steps, start_mean, start_covariance, seen, y, covariance) -> None:
-        self.steps = np.array(steps)  # (M, m), or (M, m + n) of more joints than task rows
-        self.start_mean, self.start_covariance = np.array(start_mean), np.array(start_covariance)
-        self.y = dict(zip(seen, np.array(y), strict=True))  # by the step that a frame falls on
+    def __init__(
+        self, steps, start_mean, start_covariance, seen, y, covariance
+    ) -> None:
+        self.steps = np.array(
+            steps
+        )  # (M, m), or (M, m + n) of more joints than task rows
+        self.start_mean, self.start_covariance = (
+            np.array(start_mean),
+            np.array(start_covariance),
+        )
+        self.y = dict(
+            zip(seen, np.array(y), strict=True)
+        )  # by the step that a frame falls on
         self.precision = np.linalg.inv(covariance)
         self.rng = np.random.default_rng(1)
 
@@ -28,7 +37,9 @@ class Take:
         """(P, n) particles before the first step; every call has the same random numbers."""
         self.rng = np.random.default_rng(1)
         np.random.seed(1)  # noqa: NPY002 - the libraries resample by it
-        return self.rng.multivariate_normal(self.start_mean, self.start_covariance, count)
+        return self.rng.multivariate_normal(
+            self.start_mean, self.start_covariance, count
+        )
 
     def step(self, k: int, q: np.ndarray) -> np.ndarray:
         """(P, n) particles after step k = 1 … M, from those before."""
@@ -61,7 +72,9 @@ class PlanarTake(Take):
 
     def __init__(self, law, links, signs, sigma_b, **plain) -> None:
         super().__init__(**plain)
-        self.move = {"closed form": self.closed_form, "Algorithm 1": self.algorithm_1}[law]
+        self.move = {"closed form": self.closed_form, "Algorithm 1": self.algorithm_1}[
+            law
+        ]
         self.links, self.signs = np.array(links), np.array(signs)
         self.d = 4 / sigma_b**2  # (n + 1)/σ_B²
 
@@ -89,7 +102,9 @@ class PlanarTake(Take):
     def algorithm_1(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Draw B, solve J₁BJ₂q̇ = v: the paper's steps by the libraries' functions."""
         first, second = linalg.lu(self.jacobian(q), permute_l=True)
-        b = stats.wishart.rvs(self.d, np.eye(3) / self.d, size=len(q), random_state=self.rng)
+        b = stats.wishart.rvs(
+            self.d, np.eye(3) / self.d, size=len(q), random_state=self.rng
+        )
         return q + np.linalg.solve(first @ b @ second, v[:, None])[..., 0]
 
 
@@ -107,7 +122,10 @@ def eliminated(jacobian: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndar
     second = second - second[0] / first[0] * first
     third = third - third[0] / first[0] * first
     exchanged = np.abs(third[1]) > np.abs(second[1])
-    second, third = np.where(exchanged, third, second), np.where(exchanged, second, third)
+    second, third = (
+        np.where(exchanged, third, second),
+        np.where(exchanged, second, third),
+    )
     third = third - third[1] / second[1] * second
     upper = np.stack([first, second, third])
     return upper[:, :3], upper[:, 3]
@@ -127,7 +145,10 @@ class SpatialTake(Take):
         """(6, n, P) rows of velocity and angular velocity, the particles last."""
         joints, count = q.shape[1], len(q)
         sine, cosine = np.sin(q.T), np.cos(q.T)
-        turned, point = np.repeat(np.eye(3)[:, :, None], count, axis=2), np.zeros((3, count))
+        turned, point = (
+            np.repeat(np.eye(3)[:, :, None], count, axis=2),
+            np.zeros((3, count)),
+        )
         axes, points = np.empty((2, joints, 3, count))
         for j in range(joints):
             point = point + np.einsum("ikp,k->ip", turned, self.ways[j])
@@ -161,4 +182,8 @@ class SpatialTake(Take):
         if len(command) == ROWS:
             return q + np.einsum("rjp,rp->pj", rows, step)
         w = command[ROWS:]
-        return q + w + np.einsum("rjp,rp->pj", rows, step - np.einsum("rjp,j->rp", rows, w))
+        return (
+            q
+            + w
+            + np.einsum("rjp,rp->pj", rows, step - np.einsum("rjp,j->rp", rows, w))
+        )

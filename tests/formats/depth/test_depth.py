@@ -26,7 +26,11 @@ from pipeline.formats.depth.image import (
     write_depth,
     write_index,
 )
-from pipeline.formats.depth.intrinsics import Intrinsics, read_intrinsics, write_intrinsics
+from pipeline.formats.depth.intrinsics import (
+    Intrinsics,
+    read_intrinsics,
+    write_intrinsics,
+)
 from pipeline.formats.rosbag import camera_info, cloud_points, image_pixels
 
 
@@ -38,7 +42,9 @@ def test_written_frames_read_back_without_loss_and_with_the_same_bytes(tmp_path)
     extremes[0, :4] = 0, 1, 65534, 65535
     for file in (tmp_path / "1.png", tmp_path / "2.png"):
         write_depth(file, extremes)
-    np.testing.assert_array_equal(read_depth(tmp_path / "1.png", shape=(12, 16)).pixels, extremes)
+    np.testing.assert_array_equal(
+        read_depth(tmp_path / "1.png", shape=(12, 16)).pixels, extremes
+    )
     assert (tmp_path / "1.png").read_bytes() == (tmp_path / "2.png").read_bytes()
 
 
@@ -46,7 +52,9 @@ def test_written_frames_read_back_without_loss_and_with_the_same_bytes(tmp_path)
 @pytest.mark.parametrize("kind", [np.uint16, np.float32])
 def test_tiffs_keep_their_values_and_their_description(tmp_path, kind, compression):
     image = made.SMALL.astype(kind)
-    (tmp_path / "d.tif").write_bytes(made.tiff(image, "depth scale=0.25", compression=compression))
+    (tmp_path / "d.tif").write_bytes(
+        made.tiff(image, "depth scale=0.25", compression=compression)
+    )
     raw = read_depth(tmp_path / "d.tif", shape=made.SMALL.shape)
     assert (raw.pixels.dtype, raw.description) == (kind, "depth scale=0.25")
     np.testing.assert_array_equal(raw.pixels, image)
@@ -55,7 +63,10 @@ def test_tiffs_keep_their_values_and_their_description(tmp_path, kind, compressi
 
 
 def test_a_scale_of_a_description_is_one_positive_number():
-    encoding, raw = Encoding("plain", 1000, scale_key="scale"), np.full((2, 2), 500, np.uint16)
+    encoding, raw = (
+        Encoding("plain", 1000, scale_key="scale"),
+        np.full((2, 2), 500, np.uint16),
+    )
     for text in ("scale=2", "scale: 2.0", '{"scale": 2}', "unit scale 2 (mm)"):
         assert (metres(RawDepth(raw, text), encoding) == 1).all()
     for text in ("", "scale=x", "rescale=2", "scale=1 scale=2", "scale=-1"):
@@ -97,7 +108,9 @@ def test_points_are_read_with_any_fields_viewpoint_and_surplus_bytes(tmp_path, n
     assert (cloud.missing, cloud.counts, cloud.viewpoint) == (2, {}, UNTURNED)
     if not name.endswith(".pcd"):
         return
-    moved = made.CLOUDS[name].replace(b"VIEWPOINT 0 0 0 1 0 0 0", b"VIEWPOINT 1 -2 0.5 0.8 0 0.6 0")
+    moved = made.CLOUDS[name].replace(
+        b"VIEWPOINT 0 0 0 1 0 0 0", b"VIEWPOINT 1 -2 0.5 0.8 0 0.6 0"
+    )
     for behind in (b"\0" * 4096, b"1 2 3 left of another cloud\n"):
         (tmp_path / name).write_bytes(moved + behind)
         cloud = read_cloud(tmp_path / name)
@@ -114,9 +127,14 @@ def test_indexes_read_back_and_blanks_comments_and_line_ends_are_no_matter(tmp_p
     result = read_index(file)
     np.testing.assert_allclose(result.time, stamps, rtol=0, atol=0.6e-6)
     assert (result.files, result.counts) == (names, {"cut_rows": 0})
-    file.write_bytes(b"# depth maps\r\n\n0.16  depth/a.png  \r\n \n0.6\tdepth/b c.png\n# end\n")
+    file.write_bytes(
+        b"# depth maps\r\n\n0.16  depth/a.png  \r\n \n0.6\tdepth/b c.png\n# end\n"
+    )
     result = read_index(file)
-    assert (result.time.tolist(), result.files) == ([0.16, 0.6], ("depth/a.png", "depth/b c.png"))
+    assert (result.time.tolist(), result.files) == (
+        [0.16, 0.6],
+        ("depth/a.png", "depth/b c.png"),
+    )
 
 
 def numbered(folder, *names: str) -> None:
@@ -125,7 +143,9 @@ def numbered(folder, *names: str) -> None:
         (folder / name).write_bytes(b"")
 
 
-def test_numbered_frames_are_seen_at_the_rate_and_missing_numbers_leave_their_time_out(tmp_path):
+def test_numbered_frames_are_seen_at_the_rate_and_missing_numbers_leave_their_time_out(
+    tmp_path,
+):
     names = tuple(f"depth/frame2-{n}.depth.png" for n in (9, 10, 11, 13, 100))
     numbered(tmp_path, *names, "depth/colour-1.jpg")
     result = numbered_frames(tmp_path, "depth/*.png", rate=30.0)
@@ -133,16 +153,25 @@ def test_numbered_frames_are_seen_at_the_rate_and_missing_numbers_leave_their_ti
     np.testing.assert_allclose(result.time, np.array([0, 1, 2, 4, 91]) / 30)
 
 
-EVEN = ["1700000000.{} 0 40 80 120", "1700000000.{} 56 6 64 68 72", "1700000000_{} 0 40000 80000"]
+EVEN = [
+    "1700000000.{} 0 40 80 120",
+    "1700000000.{} 56 6 64 68 72",
+    "1700000000_{} 0 40000 80000",
+]
 EVEN += ["{} 1700000000.960000000 1700000001.0 1700000001.40000000 1700000001.80000000"]
-EVEN += ["{} 10-15-59.92 10-15-59.96 10-16-00.00", "d{} 23:59:59.960 00:00:00.000 00:00:00.040"]
+EVEN += [
+    "{} 10-15-59.92 10-15-59.96 10-16-00.00",
+    "d{} 23:59:59.960 00:00:00.000 00:00:00.040",
+]
 EVEN += ["{} 1700000000_960000000 1700000001_40000 1700000001_40040000"]
 
 
 @pytest.mark.parametrize("names", EVEN)
 def test_times_in_names_are_those_whose_steps_are_even(tmp_path, names):
     form, *stated = names.split()
-    numbered(tmp_path, *(frames := tuple(f"{form.format(time)}.png" for time in stated)))
+    numbered(
+        tmp_path, *(frames := tuple(f"{form.format(time)}.png" for time in stated))
+    )
     result = numbered_frames(tmp_path, "*.png", rate=1.0)
     assert result.files == frames
     np.testing.assert_allclose(result.time, 0.04 * np.arange(len(frames)), atol=1e-4)
@@ -161,7 +190,9 @@ def test_names_whose_number_is_not_plain_are_refused(tmp_path, names):
     with pytest.raises(RecordingError, match="no depth frame matches"):
         numbered_frames(tmp_path, "*.png", rate=30.0)
     numbered(tmp_path, *names.split())
-    with pytest.raises(RecordingError, match=r"differ only in one number|time between frames"):
+    with pytest.raises(
+        RecordingError, match=r"differ only in one number|time between frames"
+    ):
         numbered_frames(tmp_path, "*.png", rate=30.0)
 
 
@@ -199,8 +230,15 @@ def test_written_intrinsics_read_back_exactly_in_the_sensors_own_format(tmp_path
 @pytest.mark.parametrize("name", made.CALIBRATIONS)
 def test_every_tools_format_gives_the_same_camera(tmp_path, name):
     assert read(tmp_path / name, made.CALIBRATIONS[name]) == CAMERA
-    if name in ("ros.yaml", "printed.yaml", "plain.json", "opencv.xml"):  # they state their size
-        message = refusal(tmp_path / name, made.CALIBRATIONS[name], width=320, height=240)
+    if name in (
+        "ros.yaml",
+        "printed.yaml",
+        "plain.json",
+        "opencv.xml",
+    ):  # they state their size
+        message = refusal(
+            tmp_path / name, made.CALIBRATIONS[name], width=320, height=240
+        )
         assert "not 320 × 240" in message
 
 
@@ -210,7 +248,9 @@ def test_open3ds_matrix_runs_down_the_columns_and_may_stand_beside_its_pose(tmp_
     for stored in (camera, {"intrinsic": camera, "extrinsic": []}):
         found = read(tmp_path / "c.json", json.dumps(stored))
         assert found == Intrinsics(525.5, 524, 319.5, 239.25, 640, 480)
-        assert "calibrated at 640" in refusal(tmp_path / "c.json", json.dumps(stored), width=9)
+        assert "calibrated at 640" in refusal(
+            tmp_path / "c.json", json.dumps(stored), width=9
+        )
 
 
 def test_several_cameras_in_one_file_are_told_apart_by_option_alone(tmp_path):
@@ -237,7 +277,13 @@ def test_distortion_of_another_model_is_refused_and_none_of_it_is_overlooked(tmp
     assert "equidistant" in refusal(file, json.dumps(other | {"D": four}))
     for key in ("dist", "lens_distortion", "radial_coeffs", "k1"):
         assert key in refusal(file, json.dumps(camera | {key: four}))
-    realsense = {"fx": 500, "fy": 501, "ppx": 320, "ppy": 240, "coeffs": [0.1, 0, 0, 0, 0]}
+    realsense = {
+        "fx": 500,
+        "fy": 501,
+        "ppx": 320,
+        "ppy": 240,
+        "coeffs": [0.1, 0, 0, 0, 0],
+    }
     found = read(file, json.dumps(realsense | {"model": "distortion.brown_conrady"}))
     assert (found.fy, found.cx, found.distortion[0]) == (501, 320, 0.1)
     assert "not stated" in refusal(file, json.dumps(realsense))
@@ -252,7 +298,9 @@ MATRIX = [525.0, 0, 319.5, 0, 524.0, 239.5, 0, 0, 1]
 @pytest.mark.parametrize("padding", [0, 3])
 @pytest.mark.parametrize("big", [False, True])
 @pytest.mark.parametrize("kind", [np.uint16, np.float32])
-def test_images_of_either_byte_order_and_any_padding_keep_their_pixels(kind, big, padding):
+def test_images_of_either_byte_order_and_any_padding_keep_their_pixels(
+    kind, big, padding
+):
     pixels = (GENERATOR.random((5, 7)) * 5000).astype(kind)
     message = image(pixels, 1.0, big=big, padding=padding).for_version("ros2")
     result = image_pixels(message, shape=(5, 7))
@@ -263,7 +311,10 @@ def test_images_of_either_byte_order_and_any_padding_keep_their_pixels(kind, big
 X, Y, Z = ("x", 0, 7, 1), ("y", 4, 7, 1), ("z", 8, 7, 1)  # name, offset, type, count
 LAYOUTS = {
     "xyz of a depth camera": ([X, Y, Z, ("rgb", 16, 7, 1)], 32),
-    "another order": ([("intensity", 0, 2, 1), ("z", 1, 7, 1), ("x", 9, 7, 1), ("y", 5, 7, 1)], 13),
+    "another order": (
+        [("intensity", 0, 2, 1), ("z", 1, 7, 1), ("x", 9, 7, 1), ("y", 5, 7, 1)],
+        13,
+    ),
     "doubles among floats": ([("x", 0, 8, 1), ("y", 12, 7, 1), ("z", 16, 8, 1)], 24),
 }
 
@@ -274,12 +325,17 @@ LAYOUTS = {
 def test_clouds_of_any_layout_keep_their_points(layout, big, rows):
     points = GENERATOR.normal(size=(12, 3)).astype(np.float32).astype(float)
     points[4, 1], points[5] = np.nan, 0.0
-    message = cloud(points, 1.0, *LAYOUTS[layout], big=big, rows=rows).for_version("ros2")
+    message = cloud(points, 1.0, *LAYOUTS[layout], big=big, rows=rows).for_version(
+        "ros2"
+    )
     np.testing.assert_array_equal(cloud_points(message), points)
     assert PointCloud.measured(points).missing == 2
 
 
-PIXELS, CLOUD = image(np.ones((5, 7), np.uint16), 1.0), cloud(np.ones((12, 3)), 1.0, [X, Y, Z], 16)
+PIXELS, CLOUD = (
+    image(np.ones((5, 7), np.uint16), 1.0),
+    cloud(np.ones((12, 3)), 1.0, [X, Y, Z], 16),
+)
 depth_pixels = partial(image_pixels, shape=(5, 7))
 NO_MESSAGE = [  # function, message, fields that are changed, words
     (depth_pixels, PIXELS, {"encoding": "bgr8"}, "'bgr8'"),
@@ -290,7 +346,9 @@ NO_MESSAGE = [  # function, message, fields that are changed, words
 
 
 @pytest.mark.parametrize(("convert", "sound", "changes", "words"), NO_MESSAGE)
-def test_messages_that_are_no_depth_or_not_whole_are_refused(convert, sound, changes, words):
+def test_messages_that_are_no_depth_or_not_whole_are_refused(
+    convert, sound, changes, words
+):
     message = Message(sound.kind, 1.0, **sound.fields | changes).for_version("ros1")
     with pytest.raises(RecordingError, match=words) as refused:
         convert(message, file="take.bag", number=3)
@@ -301,16 +359,25 @@ def test_messages_that_are_no_depth_or_not_whole_are_refused(convert, sound, cha
 def test_a_camera_has_the_intrinsics_of_its_info(version):
     message = info(MATRIX, [0.1, -0.2, 0, 0, 0.05], (640, 480)).for_version(version)
     result = camera_info(message, width=640, height=480)
-    assert result == Intrinsics(525, 524, 319.5, 239.5, 640, 480, (0.1, -0.2, 0, 0, 0.05))
-    undistorted = info(MATRIX, [0.0] * 5, (640, 480), model="equidistant").for_version(version)
+    assert result == Intrinsics(
+        525, 524, 319.5, 239.5, 640, 480, (0.1, -0.2, 0, 0, 0.05)
+    )
+    undistorted = info(MATRIX, [0.0] * 5, (640, 480), model="equidistant").for_version(
+        version
+    )
     assert camera_info(undistorted, width=640, height=480).distortion == ()
     for other, words in (
         (info(MATRIX, [], (320, 240)), "320 × 240"),
         (info([0.0] * 9, [], (640, 480)), "camera matrix"),
-        (info(MATRIX, [0.1, 0.2, 0.3, 0.4], (640, 480), model="equidistant"), "equidistant"),
+        (
+            info(MATRIX, [0.1, 0.2, 0.3, 0.4], (640, 480), model="equidistant"),
+            "equidistant",
+        ),
     ):
         with pytest.raises(RecordingError, match=words):
-            camera_info(other.for_version(version), width=640, height=480, file="take.bag")
+            camera_info(
+                other.for_version(version), width=640, height=480, file="take.bag"
+            )
 
 
 def test_a_worker_that_may_have_no_processes_reads_and_refuses_too(tmp_path):

@@ -20,7 +20,14 @@ POUND = 0.45359237 * 9.80665
 
 
 def record(samples: int = 50, rate: float = 500.0) -> ForceRecord:
-    values = np.random.default_rng(1).normal(size=(samples, 6)) * [10, 10, 30, 0.1, 0.1, 0.1]
+    values = np.random.default_rng(1).normal(size=(samples, 6)) * [
+        10,
+        10,
+        30,
+        0.1,
+        0.1,
+        0.1,
+    ]
     time = np.arange(samples) / rate
     return ForceRecord(time, values[:, :3], values[:, 3:], rate, "FT7", STARTED, {})
 
@@ -28,7 +35,9 @@ def record(samples: int = 50, rate: float = 500.0) -> ForceRecord:
 def log(folder: Path, *rows: str, force: str = "N", torque: str = "N-m") -> Path:
     labels = [f'"Force {axis} ({force})"' for axis in "XYZ"]
     labels += [f'"Torque {axis} ({torque})"' for axis in "XYZ"]
-    (folder / "log.csv").write_text("\n".join([",".join([*labels, SETTINGS]), *rows, ""]))
+    (folder / "log.csv").write_text(
+        "\n".join([",".join([*labels, SETTINGS]), *rows, ""])
+    )
     return folder / "log.csv"
 
 
@@ -39,17 +48,26 @@ def change(file: Path, old: str, new: str, count: int = -1) -> None:
 
 
 @pytest.mark.parametrize("decimal", [".", ","])
-def test_a_log_of_either_culture_is_read_and_rewritten_to_its_own_bytes(tmp_path, decimal):
+def test_a_log_of_either_culture_is_read_and_rewritten_to_its_own_bytes(
+    tmp_path, decimal
+):
     first, again = tmp_path / "1.csv", tmp_path / "2.csv"
     write_daqft(first, record(rate=62.5), decimal=decimal)
     result = read_daqft(first)
     assert (result.rate, result.serial, result.started) == (62.5, "FT7", STARTED)
     np.testing.assert_allclose(result.force, record().force, rtol=1e-14)
-    assert result.counts == {"repeated_rows": 0, "zero_rows": 0, "blank_rows": 0, "cut_rows": 0}
+    assert result.counts == {
+        "repeated_rows": 0,
+        "zero_rows": 0,
+        "blank_rows": 0,
+        "cut_rows": 0,
+    }
     write_daqft(again, result, decimal=decimal)
     assert first.read_bytes() == again.read_bytes()
     # the columns need no name of a time, and a cell that is left empty at the end of each row
-    first.write_bytes(first.read_bytes().replace(b"\r\n", b";\r\n" if decimal == "," else b",\r\n"))
+    first.write_bytes(
+        first.read_bytes().replace(b"\r\n", b";\r\n" if decimal == "," else b",\r\n")
+    )
     np.testing.assert_array_equal(read_daqft(first).torque, result.torque)
 
 
@@ -124,14 +142,23 @@ def test_a_netft_log_reads_back_to_the_bit_whatever_is_beside_its_numbers(netft)
     np.testing.assert_array_equal(result.torque, record().torque)
     np.testing.assert_allclose(result.time, record().time, rtol=0, atol=1e-12)
     assert (result.rate, result.started) == (500.0, STARTED)
-    assert {n: count for n, count in result.counts.items() if count} == {"status_rows": 3}
+    assert {n: count for n, count in result.counts.items() if count} == {
+        "status_rows": 3
+    }
 
 
-def test_repeated_zero_and_blank_rows_are_counted_and_lost_packets_leave_a_gap(tmp_path, netft):
+def test_repeated_zero_and_blank_rows_are_counted_and_lost_packets_leave_a_gap(
+    tmp_path, netft
+):
     zero, one = ",".join(['"0"'] * 6), ",".join(['"1"'] * 6)
     result = read_daqft(log(tmp_path, one, one, zero, "", zero, one))
     assert result.force[:, 0].tolist() == [1, 1, 0, 0, 1]
-    assert result.counts == {"repeated_rows": 2, "zero_rows": 2, "blank_rows": 1, "cut_rows": 0}
+    assert result.counts == {
+        "repeated_rows": 2,
+        "zero_rows": 2,
+        "blank_rows": 1,
+        "cut_rows": 0,
+    }
     write_netft(netft, record())
     lines = netft.read_bytes().split(b"\r\n")
     netft.write_bytes(b"\r\n".join([*lines[:17], *lines[21:28], *lines[27:]]))
@@ -141,7 +168,9 @@ def test_repeated_zero_and_blank_rows_are_counted_and_lost_packets_leave_a_gap(t
     np.testing.assert_allclose(result.time, kept / 500, rtol=0, atol=1e-12)
 
 
-def test_counts_are_divided_as_the_header_says_and_what_may_be_counts_is_asked(tmp_path):
+def test_counts_are_divided_as_the_header_says_and_what_may_be_counts_is_asked(
+    tmp_path,
+):
     file, sevens = tmp_path / "log.csv", np.full((3, 3), 7.0)
     write_netft(file, record(), counts_per_unit=1_000_000)
     change(file, "Torque Units: N-m", "Torque Units: N-mm")
@@ -178,13 +207,21 @@ def calibration(folder: Path, body: str = "", *, units: str = NEWTON) -> Path:
 
 
 @pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "latin-1"])
-def test_units_matrix_and_ratings_are_those_of_the_user_axes_in_any_encoding(tmp_path, encoding):
+def test_units_matrix_and_ratings_are_those_of_the_user_axes_in_any_encoding(
+    tmp_path, encoding
+):
     others = rows("Axis", 7 * MATRIX) + '<BasicTransform Dx="0" Dy="0" Dz="9"/>'
     for body in (rows("UserAxis", MATRIX), others + rows("UserAxis", MATRIX)):
         file = calibration(tmp_path, body)
-        file.write_bytes(file.read_text().replace("made up", "Meßgerät").encode(encoding))
+        file.write_bytes(
+            file.read_text().replace("made up", "Meßgerät").encode(encoding)
+        )
         result = read_calibration(file)
-        assert (result.serial, result.force_unit, result.torque_unit) == ("FT1", "N", "N-mm")
+        assert (result.serial, result.force_unit, result.torque_unit) == (
+            "FT1",
+            "N",
+            "N-mm",
+        )
         newton = MATRIX * np.repeat([1, 1e-3], 3)[:, None]
         np.testing.assert_array_equal(result.matrix, newton)
         np.testing.assert_allclose(result.full_scale, [25, 25, 35, 0.25, 0.25, 0.25])
@@ -193,11 +230,15 @@ def test_units_matrix_and_ratings_are_those_of_the_user_axes_in_any_encoding(tmp
 
 
 @pytest.mark.parametrize("thermistor", [[], ["Therm"]])
-def test_gauge_voltages_become_forces_by_the_matrix_of_their_transducer(tmp_path, thermistor):
+def test_gauge_voltages_become_forces_by_the_matrix_of_their_transducer(
+    tmp_path, thermistor
+):
     volts = np.random.default_rng(5).normal(size=(4, 6)).round(6)
     options = ForceLogOptions(calibration=read_calibration(calibration(tmp_path)))
     lines = [",".join([*(f"G{gauge}" for gauge in range(6)), *thermistor, SETTINGS])]
-    lines += [",".join(map(repr, [*row, *[2.5] * len(thermistor)])) for row in volts.tolist()]
+    lines += [
+        ",".join(map(repr, [*row, *[2.5] * len(thermistor)])) for row in volts.tolist()
+    ]
     file = tmp_path / "log.csv"
     file.write_text("\n".join(lines) + "\n")
     result = read_daqft(file, options)
@@ -208,13 +249,19 @@ def test_gauge_voltages_become_forces_by_the_matrix_of_their_transducer(tmp_path
     assert "FT2" in refusal(read_daqft, file, options).message
 
 
-def test_units_that_the_log_does_not_state_are_the_options_or_the_calibrations(tmp_path):
+def test_units_that_the_log_does_not_state_are_the_options_or_the_calibrations(
+    tmp_path,
+):
     file = tmp_path / "log.csv"
     file.write_text(f"Fx,Fy,Fz,Mx,My,Mz,{SETTINGS}\n1.5,2,3,4,5,6\n")
     assert refusal(read_daqft, file).evidence["key"] == f"{KEY}.force_unit"
-    pounds = read_calibration(calibration(tmp_path, units='ForceUnits="lb" TorqueUnits="in-lb"'))
+    pounds = read_calibration(
+        calibration(tmp_path, units='ForceUnits="lb" TorqueUnits="in-lb"')
+    )
     for unit, newton in ((None, POUND), ("kN", 1e3)):
         result = read_daqft(file, ForceLogOptions(calibration=pounds, force_unit=unit))
-        np.testing.assert_allclose(result.force, [np.array([1.5, 2, 3]) * newton], rtol=1e-12)
+        np.testing.assert_allclose(
+            result.force, [np.array([1.5, 2, 3]) * newton], rtol=1e-12
+        )
         torque = np.array([4, 5, 6]) * POUND * 0.0254
         np.testing.assert_allclose(result.torque, [torque], rtol=1e-12)

@@ -38,10 +38,14 @@ def test_wrenches_of_a_bag_keep_their_numbers_and_the_times_of_their_headers(tmp
     result = read_force_bag(file, ForceLogOptions(topic="/right"))
     np.testing.assert_array_equal(np.hstack([result.force, result.torque]), VALUES)
     np.testing.assert_allclose(result.time, np.arange(20) / 500, rtol=0, atol=0.5e-6)
-    assert result.rate == pytest.approx(500, rel=1e-3) and set(result.counts.values()) == {0}
+    assert result.rate == pytest.approx(500, rel=1e-3) and set(
+        result.counts.values()
+    ) == {0}
 
 
-def test_doubled_messages_and_gaps_are_counted_and_what_is_no_clock_is_refused(tmp_path):
+def test_doubled_messages_and_gaps_are_counted_and_what_is_no_clock_is_refused(
+    tmp_path,
+):
     result = read_force_bag(bag(tmp_path, [0, 1, 1, 2, 3, 7, 8, 9, 10]))
     assert (result.counts["doubled_rows"], result.counts["missing_samples"]) == (1, 3)
     error = refusal(read_force_bag, bag(tmp_path / "back", [0, 1, 2, 3, 4, 2, 6]))
@@ -57,7 +61,9 @@ SCALE = np.full(6, 10.0)
 def record(samples: int = 1000, *, torque: bool = True) -> ForceRecord:
     values = np.random.default_rng(6).normal(size=(samples, 6))
     torques = values[:, 3:] if torque else np.full((samples, 3), np.nan)
-    return ForceRecord(np.arange(samples) / RATE, values[:, :3], torques, RATE, "", "", {})
+    return ForceRecord(
+        np.arange(samples) / RATE, values[:, :3], torques, RATE, "", "", {}
+    )
 
 
 @pytest.mark.parametrize("torque", [True, False])
@@ -66,7 +72,11 @@ def test_samples_at_or_beyond_full_scale_of_any_axis_are_saturated(torque):
     assert sound_samples(log, SCALE, 0.5, 0.0, file="log.csv")[0].all()
     log.force[[10, 11], [0, 2]] = [10.0, -12.0]
     log.torque[20] = 11.0 if torque else np.nan
-    for scale, found in ((SCALE, [10, 11, *[20] * torque]), (SCALE[:3], [10, 11]), (None, [])):
+    for scale, found in (
+        (SCALE, [10, 11, *[20] * torque]),
+        (SCALE[:3], [10, 11]),
+        (None, []),
+    ):
         sound, counts = sound_samples(log, scale, 0.5, 0.01, file="log.csv")
         assert np.flatnonzero(~sound).tolist() == found
         assert counts == ({"saturated_samples": len(found)} if found else {})
@@ -91,7 +101,9 @@ def test_identical_samples_that_last_longer_than_the_limit_are_frozen(torque, st
     assert sound_samples(log, None, 0.5, 0.0, file="log.csv")[0].all()
 
 
-@pytest.mark.parametrize("read", [read_daqft, lambda file: read_force_table(file, COLUMNS)])
+@pytest.mark.parametrize(
+    "read", [read_daqft, lambda file: read_force_table(file, COLUMNS)]
+)
 def test_a_line_of_settings_below_a_header_is_no_record(tmp_path, read):
     file = tmp_path / "log.csv"
     file.write_text(LABELS + '"150","75","500"\n')
@@ -102,7 +114,15 @@ def test_a_line_of_settings_below_a_header_is_no_record(tmp_path, read):
     assert sound_samples(read(file), None, 0.5, 0.01, file=file)[0].all()
 
 
-LABELLED = {"t": "time", "fx": "F1", "fy": "F2", "fz": "F3", "tx": "M1", "ty": "M2", "tz": "M3"}
+LABELLED = {
+    "t": "time",
+    "fx": "F1",
+    "fy": "F2",
+    "fz": "F3",
+    "tx": "M1",
+    "ty": "M2",
+    "tz": "M3",
+}
 SI = ForceLogOptions(columns=LABELLED, force_unit="N", torque_unit="N-m", time_unit="s")
 HEADER = "time,F1,F2,F3,M1,M2,M3"
 POUND = 0.45359237 * 9.80665
@@ -124,12 +144,21 @@ def test_units_stand_in_the_log_or_in_the_option_and_never_differ(tmp_path):
     other = dataclasses.replace(options, force_unit="N")
     said = refusal(read_force_table, file, other).message
     assert "'kN' in the log, 'N' by the option" in said
-    named = dataclasses.replace(options, columns=options.columns | {"t": "t_ms"}, time_unit="s")
-    other = table(tmp_path, "5,1,2,3", "6,1,2,3", header=header.replace("time (ms)", "t_ms"))
-    assert "'ms' in the log, 's' by the option" in refusal(read_force_table, other, named).message
+    named = dataclasses.replace(
+        options, columns=options.columns | {"t": "t_ms"}, time_unit="s"
+    )
+    other = table(
+        tmp_path, "5,1,2,3", "6,1,2,3", header=header.replace("time (ms)", "t_ms")
+    )
+    assert (
+        "'ms' in the log, 's' by the option"
+        in refusal(read_force_table, other, named).message
+    )
     numbers = ForceLogOptions({"fx": 2, "fy": 0, "fz": 1}, force_unit="lbf", rate=100.0)
     result = read_force_table(table(tmp_path, "1.5,2,3", "4.5,5,6", header=""), numbers)
-    np.testing.assert_allclose(result.force, np.array([[3, 1.5, 2], [6, 4.5, 5]]) * POUND)
+    np.testing.assert_allclose(
+        result.force, np.array([[3, 1.5, 2], [6, 4.5, 5]]) * POUND
+    )
     np.testing.assert_allclose(result.time, [0, 0.01])
 
 
@@ -153,18 +182,27 @@ def test_doubled_rows_jitter_and_gaps_are_counted(tmp_path):
     rows[3] = rows[2]
     result = read_force_table(table(tmp_path, *rows), SI)
     assert result.force[:, 0].tolist() == [0, 1, 2, 4, 5, 6, 7, 8, 9, 10, 11]
-    counts = {"doubled_rows": 1, "equal_times": 1, "uneven_steps": 4, "missing_samples": 3}
+    counts = {
+        "doubled_rows": 1,
+        "equal_times": 1,
+        "uneven_steps": 4,
+        "missing_samples": 3,
+    }
     assert counts.items() <= result.counts.items()
 
 
 UNTIMED = {"columns": {axis: label for axis, label in LABELLED.items() if axis != "t"}}
-OPEN = [({f"{name}_unit": None}, f"{name}_unit") for name in ("force", "torque", "time")]
+OPEN = [
+    ({f"{name}_unit": None}, f"{name}_unit") for name in ("force", "torque", "time")
+]
 OPEN += [({"force_unit": "stone"}, "force_unit"), (UNTIMED, "rate")]
 OPEN += [({"columns": LABELLED | {"qx": 3}}, "columns")]
 
 
 @pytest.mark.parametrize(("options", "key"), OPEN)
-def test_what_nothing_settles_is_refused_by_the_name_of_its_option(tmp_path, options, key):
+def test_what_nothing_settles_is_refused_by_the_name_of_its_option(
+    tmp_path, options, key
+):
     file = table(tmp_path, "0.5,1,2,3,4,5,6", "0.6,1,2,3,4,5,7")
     read_force_table(file, SI)
     error = refusal(read_force_table, file, dataclasses.replace(SI, **options))

@@ -38,12 +38,18 @@ FORMS = [
 
 
 @pytest.mark.parametrize(("header", "row", "columns", "options"), FORMS)
-def test_tables_are_read_by_labels_or_numbers_in_any_form(tmp_path, header, row, columns, options):
+def test_tables_are_read_by_labels_or_numbers_in_any_form(
+    tmp_path, header, row, columns, options
+):
     times = [f"{0.008 * i:.3f}" for i in range(4)]
-    rows = [row.format(t=time.replace(".", ",") if ";" in row else time) for time in times]
+    rows = [
+        row.format(t=time.replace(".", ",") if ";" in row else time) for time in times
+    ]
     file = table(tmp_path, header, *rows)
     result = read_joint_log(file, joints=3, columns=columns, options=options)
-    np.testing.assert_allclose(result.signals["actual"], [[0.1, 0.2, 0.3]] * 4, rtol=1e-12)
+    np.testing.assert_allclose(
+        result.signals["actual"], [[0.1, 0.2, 0.3]] * 4, rtol=1e-12
+    )
     np.testing.assert_allclose(result.time, np.arange(4) * 0.008, atol=1e-12)
 
 
@@ -51,9 +57,16 @@ def test_columns_whose_labels_or_cells_name_other_joints_are_refused(tmp_path):
     labels = table(tmp_path, "t,q_elbow,q_wrist", "0,1,2", "1,1,2")
     named = ["q_elbow", "q_wrist"]
     options = LogOptions("t", names=("wrist_joint", "elbow_joint"))
-    error = refusal(partial(read_joint_log, joints=2, columns=named, options=options), labels)
-    assert error.evidence["key"] == f"{KEY}.joints" and "elbow_joint, wrist_joint" in error.message
-    cells = table(tmp_path, "t,name0,name1,q0,q1", "0,elbow,wrist,1,2", "1,elbow,wrist,1,2")
+    error = refusal(
+        partial(read_joint_log, joints=2, columns=named, options=options), labels
+    )
+    assert (
+        error.evidence["key"] == f"{KEY}.joints"
+        and "elbow_joint, wrist_joint" in error.message
+    )
+    cells = table(
+        tmp_path, "t,name0,name1,q0,q1", "0,elbow,wrist,1,2", "1,elbow,wrist,1,2"
+    )
     for names in (("elbow", "wrist"), ("wrist", "elbow")):
         options = LogOptions("t", names=names)
         read = partial(read_joint_log, joints=2, columns=["q0", "q1"], options=options)
@@ -77,7 +90,9 @@ UNITS = [  # header, option, unit, last time in s
 
 
 @pytest.mark.parametrize(("header", "key", "unit", "last"), UNITS)
-def test_a_unit_in_the_header_is_never_read_as_another(tmp_path, header, key, unit, last):
+def test_a_unit_in_the_header_is_never_read_as_another(
+    tmp_path, header, key, unit, last
+):
     (tmp_path / "log.csv").write_text(f"{header}\n0.0,0.5,1.5\n0.1,0.5,1.5\n")
     if key:
         read = partial(read_joint_log, joints=2)
@@ -85,11 +100,17 @@ def test_a_unit_in_the_header_is_never_read_as_another(tmp_path, header, key, un
     options = LogOptions(**({key: unit} if key else {}))
     result = read_joint_log(tmp_path / "log.csv", joints=2, options=options)
     assert result.time[-1] == pytest.approx(last)
-    angles = np.deg2rad([0.5, 1.5]) if unit == "deg" else [0.5, 0.0015 if "mm" in header else 1.5]
+    angles = (
+        np.deg2rad([0.5, 1.5])
+        if unit == "deg"
+        else [0.5, 0.0015 if "mm" in header else 1.5]
+    )
     np.testing.assert_allclose(result.signals["actual"], [angles] * 2)
 
 
-def test_degrees_that_are_taken_for_radians_are_refused_with_the_option_and_the_time(tmp_path):
+def test_degrees_that_are_taken_for_radians_are_refused_with_the_option_and_the_time(
+    tmp_path,
+):
     file = table(tmp_path, "", "0.0, 10.5, -90.0", "0.1, 10.5, -90.0")
     error = refusal(partial(read_joint_log, joints=2), file)
     assert error.evidence["key"] == f"{KEY}.angle_unit"
@@ -106,7 +127,9 @@ ARRAYS["torques"] = 0 * ACTUAL
 def parquet(file: Path, arrays: dict[str, np.ndarray]) -> None:
     columns = {}
     for name, values in arrays.items():
-        many = {f"{name}_{j}": column for j, column in enumerate(np.atleast_2d(values.T))}
+        many = {
+            f"{name}_{j}": column for j, column in enumerate(np.atleast_2d(values.T))
+        }
         columns |= many if values.ndim > 1 else {name: values}
     # numbers order the joints, not the places of the columns
     pd.DataFrame(dict(reversed(columns.items()))).assign(mode="servo").to_parquet(file)
@@ -133,17 +156,23 @@ def test_arrays_are_found_by_their_names_or_named_by_the_option(tmp_path, form):
     assert [*log.signals] == ["actual", "target"] and log.counts == {"doubled_rows": 0}
     np.testing.assert_array_equal(log.signals["actual"], ACTUAL)
     np.testing.assert_array_equal(log.signals["target"], ACTUAL + 1)
-    file = archive(tmp_path, form, clock=np.arange(ROWS) * 5, a=ACTUAL, b=ACTUAL[:, [1, 0, 2]])
+    file = archive(
+        tmp_path, form, clock=np.arange(ROWS) * 5, a=ACTUAL, b=ACTUAL[:, [1, 0, 2]]
+    )
     columns = ["b:1", "b:0", "b:2"] if form != "parquet" else ["b_1", "b_0", "b_2"]
     named = {"actual": ["a"], "target": columns}
-    log = read_arrays(file, LogOptions("clock", angle_unit="deg", time_unit="ms", signals=named))
+    log = read_arrays(
+        file, LogOptions("clock", angle_unit="deg", time_unit="ms", signals=named)
+    )
     np.testing.assert_allclose(log.time, np.arange(ROWS) * 0.005)
     np.testing.assert_allclose(log.signals["actual"], np.deg2rad(ACTUAL))
     np.testing.assert_array_equal(log.signals["actual"], log.signals["target"])
     untimed = read_arrays(file, LogOptions(None, rate=200.0, signals={"actual": ["a"]}))
     np.testing.assert_allclose(untimed.time, np.arange(ROWS) * 0.005)
     for wrong in (["a:3"] * 3, ["absent:0"] * 3):
-        error = refusal(read_arrays, file, LogOptions("clock", signals={"actual": wrong}))
+        error = refusal(
+            read_arrays, file, LogOptions("clock", signals={"actual": wrong})
+        )
         assert "a (6, 3)" in error.message and error.evidence["key"] == f"{KEY}.signals"
 
 
@@ -154,7 +183,10 @@ def changed(name: str, row: int, value: float) -> dict[str, np.ndarray]:
 
 
 REFUSED = {
-    "positions:0 holds nan": (changed("positions", 4, np.nan), {"array": "positions:0", "row": 4}),
+    "positions:0 holds nan": (
+        changed("positions", 4, np.nan),
+        {"array": "positions:0", "row": 4},
+    ),
     "does not increase": (changed("times", 2, 0.0), {"array": "times", "row": 2}),
     "6 times for 5 of actual": (ARRAYS | {"positions": ACTUAL[:5]}, {"array": "times"}),
     "positions (6,)": (ARRAYS | {"positions": ACTUAL[:, 0]}, {"key": f"{KEY}.signals"}),
@@ -178,12 +210,18 @@ def test_objects_are_never_loaded(tmp_path):
 
     objects = np.empty((ROWS, 3), dtype=object)
     objects[:] = Trap()
-    error = refusal(read_arrays, archive(tmp_path, **ARRAYS | {"positions": objects}), PLAIN)
+    error = refusal(
+        read_arrays, archive(tmp_path, **ARRAYS | {"positions": objects}), PLAIN
+    )
     assert "positions ()" in error.message and not (tmp_path / "pwned").exists()
 
 
 def test_matrices_in_structs_have_a_dotted_path_and_version_7_3_is_named(tmp_path):
-    rec = {"t": STAMPS, "arm": {"q": ACTUAL, "ref_pos_deg": np.rad2deg(ACTUAL)}, "name": "run"}
+    rec = {
+        "t": STAMPS,
+        "arm": {"q": ACTUAL, "ref_pos_deg": np.rad2deg(ACTUAL)},
+        "name": "run",
+    }
     file = archive(tmp_path, "mat", rec=rec)
     signals = {"actual": ["rec.arm.ref_pos_deg"]}
     log = read_arrays(file, LogOptions("rec.t", angle_unit="deg", signals=signals))
@@ -212,11 +250,15 @@ def test_structs_of_a_real_arm_are_what_scipy_reads(run):
 @pytest.mark.parametrize("form", ["npz", "mat"])
 def test_joints_times_samples_and_joint_names_beside_the_times_are_read(tmp_path, form):
     beside = {"joint_names": np.array([*"abc"]), "None": np.array(["x"])}
-    file = archive(tmp_path, form, **{name: one.T for name, one in ARRAYS.items()} | beside)
+    file = archive(
+        tmp_path, form, **{name: one.T for name, one in ARRAYS.items()} | beside
+    )
     log = read_arrays(file, PLAIN)
     np.testing.assert_array_equal(log.signals["target"], ACTUAL + 1)
     assert log.joints == ("a", "b", "c")
     error = refusal(read_arrays, file, LogOptions("absent", joints=3))
     assert "None" not in error.message and "positions (6, 3)" in error.message
-    error = refusal(read_log, file, LogOptions("times", joints=3, names=("b", "a", "c")))
+    error = refusal(
+        read_log, file, LogOptions("times", joints=3, names=("b", "a", "c"))
+    )
     assert "the joints of the log are a, b, c" in error.message

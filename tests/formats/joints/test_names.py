@@ -11,13 +11,28 @@ def n(form: str, joints: int = 2, first: int = 0) -> list[str]:
 
 
 UR = ["shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3"]
-RTDE = ["timestamp", "actual_main_voltage", "actual_robot_current", "target_speed_fraction"]
+RTDE = [
+    "timestamp",
+    "actual_main_voltage",
+    "actual_robot_current",
+    "target_speed_fraction",
+]
 RTDE += ["actual_momentum", "actual_execution_time", "robot_mode"]
 RTDE_SIX = "target_q target_qd target_qdd target_current target_moment actual_q actual_qd".split()
-RTDE_SIX += ["actual_current", "actual_TCP_pose", "actual_TCP_force", "joint_temperatures"]
+RTDE_SIX += [
+    "actual_current",
+    "actual_TCP_pose",
+    "actual_TCP_force",
+    "joint_temperatures",
+]
 RTDE += [label for name in RTDE_SIX for label in n(name + "_{}", 6)]
-FRANKA = ["time", *(f"{s}[{j}]" for s in ("q", "dq", "q_d", "dq_d", "tau_J") for j in range(7))]
-PLOTJUGGLER = [f"/joint_states/{j}_joint/{q}" for j in UR for q in ("position", "velocity")]
+FRANKA = [
+    "time",
+    *(f"{s}[{j}]" for s in ("q", "dq", "q_d", "dq_d", "tau_J") for j in range(7)),
+]
+PLOTJUGGLER = [
+    f"/joint_states/{j}_joint/{q}" for j in UR for q in ("position", "velocity")
+]
 CONTROLLER = [
     f"/arm_controller/state/{s}/positions[{j}]"
     for s in ("actual", "desired", "error")
@@ -81,7 +96,9 @@ ORDERED = [  # names in a file, joints of a URDF, the joints that the names mean
 
 
 @pytest.mark.parametrize(("names", "known", "meant"), ORDERED)
-def test_names_in_a_file_mean_joints_of_the_urdf_whatever_their_order(names, known, meant):
+def test_names_in_a_file_mean_joints_of_the_urdf_whatever_their_order(
+    names, known, meant
+):
     assert match_joints(names, known) == meant
 
 
@@ -92,7 +109,11 @@ NOISE = np.random.default_rng(1).normal(0, 1e-4, Q.shape)
 
 
 def held(**groups: np.ndarray):
-    columns = {f"{n}_{j}": rows[:, j] for n, rows in groups.items() for j in range(rows.shape[1])}
+    columns = {
+        f"{n}_{j}": rows[:, j]
+        for n, rows in groups.items()
+        for j in range(rows.shape[1])
+    }
     return signals_of([*columns], TIME, columns.__getitem__)
 
 
@@ -103,11 +124,17 @@ def test_qd_is_a_speed_where_it_is_the_derivative_of_q_in_whatever_unit(unit):
     # beside it the commanded angles are found by their name, or by their values as a guess
     for name, sure in (("tq", True), ("other", False)):
         signals, guessed = held(q=Q + NOISE, qd=unit * SPEED, **{name: Q})
-        assert signals["target"] == [f"{name}_0", f"{name}_1"] and ("target" in guessed) != sure
+        assert (
+            signals["target"] == [f"{name}_0", f"{name}_1"]
+            and ("target" in guessed) != sure
+        )
 
 
 def test_qd_is_the_command_where_it_follows_q_and_a_guess_where_it_is_only_no_speed():
-    assert held(q=Q + NOISE, qd=Q) == ({"actual": ["q_0", "q_1"], "target": ["qd_0", "qd_1"]}, {})
+    assert held(q=Q + NOISE, qd=Q) == (
+        {"actual": ["q_0", "q_1"], "target": ["qd_0", "qd_1"]},
+        {},
+    )
     signals, guessed = held(q=Q + NOISE, qd=57.3 * Q)
     assert signals["target"] == ["qd_0", "qd_1"] and "no speed" in guessed["target"]
     # nothing moves: the name decides

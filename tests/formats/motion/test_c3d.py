@@ -20,28 +20,47 @@ def write(folder: Path, *arguments: object, **options: object) -> Path:
     return folder / "t.c3d"
 
 
-@pytest.mark.parametrize(("unit", "scale"), [("mm", 1e3), ("MM", 1e3), ("cm", 100.0), ("m", 1.0)])
+@pytest.mark.parametrize(
+    ("unit", "scale"), [("mm", 1e3), ("MM", 1e3), ("cm", 100.0), ("m", 1.0)]
+)
 def test_points_come_back_in_metres_and_what_is_none_is_missing(tmp_path, unit, scale):
     xyz = points(6)
     result = read_c3d(write(tmp_path, AB, xyz, unit=unit, scale=scale))
-    assert (result.name, result.version, result.rate, [*result.markers]) == ("t", "C3D", 100.0, AB)
-    np.testing.assert_allclose(np.stack([*result.markers.values()], 1), xyz, rtol=0, atol=3e-7)
+    assert (result.name, result.version, result.rate, [*result.markers]) == (
+        "t",
+        "C3D",
+        100.0,
+        AB,
+    )
+    np.testing.assert_allclose(
+        np.stack([*result.markers.values()], 1), xyz, rtol=0, atol=3e-7
+    )
     np.testing.assert_allclose(result.time, np.arange(6) / 100, rtol=0, atol=1e-12)
     names = ("found_frames", "missing_samples", "gaps")
     assert [result.counts[name] for name in names] == [6, 0, 0]
     xyz[2, 1], xyz[3, 1] = np.nan, 0  # and a negative residual
     result = read_c3d(write(tmp_path, AB, xyz, unit=unit, scale=scale, residual=(0, 0)))
-    lost = [np.flatnonzero(np.isnan(result.markers[name]).any(axis=1)).tolist() for name in AB]
+    lost = [
+        np.flatnonzero(np.isnan(result.markers[name]).any(axis=1)).tolist()
+        for name in AB
+    ]
     assert lost == [[0], [2, 3]] and result.counts["missing_samples"] == 3
 
 
 @pytest.mark.parametrize("processor", [84, DEC])
-def test_coordinates_that_no_camera_measured_are_missing_and_counted(tmp_path, processor):
+def test_coordinates_that_no_camera_measured_are_missing_and_counted(
+    tmp_path, processor
+):
     xyz = points(6)
-    xyz[2, 1], xyz[3, 0] = -3.697314e25, -1e24  # m; in mm as NDI writes what it does not see
+    xyz[2, 1], xyz[3, 0] = (
+        -3.697314e25,
+        -1e24,
+    )  # m; in mm as NDI writes what it does not see
     (tmp_path / "t.c3d").write_bytes(c3d(AB, xyz, processor=processor))
     take = read_c3d(tmp_path / "t.c3d")
-    assert [np.isnan(take.markers[name][:, 0]).nonzero()[0].tolist() for name in AB] == [[3], [2]]
+    assert [
+        np.isnan(take.markers[name][:, 0]).nonzero()[0].tolist() for name in AB
+    ] == [[3], [2]]
     assert (take.counts["invalid_samples"], take.counts["missing_samples"]) == (2, 2)
     np.testing.assert_allclose(take.markers["Arm:a"][:3], xyz[:3, 0], rtol=0, atol=3e-7)
     assert "2 invalid samples" in seen(tmp_path / "t.c3d")
@@ -51,15 +70,26 @@ def test_labels_are_kept_apart_and_a_unit_is_stated_or_asked_for(tmp_path):
     result = read_c3d(write(tmp_path, ["A", "A", ""], points(4, 3)))
     assert list(result.markers) == ["A [1]", "A [2]", "Point 3"]
     assert result.counts["unlabelled_points"] == 1
-    for unit, asked, key in (("", None, "dataset.mocap.unit"), ("mm", "m", "dataset.mocap.unit")):
-        assert refusal(read_c3d, write(tmp_path, unit=unit), asked).evidence["key"] == key
+    for unit, asked, key in (
+        ("", None, "dataset.mocap.unit"),
+        ("mm", "m", "dataset.mocap.unit"),
+    ):
+        assert (
+            refusal(read_c3d, write(tmp_path, unit=unit), asked).evidence["key"] == key
+        )
     assert "furlong" in refusal(read_c3d, write(tmp_path, unit="furlong")).message
     result = read_c3d(write(tmp_path, unit=""), "mm")
-    np.testing.assert_allclose(result.markers["Arm:a"], points(5)[:, 0], rtol=0, atol=3e-7)
+    np.testing.assert_allclose(
+        result.markers["Arm:a"], points(5)[:, 0], rtol=0, atol=3e-7
+    )
 
 
 MANY = [f"m{j}" for j in range(300)]
-OUTPUTS = {"FORCES": ["F"], "POWERS": ["Arm:P"], "SCALARS2": ["S"]}  # of a subject, or without
+OUTPUTS = {
+    "FORCES": ["F"],
+    "POWERS": ["Arm:P"],
+    "SCALARS2": ["S"],
+}  # of a subject, or without
 C3DS = {  # what is written, markers, first frame, counts
     "labels padded with blanks": (c3d([*AB, "", "", ""]), AB, 1, {"skipped_labels": 3}),
     "labels in two parameters": (
@@ -90,7 +120,9 @@ def test_a_c3d_of_another_program_is_read(tmp_path, name):
     np.testing.assert_allclose(take.markers[markers[1]], xyz[:, 1], rtol=0, atol=3e-7)
 
 
-DATA_START = c3d().index(b"DATA_START") + len("DATA_START") + 3  # its number of dimensions
+DATA_START = (
+    c3d().index(b"DATA_START") + len("DATA_START") + 3
+)  # its number of dimensions
 CRASHES = c3d()[:DATA_START] + b"\x82" + c3d()[DATA_START + 1 :]
 REFUSED = {  # content: words
     c3d(processor=86): "big-endian (SGI, MIPS)",
@@ -98,7 +130,9 @@ REFUSED = {  # content: words
     c3d()[:-20]: "truncated",
     c3d(rate=0.0): "no frame rate",
     CRASHES: "damaged",
-    **dict.fromkeys((b"", b"\2P", b"Format Version,1.23\n" * 100, b"\2P" + bytes(1022)), "no C3D"),
+    **dict.fromkeys(
+        (b"", b"\2P", b"Format Version,1.23\n" * 100, b"\2P" + bytes(1022)), "no C3D"
+    ),
 }
 
 
@@ -118,7 +152,9 @@ def test_a_name_in_latin_1_is_no_damage(tmp_path):
 
 
 def test_a_file_that_is_beyond_a_bound_names_it(tmp_path):
-    error = refusal(lambda file: within(Reading(markers=1), read_c3d, file), write(tmp_path))
+    error = refusal(
+        lambda file: within(Reading(markers=1), read_c3d, file), write(tmp_path)
+    )
     assert error.evidence["bound"] == "dataset.reading.markers"
 
 
@@ -132,7 +168,9 @@ RATES = [  # frames that are left out, rate, decimals of the times, the rate tha
 
 
 @pytest.mark.parametrize(("frames", "rate", "decimals", "known"), RATES)
-def test_a_rate_that_no_header_states_is_that_of_the_printed_times(frames, rate, decimals, known):
+def test_a_rate_that_no_header_states_is_that_of_the_printed_times(
+    frames, rate, decimals, known
+):
     frame = np.delete(np.arange(72210, 74210), frames)
     found = rate_from_times(frame, np.round(frame / rate, decimals))
     assert found == (known if known is None else pytest.approx(known, abs=1e-9))

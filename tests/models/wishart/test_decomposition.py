@@ -16,7 +16,9 @@ ROTATION = np.linalg.qr(np.random.default_rng(24).standard_normal((3, 3)))[0]
 
 @every_reading
 @pytest.mark.parametrize(("m", "n"), [(3, 3), (2, 4), (3, 6), (6, 7)])
-def test_the_factors_are_those_of_libraries_for_any_number_of_joints(m, n, decomposition):
+def test_the_factors_are_those_of_libraries_for_any_number_of_joints(
+    m, n, decomposition
+):
     """The signs of the rows of J₂, which QR does not fix, cancel in the compared quantities."""
     rng = np.random.default_rng(m + n)
     left = None if decomposition.left is None else rng.standard_normal((m, m))
@@ -31,22 +33,31 @@ def test_the_factors_are_those_of_libraries_for_any_number_of_joints(m, n, decom
         scale = np.linalg.cond(j1) * condition[i]
         np.testing.assert_allclose(back[i] @ a[i], way @ exact, atol=1e-12 * scale)
         assert a[i] @ a[i] == pytest.approx(exact @ exact, rel=1e-12 * scale)
-        np.testing.assert_allclose(back[i] @ back[i].T, way @ way.T, atol=1e-12 * scale**2)
+        np.testing.assert_allclose(
+            back[i] @ back[i].T, way @ way.T, atol=1e-12 * scale**2
+        )
         assert log_determinant[i] == pytest.approx(
             np.linalg.slogdet(j2 @ j2.T)[1] / 2, abs=1e-11 * scale
         )
 
 
 @every_reading
-def test_the_factors_compose_to_the_nominal_step_and_broadcast(chain, poses, step, decomposition):
+def test_the_factors_compose_to_the_nominal_step_and_broadcast(
+    chain, poses, step, decomposition
+):
     a, back, log_determinant = factors(chain, poses, step, decomposition)
     np.testing.assert_allclose(
-        np.matvec(back, a), np.matvec(chain.inverse_jacobian(poses), step), rtol=1e-10, atol=1e-14
+        np.matvec(back, a),
+        np.matvec(chain.inverse_jacobian(poses), step),
+        rtol=1e-10,
+        atol=1e-14,
     )
     np.testing.assert_allclose(log_determinant, -np.linalg.slogdet(back)[1], atol=1e-9)
     steps = np.linspace(0.1, 1, 7)[:, None] * step
     a_each, back_each, _ = split(chain.jacobian(poses[3]), steps, decomposition)
-    np.testing.assert_allclose(a_each, np.linspace(0.1, 1, 7)[:, None] * a[3], rtol=1e-12)
+    np.testing.assert_allclose(
+        a_each, np.linspace(0.1, 1, 7)[:, None] * a[3], rtol=1e-12
+    )
     assert back_each.shape == (7, 3, 3)
 
 
@@ -85,19 +96,35 @@ def test_what_a_decomposition_does_not_depend_on(
     for jacobian in chain.jacobian(poses[:10]):
         law = moments(jacobian, step, reading)
 
-        def same(left: np.ndarray, right: np.ndarray, law=law, jacobian=jacobian) -> bool:
+        def same(
+            left: np.ndarray, right: np.ndarray, law=law, jacobian=jacobian
+        ) -> bool:
             other = moments(left @ jacobian @ right.T, left @ step, reading)
-            return bool(np.allclose(right.T @ other @ right, law, rtol=1e-6, atol=1e-12))
+            return bool(
+                np.allclose(right.T @ other @ right, law, rtol=1e-6, atol=1e-12)
+            )
 
         plain = np.eye(3)
         assert [same(ROTATION, plain), same(units, plain)] == [turned, scaled]
         assert [same(cyclic, plain), same(plain, cyclic)] == [rows, joints]
 
 
-def test_what_is_no_decomposition_or_of_another_size_than_the_task_is_refused(chain, poses, step):
-    given = [None, [[1.0, 2.0], [3.0]], np.zeros((3, 3)), np.full((3, 3), np.nan), "rows"]
+def test_what_is_no_decomposition_or_of_another_size_than_the_task_is_refused(
+    chain, poses, step
+):
+    given = [
+        None,
+        [[1.0, 2.0], [3.0]],
+        np.zeros((3, 3)),
+        np.full((3, 3), np.nan),
+        "rows",
+    ]
     given += [[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]]]
-    for name, left in [("lu", None), ("qr", np.eye(3)), *[("given", each) for each in given]]:
+    for name, left in [
+        ("lu", None),
+        ("qr", np.eye(3)),
+        *[("given", each) for each in given],
+    ]:
         with pytest.raises(ModelDomainError):
             Decomposition(name, left=left)
     other = Decomposition("given", left=np.eye(2))
@@ -105,5 +132,7 @@ def test_what_is_no_decomposition_or_of_another_size_than_the_task_is_refused(ch
         lambda: factors(chain, poses, step, other),
         lambda: WishartModel(0.2, other).law(chain),
     ):
-        with pytest.raises(ModelDomainError, match="as many rows as the task, 3, got 2"):
+        with pytest.raises(
+            ModelDomainError, match="as many rows as the task, 3, got 2"
+        ):
             call()

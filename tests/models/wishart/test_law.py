@@ -29,13 +29,21 @@ def test_the_reduced_law_is_that_of_algorithm_1(chain, step, decomposition, sigm
     rng = np.random.default_rng(8)
     matrices = algorithm_1(chain, POSE, step, sigma_b, decomposition, DRAWS, rng)
     drawn, clipped = draw_steps(
-        WishartModel(sigma_b, decomposition), chain, np.tile(POSE, (DRAWS, 1)), step, rng
+        WishartModel(sigma_b, decomposition),
+        chain,
+        np.tile(POSE, (DRAWS, 1)),
+        step,
+        rng,
     )
     assert least_p_value(drawn, matrices) > 0.01 / 8
     assert clipped == 0
     # control: a dispersion 5 % off is rejected
     wrong, _ = draw_steps(
-        WishartModel(1.05 * sigma_b, decomposition), chain, np.tile(POSE, (DRAWS, 1)), step, rng
+        WishartModel(1.05 * sigma_b, decomposition),
+        chain,
+        np.tile(POSE, (DRAWS, 1)),
+        step,
+        rng,
     )
     assert least_p_value(wrong, matrices) < 1e-4
 
@@ -43,11 +51,19 @@ def test_the_reduced_law_is_that_of_algorithm_1(chain, step, decomposition, sigm
 @every_reading
 def test_the_exact_moments_are_those_of_algorithm_1(chain, step, decomposition):
     model = WishartModel(0.25, decomposition)
-    drawn = algorithm_1(chain, POSE, step, 0.25, decomposition, 80_000, np.random.default_rng(12))
-    mean, covariance = model.mean(chain, POSE, step), model.covariance(chain, POSE, step)
+    drawn = algorithm_1(
+        chain, POSE, step, 0.25, decomposition, 80_000, np.random.default_rng(12)
+    )
+    mean, covariance = (
+        model.mean(chain, POSE, step),
+        model.covariance(chain, POSE, step),
+    )
     error = np.sqrt(np.diag(covariance) / len(drawn))
     assert np.abs((drawn.mean(axis=0) - mean) / error).max() < 4
-    assert np.linalg.norm(np.cov(drawn.T) - covariance) / np.linalg.norm(covariance) < 0.025
+    assert (
+        np.linalg.norm(np.cov(drawn.T) - covariance) / np.linalg.norm(covariance)
+        < 0.025
+    )
     # control: the nominal step is not the mean, it is 1.067 times as long
     nominal = POSE + chain.inverse_jacobian(POSE) @ step
     assert np.abs((drawn.mean(axis=0) - nominal) / error).max() > 12
@@ -56,17 +72,23 @@ def test_the_exact_moments_are_those_of_algorithm_1(chain, step, decomposition):
 
 def test_moments_end_where_the_theory_says(chain, step):
     assert np.all(np.isfinite(WishartModel(0.81).covariance(chain, POSE, step)))
-    with pytest.raises(ModelDomainError, match=r"covariance .* only for sigma_B below 0.8165"):
+    with pytest.raises(
+        ModelDomainError, match=r"covariance .* only for sigma_B below 0.8165"
+    ):
         WishartModel(0.82).covariance(chain, POSE, step)
     assert np.all(np.isfinite(WishartModel(0.99).mean(chain, POSE, step)))
     with pytest.raises(ModelDomainError, match=r"mean .* only for sigma_B below 1"):
         WishartModel(1.0).mean(chain, POSE, step)
 
 
-def excess(draws: np.ndarray, low: np.ndarray, high: np.ndarray, log_density, rng) -> float:
+def excess(
+    draws: np.ndarray, low: np.ndarray, high: np.ndarray, log_density, rng
+) -> float:
     """Share of ``draws`` in a box minus the integral of the density over it, in standard errors."""
     hits = np.mean(np.all((draws > low) & (draws < high), axis=1))
-    inside = np.exp(log_density(rng.uniform(low, high, (20_000, 3)))) * np.prod(high - low)
+    inside = np.exp(log_density(rng.uniform(low, high, (20_000, 3)))) * np.prod(
+        high - low
+    )
     return (hits - inside.mean()) / np.hypot(
         np.sqrt(hits * (1 - hits) / len(draws)), inside.std() / np.sqrt(len(inside))
     )
@@ -74,7 +96,9 @@ def excess(draws: np.ndarray, low: np.ndarray, high: np.ndarray, log_density, rn
 
 @pytest.mark.slow
 @every_reading
-@pytest.mark.parametrize(("sigma_b", "measurement"), [(0.25, None), (0.9, 100 * MEASUREMENT)])
+@pytest.mark.parametrize(
+    ("sigma_b", "measurement"), [(0.25, None), (0.9, 100 * MEASUREMENT)]
+)
 def test_the_density_is_that_of_algorithm_1_box_by_box(
     chain, step, decomposition, sigma_b, measurement
 ):
@@ -102,11 +126,14 @@ def test_at_rest_there_is_no_density_without_measurement_noise(chain, poses, ste
     with pytest.raises(ModelDomainError, match=r"at rest, as at 2 of 200 step"):
         WishartModel(0.25).log_density(chain, poses, v, poses)
     with pytest.raises(ModelDomainError, match="singular"):
-        WishartModel(0.25).log_density(chain, poses, v, poses, np.diag([1e-6, 1e-6, 0.0]))
+        WishartModel(0.25).log_density(
+            chain, poses, v, poses, np.diag([1e-6, 1e-6, 0.0])
+        )
 
 
 @pytest.mark.parametrize(
-    ("sigma_b", "error"), [(0.05, 5e-6), (0.25, 1e-4), (0.5, 3e-4), (0.8, 1e-3), (1.2, 5e-3)]
+    ("sigma_b", "error"),
+    [(0.05, 5e-6), (0.25, 1e-4), (0.5, 3e-4), (0.8, 1e-3), (1.2, 5e-3)],
 )
 def test_the_quadrature_converges(chain, poses, step, sigma_b, error):
     """For draws of the law, with measurement noise far below, near and far above the step's."""
@@ -116,7 +143,13 @@ def test_the_quadrature_converges(chain, poses, step, sigma_b, error):
     x = WishartModel(sigma_b).sample(chain, poses, step, rng) - poses
     for scale in (1e-3, 1.0, 1e4):
         noise = scale * MEASUREMENT
-        problem = x + rng.standard_normal(x.shape) @ np.linalg.cholesky(noise).T, a, back, noise, d
+        problem = (
+            x + rng.standard_normal(x.shape) @ np.linalg.cholesky(noise).T,
+            a,
+            back,
+            noise,
+            d,
+        )
         fine = blurred_log_density(*problem, nodes=81)
         # above σ_B = 1 single steps are so long that rounding is larger
         assert np.quantile(np.abs(blurred_log_density(*problem) - fine), 0.99) < error
@@ -136,7 +169,9 @@ def scene(n: int, m: int, name: str = "qr_transposed", share: float = 0.5):
     left = {"left": np.eye(m) + 0.2} if name == "given" else {}
     model = WishartModel(SIGMA_B, Decomposition(name, **left))
     spread = np.trace(model.covariance(arm, q[0], v[0])) / n
-    root = np.eye(n) + 0.4 * np.random.default_rng(n).standard_normal((n, n)) / np.sqrt(n)
+    root = np.eye(n) + 0.4 * np.random.default_rng(n).standard_normal((n, n)) / np.sqrt(
+        n
+    )
     return arm, q[0], v[0], model, share**2 * spread * root @ root.T
 
 
@@ -151,7 +186,10 @@ def test_it_is_the_mean_of_normals_over_the_law_of_z_and_g(n, m):
     g = stats.chi2(d - m + 2).ppf((nodes + 1) / 2)
     across = back @ (np.eye(m) - np.outer(a, a) / r**2) @ back.T
     covariance = noise + ((r * z) ** 2 / g)[..., None, None] * across
-    precision, determinant = np.linalg.inv(covariance), np.linalg.det(2 * np.pi * covariance)
+    precision, determinant = (
+        np.linalg.inv(covariance),
+        np.linalg.det(2 * np.pi * covariance),
+    )
     rng = np.random.default_rng(11)
     q_next = model.sample(arm, np.tile(q, (4, 1)), v, rng)
     q_next += rng.multivariate_normal(np.zeros(n), noise, 4)
@@ -161,7 +199,9 @@ def test_it_is_the_mean_of_normals_over_the_law_of_z_and_g(n, m):
         squared = np.einsum("zi,zgij,zj->zg", residual, precision, residual)
         normal = np.exp(-0.5 * squared) / np.sqrt(determinant)
         exact.append(np.log(weights @ normal @ weights / 4))
-    np.testing.assert_allclose(model.log_density(arm, q, v, q_next, noise), exact, atol=3e-4)
+    np.testing.assert_allclose(
+        model.log_density(arm, q, v, q_next, noise), exact, atol=3e-4
+    )
     # control: another dispersion
     other = WishartModel(1.02 * SIGMA_B, model.decomposition)
     assert np.abs(other.log_density(arm, q, v, q_next, noise) - exact).max() > 1.5e-3
@@ -183,5 +223,7 @@ def test_without_measurement_it_integrates_to_one(n):
 
 def test_without_measurement_a_step_of_more_joints_than_rows_lies_on_a_plane():
     arm, q, v, model, _ = scene(3, 2)
-    with pytest.raises(ModelDomainError, match=r"on a plane \(3 joints and 2 task rows\)"):
+    with pytest.raises(
+        ModelDomainError, match=r"on a plane \(3 joints and 2 task rows\)"
+    ):
         model.log_density(arm, q, v, q)

@@ -14,7 +14,11 @@ from pipeline.models.wishart import perturbation
 from pipeline.models.wishart.decomposition import PIVOTED_LU, Decomposition, factors
 from pipeline.models.wishart.fit import fit_paper, problem_steps, solve_problems
 from pipeline.models.wishart.law import WishartModel
-from pipeline.models.wishart.perturbation import Perturbations, fit_perturbations, objective_weights
+from pipeline.models.wishart.perturbation import (
+    Perturbations,
+    fit_perturbations,
+    objective_weights,
+)
 
 FLOOR, WEIGHTS, ROOT = 0.2, (0.999, 0.001), np.sqrt(2)
 REST, MOVING = 10, 30  # steps without a command and steps with one
@@ -27,7 +31,10 @@ def weights(ratio: float) -> tuple[float, float]:
 def scene(chain, poses, step, size: float) -> tuple[np.ndarray, ...]:
     """Noise (200, 3) of standard deviation ``size`` in rad, a and J₂⁺ of steps of all speeds."""
     rng = np.random.default_rng(1)
-    noise, v = size * rng.standard_normal((200, 3)), step * rng.uniform(0.1, 1.2, (200, 1))
+    noise, v = (
+        size * rng.standard_normal((200, 3)),
+        step * rng.uniform(0.1, 1.2, (200, 1)),
+    )
     return noise, *factors(chain, poses, v, PIVOTED_LU)[:2]
 
 
@@ -38,7 +45,13 @@ def arm_problems(n: int, m: int, decomposition: Decomposition, share: float):
     step = arm.nominal_step(q[:-1], v)
     noise = np.random.default_rng(n + m).standard_normal(step.shape)
     a, back, _ = factors(arm, q[:-1], v, decomposition)
-    return arm.jacobian(q[:-1]), v[:, :m], a, back, share * np.sqrt(np.mean(step**2)) * noise
+    return (
+        arm.jacobian(q[:-1]),
+        v[:, :m],
+        a,
+        back,
+        share * np.sqrt(np.mean(step**2)) * noise,
+    )
 
 
 @pytest.mark.parametrize(
@@ -66,7 +79,9 @@ def test_the_perturbations_are_those_of_the_problem_as_printed(n, m, name):
     if name == "qr":  # J₁ = I
         moved = np.flatnonzero(np.linalg.norm(fits.s, axis=(1, 2)) > 0.05)[:3]
         for i in moved:
-            b_inv, _ = solve_perturbation(noise[i], v[i], np.eye(m), jacobians[i], WEIGHTS, FLOOR)
+            b_inv, _ = solve_perturbation(
+                noise[i], v[i], np.eye(m), jacobians[i], WEIGHTS, FLOOR
+            )
             band = 5e-3 * np.abs(b_inv).max()
             np.testing.assert_allclose(np.eye(m) + fits.s[i], b_inv, atol=band)
         assert np.abs(fits.s[moved[0]] - fits.s[moved[1]]).max() > 0.02
@@ -75,7 +90,9 @@ def test_the_perturbations_are_those_of_the_problem_as_printed(n, m, name):
 def test_many_of_those_problems_are_held_back_by_the_bound(chain, poses, step):
     """A smaller bound only lowers the objective."""
     noise, a, back = scene(chain, poses, step, 0.02)
-    fit, looser = (fit_perturbations(noise, a, back, weights(1e-3), each) for each in (0.1, 0.001))
+    fit, looser = (
+        fit_perturbations(noise, a, back, weights(1e-3), each) for each in (0.1, 0.001)
+    )
     assert fit.bound.sum() > 20
     assert np.all(looser.objective <= fit.objective * (1 + 1e-9))
     assert np.any(looser.objective[fit.bound] < fit.objective[fit.bound] * (1 - 1e-3))
@@ -86,7 +103,9 @@ def test_equal_weights_return_the_identity_for_every_step(chain, poses, step):
     """The paper's weights are not given: with α₁ = α₂ = ½ every fit is B = I, and σ̂_B = 0."""
     noise, a, back = scene(chain, poses, step, 0.006)
     assert not np.any(fit_perturbations(noise, a, back, (0.5, 0.5), 0.01).s)
-    fits = (fit_perturbations(noise, a, back, weights(ratio), 0.01) for ratio in (0.3, 3e-3))
+    fits = (
+        fit_perturbations(noise, a, back, weights(ratio), 0.01) for ratio in (0.3, 3e-3)
+    )
     few, most = (each.s.any(axis=(1, 2)).mean() for each in fits)
     assert few < 0.1 < 0.9 < most
 
@@ -131,12 +150,17 @@ def recorded(chain, poses, step, sigma_b: float, measured: float) -> Recorded:
     return Recorded(chain, q, v, noise, ("a", "b", "c"))
 
 
-def test_at_rest_nothing_is_perturbed_and_the_mean_over_time_counts_those_steps(chain, poses, step):
+def test_at_rest_nothing_is_perturbed_and_the_mean_over_time_counts_those_steps(
+    chain, poses, step
+):
     data = recorded(chain, poses, step, 0.2, 1e-4)
     resting = np.sqrt(np.mean(np.sum(data.noise[:, :REST] ** 2, axis=-1)))
     steps = problem_steps(data, PIVOTED_LU)
     squares, fits = solve_problems(steps, objective_weights(resting, 3), FLOOR)
-    dispersions, result = np.sqrt(squares.mean(axis=0)), fit_paper(data, PIVOTED_LU, FLOOR)
+    dispersions, result = (
+        np.sqrt(squares.mean(axis=0)),
+        fit_paper(data, PIVOTED_LU, FLOOR),
+    )
     assert not fits.s.reshape(100, -1, 3, 3)[:, :REST].any()
     assert not dispersions[:REST].any() and np.all(dispersions[REST:] > 0)
     np.testing.assert_allclose(result.estimates["sigma_b"], dispersions.mean())
@@ -147,7 +171,9 @@ def test_noise_that_is_not_finite_and_a_motion_without_noise_at_rest_are_refused
 ):
     data = recorded(chain, poses, step, 0.2, 1e-4)
     data.noise[2, REST, 1] = np.nan
-    with pytest.raises(ModelDomainError, match="must be finite at every step") as refusal:
+    with pytest.raises(
+        ModelDomainError, match="must be finite at every step"
+    ) as refusal:
         fit_paper(data, PIVOTED_LU, FLOOR)
     assert refusal.value.evidence["index"] == 2 * (REST + MOVING) + REST
     data.noise[:, :REST] = 0.0
@@ -176,10 +202,14 @@ def objective(noise, e, matrix, ratio: float, s: np.ndarray) -> np.ndarray:
     return rest + ratio * np.linalg.norm(s, axis=(1, 2))
 
 
-def problems(seed: int, size: float, n: int, m: int, across: float = 1.0) -> tuple[np.ndarray, ...]:
+def problems(
+    seed: int, size: float, n: int, m: int, across: float = 1.0
+) -> tuple[np.ndarray, ...]:
     """ω, e and A of 800 random problems; of what ω has across the range of A a share ``across``."""
     rng = np.random.default_rng(seed)
-    noise, e, matrix = (rng.standard_normal((800, *shape)) for shape in ((n,), (m,), (n, m)))
+    noise, e, matrix = (
+        rng.standard_normal((800, *shape)) for shape in ((n,), (m,), (n, m))
+    )
     if n > m:
         axes = np.linalg.qr(matrix)[0]
         within = np.matvec(axes, np.vecmat(noise, axes))
@@ -201,9 +231,13 @@ def dual_bound(noise, e, matrix, y, c, ratio, floor) -> np.ndarray:
     residual = noise - np.matvec(matrix, y)
     length = np.linalg.norm(residual, axis=1)
     normal = (w / (delta + x))[:, None] * ((delta + c + x)[:, None] * e - y)
-    of_exact = np.linalg.solve(np.swapaxes(matrix, 1, 2), (u - normal)[..., None])[..., 0]
+    of_exact = np.linalg.solve(np.swapaxes(matrix, 1, 2), (u - normal)[..., None])[
+        ..., 0
+    ]
     exact = length < 1e-9 * np.linalg.norm(noise, axis=1)
-    p = np.where(exact[:, None], of_exact, residual / np.where(exact, 1.0, length)[:, None])
+    p = np.where(
+        exact[:, None], of_exact, residual / np.where(exact, 1.0, length)[:, None]
+    )
     p /= np.maximum(1.0, np.linalg.norm(p, axis=1))[:, None]
     image, value = np.vecmat(p, matrix), np.vecdot(p, noise)
     free = value * np.minimum(1.0, ratio / np.linalg.norm(image, axis=1))
@@ -225,12 +259,17 @@ def test_every_optimum_is_feasible_and_certified_by_its_dual(ratio, floor, size)
     y, c = parts(s, e)
 
     def gap(y: np.ndarray) -> np.ndarray:
-        rest, norm = np.linalg.norm(noise - np.matvec(matrix, y), axis=1), np.vecdot(y, y) + c**2
+        rest, norm = (
+            np.linalg.norm(noise - np.matvec(matrix, y), axis=1),
+            np.vecdot(y, y) + c**2,
+        )
         value = rest + ratio * np.sqrt(norm)
         return (value - dual_bound(noise, e, matrix, y, c, ratio, floor)) / value
 
     norms = np.sqrt(np.vecdot(y, y) + c**2)
-    np.testing.assert_allclose(np.linalg.norm(s, axis=(1, 2)), norms, rtol=1e-9, atol=1e-15)
+    np.testing.assert_allclose(
+        np.linalg.norm(s, axis=(1, 2)), norms, rtol=1e-9, atol=1e-15
+    )
     least = np.linalg.eigvalsh(s)[:, 0] - (floor - 1)
     assert least.min() > -1e-10 and np.array_equal(least < 1e-9, bound)
     assert 30 < bound.sum() < 770
@@ -244,7 +283,11 @@ def test_every_optimum_is_feasible_and_certified_by_its_dual(ratio, floor, size)
     ("n", "m", "across"),
     [
         *[(n, n, 1.0) for n in (1, 2, 6)],
-        *[(n, m, each) for n, m in ((3, 2), (7, 6), (8, 3)) for each in (0, 1e-13, 1e-9, 1e-3, 1)],
+        *[
+            (n, m, each)
+            for n, m in ((3, 2), (7, 6), (8, 3))
+            for each in (0, 1e-13, 1e-9, 1e-3, 1)
+        ],
     ],
 )
 def test_every_minimum_of_any_size_is_reached_and_none_beside_it_is_lower(n, m, across):
@@ -273,10 +316,14 @@ def test_along_its_own_direction_the_perturbation_stops_at_the_bound():
         np.testing.assert_allclose(s, -0.9 * np.outer(e, e), atol=tolerance)
 
 
-def test_a_minimum_that_was_not_reached_and_an_all_but_singular_arm_are_refused(monkeypatch):
+def test_a_minimum_that_was_not_reached_and_an_all_but_singular_arm_are_refused(
+    monkeypatch,
+):
     """Rounding would decide the fit there; a hundred times as far from singular it is solved."""
     e, noise = np.array([[0.6, 0.8]]), np.array([[1.0, 2.0]])
-    matrices = {far: np.array([[[1.0, 1.0], [1.0, 1.0 + far]]]) for far in (1e-5, 1e-7, 1e-15)}
+    matrices = {
+        far: np.array([[[1.0, 1.0], [1.0, 1.0 + far]]]) for far in (1e-5, 1e-7, 1e-15)
+    }
     assert fit(noise, e, matrices.pop(1e-5), 0.03, 0.2).objective[0] > 0
     for matrix in matrices.values():
         with pytest.raises(SolverError, match="not solved to optimality"):
