@@ -33,7 +33,7 @@ def degrees_of_freedom(sigma_b: float, n: int) -> float:
 
 def normalized_std(samples: ndarray, expected: ndarray) -> ndarray:
     """(...,) normalised standard deviation sqrt(mean ‖B − E[B]‖_F² / ‖E[B]‖_F²), Eq. (NormStd), of
-    ``samples`` B (N, ..., n, n) about the given ``expected`` E[B] (n, n).
+    ``samples`` B (N, ..., n, n) about ``expected`` E[B] (n, n), or (..., n, n).
     """
     squared = ((samples - expected) ** 2).sum(axis=(-1, -2)).mean(axis=0)
-    return np.sqrt(squared / (expected**2).sum())
+    return np.sqrt(squared / (expected**2).sum(axis=(-1, -2)))

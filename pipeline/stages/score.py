@@ -45,7 +45,9 @@ OF_WRENCH = (
 FITTED = {
     "ridge": "ridges",
     "sigma_b_weights": "sigma_b_weights",
+    "sigma_b_floors": "sigma_b_floors",
 }  # one model: all models
+FLOORS = "sigma_b_floors"  # of these the one that the report shows
 EVIDENCE = "evidence"
 Tables = dict[str, pd.DataFrame]
 Scored = tuple[dict[str, float], Tables]  # numbers, and tables of the report
@@ -84,6 +86,8 @@ def run() -> None:
         tables["wrench_study"] = wrench_summary(
             wrench["wrench_errors"], wrench["wrench_spread"]
         )
+        if contracts.exists(FLOORS, folder):
+            tables[FLOORS] = contracts.read(FLOORS, folder)
         tables[EVIDENCE] = pd.concat(
             [*evidence, wrench_evidence(wrench)], ignore_index=True
         )

@@ -197,6 +197,33 @@ def test_the_curve_over_the_weight_falls_through_the_moment_estimate(
     assert set(alone["source"]) == {"recorded"}
 
 
+@pytest.mark.parametrize(
+    ("sigma_b", "speed", "ratio_of_ends"),
+    [
+        pytest.param(0.5, 0.1, (10, 60), id="wide: the bound holds steps"),
+        pytest.param(0.05, 1.0, (0.99, 1.01), id="control: the bound holds no step"),
+    ],
+)
+def test_the_papers_estimate_follows_the_bound_where_the_bound_holds_steps(
+    chain, poses, step, sigma_b, speed, ratio_of_ends
+):
+    data = recorded(chain, poses, speed * step, WishartModel(sigma_b), takes=20)
+    options, rng = wishart("moments"), np.random.default_rng(3)
+
+    metrics, tables = diagnose(data, options, estimate(data, options), 1, rng)
+
+    floors = tables["sigma_b_floors"].pivot(
+        index="floor", columns="ratio", values="sigma_b"
+    )
+    low, high = ratio_of_ends
+    assert floors.shape == (6, 3)
+    assert (floors.diff().iloc[1:] <= 1e-12).all(axis=None)
+    fitted = floors.iloc[:, 1]
+    assert low < fitted[0.01] / fitted[0.5] < high
+    assert metrics["sigma_b_greatest_over_floors"] == fitted[0.01]
+    assert metrics["sigma_b_least_over_floors"] == fitted[0.5]
+
+
 COUNT, STEPS = 40, 80  # takes, and steps of each, on the arms below
 every_arm = pytest.mark.parametrize(
     ("n", "m"), [pytest.param(7, 6, marks=pytest.mark.slow), (3, 2)]

@@ -1,5 +1,6 @@
 """σ_B of the Wishart model: options, estimators (moments, the paper's convex problem at every step,
-maximum likelihood), and σ̂_B as a function of α₂/α₁, which the paper does not state.
+maximum likelihood), and σ̂_B as a function of α₂/α₁ and of the bound ε, which the paper does not
+state.
 """
 
 from __future__ import annotations
@@ -38,6 +39,8 @@ if TYPE_CHECKING:  # it loads numba
     from pipeline.models.wishart.perturbation import Perturbations
 
 RATIOS = np.geomspace(1e-5, 1e-1, 25)  # α₂/α₁ of the curve, in rad
+FLOORS = (0.5, 0.3, 0.2, 0.1, 0.05, 0.01)  # ε of the table over ε and weight
+RATIO_FACTORS = (0.25, 1.0, 4.0)  # on the weight of the fit, in the same table
 TOLERANCE = 1e-3  # of ln α₂/α₁ at which σ̂_B equals the moment estimate
 SIGMA_B_RANGE = (
     0.01,
@@ -154,9 +157,9 @@ def diagnose(
     rng: Generator,
 ) -> tuple[dict[str, float], dict[str, pd.DataFrame]]:
     """Greatest relative difference between the closed form and the solver of (BsampOpt) at
-    ``checks`` random moving steps, and the table ``sigma_b_weights``. The table has σ̂_B of
-    (BsampOpt) over α₂/α₁, for the recorded takes and for as many takes drawn from the model of
-    ``estimate``.
+    ``checks`` random moving steps, and the tables ``sigma_b_weights`` and ``sigma_b_floors``. The
+    first has σ̂_B of (BsampOpt) over α₂/α₁, for the recorded takes and for as many takes drawn from
+    the model of ``estimate``; the second over ε of B⁻¹ ⪰ εI and α₂/α₁, for the recorded takes.
     """
     from pipeline.models.convex import (
         perturbation_gap,
@@ -195,9 +198,29 @@ def diagnose(
     ratio = fit.diagnostics["weights_ratio_alpha2_over_alpha1_rad"]
     rows.append((ratio, fit.estimates["sigma_b"], "used", "recorded"))
     table = pd.DataFrame(rows, columns=["ratio", "sigma_b", "point", "source"])
-    return metrics | {"sigma_b_greatest_over_weights": greatest}, {
-        "sigma_b_weights": table
-    }
+    metrics["sigma_b_greatest_over_weights"] = greatest
+    floors = _floor_table(problem_steps(recorded, decomposition), ratio)
+    at_ratio = floors.loc[floors["ratio"] == ratio, "sigma_b"]
+    metrics["sigma_b_least_over_floors"] = at_ratio.min()
+    metrics["sigma_b_greatest_over_floors"] = at_ratio.max()
+    return metrics, {"sigma_b_weights": table, "sigma_b_floors": floors}
+
+
+def _floor_table(steps: tuple[ndarray, ...], ratio: float) -> pd.DataFrame:
+    """Return σ̂_B of (BsampOpt) for each ε of FLOORS, at RATIO_FACTORS times ``ratio`` α₂/α₁."""
+    rows = []
+    for floor in FLOORS:
+        for factor in RATIO_FACTORS:
+            sigma_b = _sigma_b_at(steps, factor * ratio, floor)
+            rows.append((floor, factor * ratio, sigma_b))
+    return pd.DataFrame(rows, columns=["floor", "ratio", "sigma_b"])
+
+
+def _sigma_b_at(steps: tuple[ndarray, ...], ratio: float, floor: float) -> float:
+    """Return σ̂_B of (BsampOpt) at ``ratio`` α₂/α₁ in rad, with B⁻¹ ⪰ εI for ``floor`` ε."""
+    weights = 1 / (1 + ratio), ratio / (1 + ratio)
+    b, _ = solve_problems(steps, weights, floor)
+    return float(np.sqrt(_squares_about_identity(b).mean(axis=0)).mean())
 
 
 def _drawn_takes(model: WishartModel, recorded: Recorded, rng: Generator) -> Recorded:
@@ -220,17 +243,15 @@ def _weight_curve(
     """Yield (α₂/α₁ in rad, σ̂_B, point) at RATIOS, and where σ̂_B falls through ``target``."""
     from scipy.optimize import brentq
 
-    def sigma_b(ratio: float) -> float:
-        weights = 1 / (1 + ratio), ratio / (1 + ratio)
-        return float(
-            np.sqrt(solve_problems(steps, weights, floor)[0].mean(axis=0)).mean()
-        )
-
-    curve = np.array([sigma_b(ratio) for ratio in RATIOS])
+    curve = np.array([_sigma_b_at(steps, ratio, floor) for ratio in RATIOS])
     yield from ((*pair, "curve") for pair in zip(RATIOS, curve, strict=True))
     for i in np.flatnonzero((curve > target)[:-1] & ~(curve > target)[1:])[:1]:
         ends = np.log(RATIOS[i : i + 2])
-        x = brentq(lambda x: sigma_b(np.exp(x)) - target, *ends, xtol=TOLERANCE)
+        x = brentq(
+            lambda x: _sigma_b_at(steps, np.exp(x), floor) - target,
+            *ends,
+            xtol=TOLERANCE,
+        )
         yield float(np.exp(x)), target, "moments"
 
 
@@ -269,17 +290,21 @@ def solve_problems(
     steps: tuple[ndarray, ...], weights: tuple[float, float], floor: float
 ) -> tuple[ndarray, Perturbations]:
     """Solve Eqs. (BsampOpt) and (const10), as B⁻¹ ⪰ εI with ``floor`` ε, for :func:`problem_steps`
-    with ``weights`` (α₁, α₂). Return σ̂_B² (takes, M), Eq. (NormStd) with E[B] = I, and the optimal
-    perturbations, take by take.
+    with ``weights`` (α₁, α₂). Return B (takes, M, m, m), and the optimal perturbations, take by
+    take.
     """
     from pipeline.models.wishart.perturbation import fit_perturbations
 
     noise, a, back = steps
     n, m = back.shape[-2:]
     flat = noise.reshape(-1, n), a.reshape(-1, m), back.reshape(-1, n, m)
-    fits, identity = fit_perturbations(*flat, weights, floor), np.eye(m)
-    b = np.linalg.inv(identity + fits.s.reshape(*a.shape, m))
-    return normalized_std(b[None], identity) ** 2, fits
+    fits = fit_perturbations(*flat, weights, floor)
+    return np.linalg.inv(np.eye(m) + fits.s.reshape(*a.shape, m)), fits
+
+
+def _squares_about_identity(b: ndarray) -> ndarray:
+    """Return σ̂_B² (takes, M) of ``b`` (takes, M, m, m), Eq. (NormStd) with E[B] = I."""
+    return normalized_std(b[None], np.eye(b.shape[-1])) ** 2
 
 
 def fit_paper(
@@ -301,9 +326,8 @@ def fit_paper(
     variance = np.mean(np.sum(noise[still] ** 2, axis=-1)) if still.any() else variance
     resting = float(np.sqrt(variance))
     weights = objective_weights(resting, len(recorded.chain.task), ratio_factor)
-    squares, fits = solve_problems(
-        problem_steps(recorded, decomposition), weights, floor
-    )
+    b, fits = solve_problems(problem_steps(recorded, decomposition), weights, floor)
+    squares = _squares_about_identity(b)
     dispersions, moving = np.sqrt(squares.mean(axis=0)), ~still.all(axis=0)
     diagnostics = {
         "sigma_b_greatest_over_time": dispersions.max(),
@@ -317,7 +341,10 @@ def fit_paper(
             np.count_nonzero(~fits.s.any(axis=(1, 2)))
         ),
         "problems_on_the_bound_of_definiteness": int(np.count_nonzero(fits.bound)),
+        "sigma_b_about_the_sample_mean": normalized_std(b, b.mean(axis=0)).mean(),
     }
+    for row, mean in enumerate(np.diagonal(b.mean(axis=(0, 1))), start=1):
+        diagnostics[f"fitted_mean_of_b_{row}{row}"] = mean
 
     def from_takes(takes: ndarray) -> dict[str, float]:
         counts = np.bincount(takes, minlength=len(squares))

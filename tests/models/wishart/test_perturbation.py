@@ -156,11 +156,10 @@ def test_at_rest_nothing_is_perturbed_and_the_mean_over_time_counts_those_steps(
     data = recorded(chain, poses, step, 0.2, 1e-4)
     resting = np.sqrt(np.mean(np.sum(data.noise[:, :REST] ** 2, axis=-1)))
     steps = problem_steps(data, PIVOTED_LU)
-    squares, fits = solve_problems(steps, objective_weights(resting, 3), FLOOR)
-    dispersions, result = (
-        np.sqrt(squares.mean(axis=0)),
-        fit_paper(data, PIVOTED_LU, FLOOR),
-    )
+    b, fits = solve_problems(steps, objective_weights(resting, 3), FLOOR)
+    squares = np.sum((b - np.eye(3)) ** 2, axis=(-2, -1)) / 3
+    dispersions = np.sqrt(squares.mean(axis=0))
+    result = fit_paper(data, PIVOTED_LU, FLOOR)
     assert not fits.s.reshape(100, -1, 3, 3)[:, :REST].any()
     assert not dispersions[:REST].any() and np.all(dispersions[REST:] > 0)
     np.testing.assert_allclose(result.estimates["sigma_b"], dispersions.mean())
