@@ -100,7 +100,8 @@ def test_a_stage_depends_on_the_code_that_it_runs_and_on_no_other(stage):
     if module.endswith((".choose", ".configure")):
         assert "pipeline/configuration" in deps
         result |= {"pipeline/configuration", "pipeline/conf", "pipeline/conf/dataset"}
-        result |= {"pipeline/laboratory/options.py", "pipeline/models"}
+        result |= {"pipeline/laboratory/options.py", "pipeline/laboratory/causes"}
+        result |= {"pipeline/models"}
     if module.endswith(".predict"):
         result |= {"pipeline/conf/model"}  # of the plain models beside the run's
     if module.endswith(".report"):

@@ -6,7 +6,7 @@ from dataclasses import asdict, make_dataclass
 from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -155,7 +155,8 @@ def _validate(values: dict[str, Any]) -> tuple[Config | None, list[ConfigError]]
         except ConfigError as error:
             faults.append(ConfigError(f"{key}.{error.message}", key=f"{key}.kind"))
     if (laboratory := datasheet.get_nested(values, "dataset.laboratory")) is not None:
-        typed, more = all_faults(_laboratory_type(), laboratory, "dataset.laboratory")
+        structure = _laboratory_type(str(datasheet.get_nested(laboratory, "cause")))
+        typed, more = all_faults(structure, laboratory, "dataset.laboratory")
         faults += more
         if typed is not None:
             laboratory = {part: getattr(typed, part) for part in laboratory}
@@ -166,12 +167,15 @@ def _validate(values: dict[str, Any]) -> tuple[Config | None, list[ConfigError]]
 
 
 @cache
-def _laboratory_type() -> type:
-    from pipeline.laboratory.options import (
-        SECTIONS,
-    )  # a recorded dataset has no laboratory
+def _laboratory_type(cause: str) -> type:
+    """Return the type of the section laboratory, whose dynamics have the defaults of ``cause``."""
+    # a recorded dataset has no laboratory
+    from pipeline.laboratory.causes import cause_names, dynamics_type
+    from pipeline.laboratory.options import SECTIONS
 
-    parts = [(part, structure, None) for part, structure in SECTIONS.items()]
+    sections = SECTIONS | {"dynamics": dynamics_type(cause)}
+    parts = [("cause", Literal[*cause_names()] | None, None)]
+    parts += [(part, structure, None) for part, structure in sections.items()]
     return options()(make_dataclass("Laboratory", parts))
 
 

@@ -40,7 +40,9 @@ class TrajectoryOptions:
 
 @options(frozen=True)
 class DynamicsOptions:
-    """Disturbances of the arm, with unit and source of the value."""
+    """Disturbances of the arm, with unit and source of the value; :mod:`pipeline.laboratory.causes`
+    sets the disturbances that cause the noise.
+    """
 
     rate: Positive = 1000.0  # 1/s, integration steps of the servo
     servo_gain: Positive = 20.0  # 1/s, position loop of the joints
@@ -60,18 +62,17 @@ class DynamicsOptions:
     start_std: NotNegative = (
         4e-3  # rad, start pose of a take; repeatability of homing moves
     )
-    # m or rad, sway of the tool by task coordinate (default: the youBot's x, z and rotation about
-    # the tip) at the joints' speed limits; sway and clearance give the published covariance of the
-    # noise (README.md)
-    sway_std: tuple[NotNegative, ...] = (3e-4, 1.7e-3, 0.0332)
+    # m or rad, sway of the tool by task coordinate at the joints' speed limits; a cause sets it
+    sway_std: tuple[NotNegative, ...] = (0.0, 0.0, 0.0)
     # s, time constant of each lag of the sway: the shortest that the motors can drive (README.md);
     # four lags of 22 ms have the bandwidth of the servo, 20 1/s
     sway_time: Positive = 0.0135
     sway_rest: NotNegative = (
         0.02  # 1, share of the sway at rest, while the motors hold the arm
     )
-    # rad, half the play of one joint; the paper reports unusual clearance in the youBot's joint 3
-    clearance: NotNegative = 0.039
+    # rad, half the play of one joint; the paper reports unusual clearance in the youBot's joint 3;
+    # a cause sets it
+    clearance: NotNegative = 0.0
     play_joint: Annotated[int, Field(ge=1)] = 3  # number of the joint with play, from 1
     clearance_time: Positive = (
         5e-3  # s, time constant of each lag; impacts of gear teeth
@@ -249,9 +250,8 @@ class Transducer:
     lever: tuple[float, float, float] = (0.0, 0.0, 0.03)
 
 
-SECTIONS = {  # of dataset.laboratory
+SECTIONS = {  # of dataset.laboratory, beside its cause and the cause's dynamics
     "trajectory": TrajectoryOptions,
-    "dynamics": DynamicsOptions,
     "encoders": EncoderOptions,
     "clock": ClockOptions,
     "mocap": MocapOptions,

@@ -109,6 +109,7 @@ def run() -> None:
             models={name: options.kind for name, options in settings.models.items()},
             metrics=metrics,
             tables=tables,
+            cause=(dataset.laboratory or {}).get("cause") or "",
         )
         contracts.write_text(own.to_json(), folder / "evidence.json")
 

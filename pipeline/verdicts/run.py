@@ -127,6 +127,9 @@ class Run:
     models: Mapping[str, str]
     metrics: Mapping[str, Mapping[str, float]]
     tables: Mapping[str, pd.DataFrame]
+    cause: str = (
+        ""  # of a synthetic arm's noise; runs of equal ``arm`` differ only in it
+    )
 
     @property
     def arm(self) -> ArmNames:

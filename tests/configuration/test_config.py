@@ -16,6 +16,7 @@ from pipeline.core.errors import ConfigError
 from pipeline.core.options.analysis import Compute, Filter
 from pipeline.core.options.dataset import Robot
 from pipeline.core.validation import options, validated
+from pipeline.laboratory.causes import dynamics_type
 from pipeline.laboratory.options import SECTIONS
 from pipeline.models.kinds import kinds, options_type
 
@@ -92,8 +93,9 @@ def test_a_wrong_line_of_params_yaml_is_refused_in_one_line(compose, choices, wo
         (
             "dataset.laboratory.nonsense",
             "3",
-            "unknown key 'nonsense'; there are trajectory",
+            "unknown key 'nonsense'; there are cause, trajectory",
         ),
+        ("dataset.laboratory.cause", "swai", "'sway'.*did you mean sway"),
         (
             "dataset.laboratory.mocap",
             "{noise_std: -1.0}",
@@ -259,6 +261,8 @@ def test_models_and_the_laboratory_have_their_own_types(sections):
     laboratory = sections("dataset.laboratory").dataset.laboratory
     # the youBot's controller logs nothing
     types = {part: type(value) for part, value in laboratory.items()}
+    cause, dynamics = laboratory["cause"], types.pop("dynamics")
+    assert types.pop("cause") is str and dynamics is dynamics_type(cause)
     assert types | {"encoders": SECTIONS["encoders"]} == SECTIONS
     for item in ("student", None):
         with pytest.raises(ConfigError, match=f"there is no models.{item}"):

@@ -4,15 +4,14 @@ from omegaconf import OmegaConf
 from planar_poses import load_arm
 
 from pipeline.configuration.config import CONF
+from pipeline.laboratory.causes import sway
 from pipeline.laboratory.options import DynamicsOptions, TrajectoryOptions
 
 DATASET = OmegaConf.to_container(OmegaConf.load(CONF / "dataset" / "youbot.yaml"))
 ROBOT, LABORATORY = DATASET["robot"], DATASET["laboratory"]
 ARM = load_arm(ROBOT["urdf"], ROBOT["joints"], ROBOT["tool"], ROBOT["locked"])
 TRAJECTORY = TrajectoryOptions(**LABORATORY["trajectory"])
-DYNAMICS = DynamicsOptions(
-    **LABORATORY["dynamics"]
-)  # with every disturbance of the dataset
+DYNAMICS = sway.Options()  # with every disturbance
 # without any disturbance; 200 steps a second are enough for what is smooth
 SIZES = "length encoder_offset speed_error start jitter".split()
 SILENT = {f"{name}_std": 0 for name in SIZES} | {"encoder_ripple": 0, "clearance": 0}

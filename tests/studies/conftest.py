@@ -11,7 +11,8 @@ from recordings_of_law import JOINTS, ROOT, write_project
 from pipeline.arm.model import chain_of
 from pipeline.core import contracts
 from pipeline.core.columns import spread, triangle
-from pipeline.laboratory.options import ClockOptions, DynamicsOptions, TrajectoryOptions
+from pipeline.laboratory.causes import sway
+from pipeline.laboratory.options import ClockOptions, TrajectoryOptions
 from pipeline.studies.simulated import Laboratory, NoiseLaw
 
 
@@ -44,5 +45,5 @@ def laboratory() -> Laboratory:
     ends = {"folded": (1.8544, -4.5335, 2.2406), "extended": (2.3867, -4.0012, 2.7773)}
     motion = TrajectoryOptions(**ends, duration=1.6, rest=0.1, ramp=0.2)
     noise = np.array([[3.0, -2.0, 0.0], [-2.0, 7.0, -3.0], [0.0, -3.0, 6.0]]) * 1e-8
-    parts = (DynamicsOptions(), motion, ClockOptions())
+    parts = (sway.Options(), motion, ClockOptions())
     return Laboratory(chain_of(PLANAR), ("a", "b", "c"), *parts, noise, law, 2)

@@ -23,6 +23,7 @@ from pipeline.core.errors import (
 )
 from pipeline.core.options.dataset import Robot
 from pipeline.figures import style
+from pipeline.laboratory.causes import dynamics_type
 from pipeline.laboratory.dynamics import JointPath, desired_path, open_session, perform
 from pipeline.laboratory.options import DynamicsOptions, TrajectoryOptions
 from pipeline.models import kinds
@@ -71,7 +72,8 @@ class Bench:
         """Return the arm of the dataset ``arm``; without ``task`` all rows are planned."""
         robot = dataset_option(Robot, arm, "robot")
         motion = dataset_option(TrajectoryOptions, arm, "laboratory", "trajectory")
-        dynamics = dataset_option(DynamicsOptions, arm, "laboratory", "dynamics")
+        cause = dataset_option(str, arm, "laboratory", "cause")
+        dynamics = dataset_option(dynamics_type(cause), arm, "laboratory", "dynamics")
         times = {
             n: getattr(motion, n) / options.pace for n in ("duration", "rest", "ramp")
         }
