@@ -49,14 +49,16 @@ def camera_evidence(
 
 def wrench_evidence(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     """Return the evidence of the tables of the stage wrench by name; any but ``wrench_errors`` and
-    ``wrench_spread`` may be missing. The standard error of a mean error is its deviation over the
-    repeats, of a mean force the one of the independent samples of its record.
+    ``wrench_spread`` may be missing. The estimator "none" of a mean error is the control with Σ_S
+    = 0. The standard error of a mean error is its deviation over the repeats, of a mean force the
+    one of the independent samples of its record.
     """
     rows, spreads = [], tables["wrench_spread"].groupby("agents")
     maxima, means = (
         spreads["maximum"].agg(["median", "mean", "std"]),
         spreads["mean"].std(),
     )
+    without = spreads["mean_without_matrix"].agg(["first", "std"])
     for own in wrench_summary(
         tables["wrench_errors"], tables["wrench_spread"]
     ).itertuples():
@@ -68,6 +70,13 @@ def wrench_evidence(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
                 "mean_error_of_variances",
                 own.mean,
                 standard_error=means[own.agents],
+                **keys,
+            ),
+            evidence_row(
+                "mean_error_of_variances",
+                without.loc[own.agents, "first"],
+                estimator="none",
+                standard_error=without.loc[own.agents, "std"],
                 **keys,
             ),
             evidence_row("greatest_error_of_variances", own.max, *ends, **keys),

@@ -194,7 +194,8 @@ def run_study(
     of all ``repeats``, Fig. (ErrWrnRMT); ``run`` maps a function over the repeats.
 
     For each number of cables in ``agents``, Σ_S is averaged over ``systems`` systems and tested on
-    ``test_systems`` others: the paper's error with the diagonal Σ_S, and the covariance error.
+    ``test_systems`` others: the paper's error with the diagonal Σ_S and with Σ_S = 0 (control), and
+    the covariance error.
     """
     repeats = list(enumerate(rng.spawn(options.repeats)))
     return tuple(
@@ -220,11 +221,14 @@ def _repeat(options: Wrench, trial: tuple[int, Generator]) -> tuple[list, list, 
         error = variance_errors(
             model.covariance(estimates["diagonal"].mean), covariance
         )
+        # the control: the actuation is the only cause of variance
+        without = variance_errors(model.actuation_part(), covariance)
         row = {
             "agents": m,
             "repeat": repeat,
             "mean": error.mean(),
             "maximum": error.max(),
+            "mean_without_matrix": without.mean(),
         }
         maxima.append(pd.DataFrame([row]))
         if repeat == 0:

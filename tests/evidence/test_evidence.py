@@ -119,8 +119,13 @@ def test_the_study_of_the_wrench_has_rows_by_number_of_cables_and_no_force_witho
     maxima = [0.2, 0.25, 0.4, 0.05, 0.06, 0.1]
     repeats = pd.DataFrame({"agents": [3] * 3 + [20] * 3, "maximum": maxima})
     repeats["mean"] = [0.2, 0.3, 0.4, 0.05, 0.06, 0.07]
+    repeats["mean_without_matrix"] = [0.3, 0.4, 0.5, 0.1, 0.2, 0.3]
     tables = {"wrench_errors": errors, "wrench_spread": repeats}
     evidence = wrench_evidence(tables)
+    without = evidence.query("estimator == 'none'")
+    assert without["value"].tolist() == [0.3, 0.1]
+    assert without["standard_error"].tolist() == pytest.approx([0.1, 0.1])
+    evidence = evidence.drop(without.index)
     values = by(evidence, "quantity", "configuration")
     assert values["mean_error_of_variances", "3"] == pytest.approx(0.2)
     assert values["greatest_error_of_variances", "3"] == 0.3

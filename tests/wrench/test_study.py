@@ -227,6 +227,15 @@ def test_off_diagonal_terms_lower_the_error_of_the_covariance_and_less_so_with_f
     assert relative[20] > 2 * relative[3]
 
 
+def test_without_the_random_matrix_the_error_is_larger_and_hardly_falls():
+    _, _, spread = run_study(study_options([3, 20], 3), np.random.default_rng(42))
+
+    means = spread.groupby("agents")[["mean", "mean_without_matrix"]].mean()
+
+    np.testing.assert_allclose(means["mean"], [0.041, 0.0165], rtol=0.05)
+    np.testing.assert_allclose(means["mean_without_matrix"], [0.083, 0.078], rtol=0.03)
+
+
 @pytest.mark.slow
 def test_the_error_falls_with_the_number_of_cables_in_every_repeat():
     rng, agents = np.random.default_rng(14), np.array([3, 5, 10, 15, 20])
