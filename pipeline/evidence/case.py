@@ -50,13 +50,19 @@ class Choices:
     )
 
     @classmethod
-    def of_run(cls, settings: SimpleNamespace, **further: Options) -> "Choices":
-        """Return the run's choices: its first model of each paper's kind, and ``further``."""
+    def of_run(cls, settings: SimpleNamespace) -> "Choices":
+        """Return the run's choices: its first model of each of the paper's kinds."""
         by_kind = {
             model.kind: model for model in reversed(list(settings.models.values()))
         }
-        models = {kind: by_kind[kind] for kind in KINDS if kind in by_kind} | further
+        models = {kind: by_kind[kind] for kind in KINDS if kind in by_kind}
         return cls(models, settings.filter, settings.simulation.mode)
+
+    @property
+    def name(self) -> str:
+        """Name of the only model of the case."""
+        (name,) = self.models
+        return name
 
     @property
     def options(self) -> Options:
@@ -67,7 +73,7 @@ class Choices:
     def model_case(self, name: str) -> "Choices":
         """Return this case with only the model ``name``, and default choices for the filter."""
         defaults = {"filter": Filter("none", 0.0, 1), "clock": "", "batch": 0}
-        closed = self.closed and name in KINDS
+        closed = self.closed and self.models[name].kind in KINDS
         return replace(
             self, models={name: self.models[name]}, closed=closed, **defaults
         )
@@ -122,10 +128,13 @@ class Recordings:
         True  # whether cases have the evidence on the recordings themselves
     )
 
-    def generator(self, name: str, *numbers: int) -> np.random.Generator:
-        """Return the random stream ``name`` of a stage, by numbers of the draw and the trial."""
-        # the run's own draws have the number 0, which the stages leave out
-        return rng.stream(self.seed, name, *filter(None, numbers[:1]), *numbers[1:])
+    def generator(self, name: str, *trial: int, draw: int = 0) -> np.random.Generator:
+        """Return the random stream ``name`` of a stage and ``trial``, with the run's numbers for
+        the ``draw`` 0.
+        """
+        if draw == 0:
+            return rng.stream(self.seed, name, *trial)
+        return rng.stream(self.seed, name, draw, *trial)
 
     @cached_property
     def variation_limits(self) -> np.ndarray | None:

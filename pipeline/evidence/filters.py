@@ -1,6 +1,6 @@
 """Evidence on filters: errors, bounds, and scores against the training mean."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 import pandas as pd
@@ -29,16 +29,17 @@ def filter_evidence(
     filters: Mapping[str, Filtered],
     joints: Sequence[str],
     steady: np.ndarray,
-    rng: np.random.Generator,
+    generator: Callable[[str], np.random.Generator],
 ) -> tuple[pd.DataFrame, pd.DataFrame, list[str]]:
     """Return the evidence, the table ``filter_against_none``, and messages on posteriors without a
     log score. ``filters`` have the names of :mod:`pipeline.core.filters`; the models' filters are
     compared with the first model's, all filters with the training mean.
 
     The bounds also have the correlation with the error over the ``steady`` steps (K − 1,) alone.
-    There the speed is constant and causes no correlation. ``rng`` resamples the takes, then draws
-    for the limits of the correlation (:func:`following_tests`) and of the variation over time of
-    the first model's error.
+    There the speed is constant and causes no correlation. ``generator`` returns the random stream
+    of a name: "score.takes" resamples the takes, and each model has its own streams for the limits
+    of the correlation (:func:`following_tests`) and of the variation over time of its error, so
+    that no model changes the numbers of another.
     """
     laws, refusals, rows, models = {}, [], [], models_of(filters)
     for name, each in filters.items():
@@ -55,7 +56,9 @@ def filter_evidence(
         scores = bound_scores(filters[model].error[takes], bounds[model][takes], joints)
         return np.array([scores[joint][name] for joint in joints for name in COMPARED])
 
-    differences = resampled_differences(of_bound, models, len(filters[NONE].error), rng)
+    takes = len(filters[NONE].error)
+    stream = generator("score.takes")
+    differences = resampled_differences(of_bound, models, takes, stream)
     for name in models:
         error, bound = filters[name].error, bounds[name]
         for joint, scores in bound_scores(error, bound, joints).items():
@@ -65,16 +68,18 @@ def filter_evidence(
                 for quantity, value in scores.items()
             ]
         chosen = np.append(False, steady)
+        stream = generator(f"score.bound.{name}")
         tests = following_tests(
-            bound.mean(axis=0), error, chosen, joints, rng, centred=False
+            bound.mean(axis=0), error, chosen, joints, stream, centred=False
         )
         for row in following_rows(tests, FOLLOWS, "correlation_of_bound", name):
             row["steps"] = row["steps"].removeprefix("all")
             rows += [row] if row["steps"] or row["quantity"] != FOLLOWS else []
-    limits = variation_limits(filters[models[0]].error, rng, centred=False)
-    for joint, ends in zip(joints, limits, strict=True):
-        keys = {"model": models[0], "joint": joint}
-        rows.append(evidence_row("error_variation_limits", VARYING, *ends, **keys))
+        stream = generator(f"score.error.{name}")
+        limits = variation_limits(error, stream, centred=False)
+        for joint, ends in zip(joints, limits, strict=True):
+            keys = {"model": name, "joint": joint}
+            rows.append(evidence_row("error_variation_limits", VARYING, *ends, **keys))
     scores = {"log_score": ("filter_log_score", "")}
     scores |= {
         f"rms_error_{joint}_rad": ("rms_error_of_a_take", joint) for joint in joints

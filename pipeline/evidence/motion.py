@@ -196,9 +196,8 @@ def _noise_rows(outcomes: Mapping[str, Outcome], training: Recorded) -> Rows:
         own = jackknife_difference(sizes[model][:, j])
         yield difference_row("std", own, model=model, joint=joint, rival=RECORDED)
     std = {name: jackknifed_mean_error(each.error) for name, each in modelled.items()}
-    if len(std) > 1:
-        for model, own in std.items():
-            yield evidence_row("mean_error_variation", own[0], model=model)
+    for model, own in std.items():
+        yield evidence_row("mean_error_variation", own[0], model=model)
     for model, rival in permutations(std, 2):
         own = jackknife_difference(std[model] - std[rival])
         yield difference_row("mean_error_variation", own, model=model, rival=rival)

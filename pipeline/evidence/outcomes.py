@@ -64,9 +64,11 @@ def evaluate(
     for case in cases:
         keys.append({})
         batch = takes[case.batch * count : (case.batch + 1) * count]
-        for name in filter(
-            KINDS.__contains__, case.models if len(batch) == count else ()
-        ):
+        if len(batch) < count:
+            continue
+        for name in case.models:
+            if case.models[name].kind not in KINDS:
+                continue
             for closed, loop in loops[repr(case.model_case(name))].items():
                 part = case.filter_case(name, closed)
                 own = keys[-1][names.closed(name) if closed else name] = {}
@@ -100,8 +102,10 @@ def _loops(result: Outcome, recordings: Recordings) -> dict[bool, Loop]:
 def _posterior(trial: Trial, recordings: Recordings) -> Posterior | str:
     """Return the filter's posterior on one take, or the reason why there is none."""
     (number, case, (model, commands), measured), takes = trial, recordings.takes
-    name = ".".join(["filter", case.options.kind, *[FOLDER] * case.closed])
-    stream = recordings.generator(name, case.draw, number)
+    name = f"filter.{case.name}"
+    if case.closed:
+        name += f".{FOLDER}"
+    stream = recordings.generator(name, number, draw=case.draw)
     loop = (model, takes.training.chain, commands, 1 / recordings.rate)
     try:
         return particle_filter(*loop, takes.start, measured, case.filter, stream)
@@ -113,7 +117,7 @@ def outcome(case: Choices, recordings: Recordings) -> Outcome:
     """Fit the only model of ``case``, realise it, and score it. The random numbers are the stages'
     in all cases, so that only the choices differ.
     """
-    result, takes, kind = Outcome(), recordings.takes, case.options.kind
+    result, takes = Outcome(), recordings.takes
     training = takes.training
     try:
         fit = kinds.estimate(training, case.options)
@@ -127,12 +131,13 @@ def outcome(case: Choices, recordings: Recordings) -> Outcome:
             takes.poses, (recordings.realizations, *takes.poses.shape[1:])
         )
         course = (result.model, training.chain, starts, training.v, case.mode)
-        drawn = recordings.generator(f"simulate.{kind}", case.draw)
+        drawn = recordings.generator(f"simulate.{case.name}", draw=case.draw)
         realized, _, _ = realize(*course, drawn)
         result.mean, result.deviation, refused = realized_moments(*course, realized)
         result.refusals += [refused] if refused else []
         if case.mode == "one_step":
-            drawn = recordings.generator(f"score.following.{kind}", case.draw)
+            name = f"score.following.{case.name}"
+            drawn = recordings.generator(name, draw=case.draw)
             tests = noise_tests(result.model, training, takes.poses, drawn)
             result.modelled, result.following = tests
     except (ModelDomainError, SingularJacobianError, SolverError) as error:
@@ -239,13 +244,12 @@ def case_evidence(
         filters = all_filters(
             takes, truth, complete, measured, recordings.rate, case.measurement
         )
-        stream, steady = (
-            recordings.generator("score.bounds"),
-            constant_speed(takes.poses),
+        steady = constant_speed(takes.poses)
+        generator = partial(recordings.generator, draw=case.draw)
+        evidence, _, _ = filter_evidence(
+            filters, takes.training.joints, steady, generator
         )
-        tables.append(
-            filter_evidence(filters, takes.training.joints, steady, stream)[0]
-        )
+        tables.append(evidence)
     return pd.concat(tables, ignore_index=True), sorted(refusals)
 
 

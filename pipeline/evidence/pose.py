@@ -1,6 +1,6 @@
 """Evidence on the question of whether the pose matters beyond the joint speed."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 import pandas as pd
@@ -20,11 +20,12 @@ def pose_table(
     runs: Sequence[JointRun],
     chain: Chain,
     models: Mapping[str, MotionModel],
-    rng: Generator,
+    generator: Callable[[str], Generator],
 ) -> pd.DataFrame:
     """Return the table ``pose_effect``: the exponent of ‖J⁺‖ and of each model's standard deviation
     in the size of the joints' noise, after the joint speed, with its interval over motions. Runs of
-    one motion count as one. Steps at singular poses are left out. No row for too few windows.
+    one motion count as one. Steps at singular poses are left out. No row for too few windows. Each
+    model has a random stream of ``generator`` of its own.
     """
     motions: dict[str, dict[str, list]] = {}
     for run in runs:
@@ -54,7 +55,8 @@ def pose_table(
             tuple(map(np.concatenate, zip(*each, strict=True)))
             for each in by_motion.values()
         ]
-        if (found := pose_effect(windows_of(whole), rng)) is not None:
+        stream = generator(f"predict.pose.{name}")
+        if (found := pose_effect(windows_of(whole), stream)) is not None:
             exponent, *others = found
             rows.append((name, *exponent[:3], *others))
     return pd.DataFrame(rows, columns=["quantity", *NUMBERS]).astype(

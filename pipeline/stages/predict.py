@@ -76,8 +76,8 @@ def _joint_tables(
     of_motions = recorded.joints, dataset.motion.pose_noise, recorded.chain, matrix
     named = [name for name, own in settings.models.items() if own.kind in MATRIX_KINDS]
     shapes = fitted_models(named, FIT, "predict")
-    stream = rng.stream(settings.seed, "predict.pose")
-    tables["pose_effect"] = pose_table(runs, recorded.chain, shapes, stream)
+    generator = partial(rng.stream, settings.seed)
+    tables["pose_effect"] = pose_table(runs, recorded.chain, shapes, generator)
     return tables | {"other_motions": matrix_scores(motions, *of_motions)}
 
 

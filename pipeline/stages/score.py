@@ -1,6 +1,7 @@
 """score: recordings compared with every model: tables behind the figures, numbers of the run."""
 
 import json
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -213,11 +214,11 @@ def _score_filters(models: list[str], takes: Takes, settings, folder: Path) -> S
         for name, f in filters.items()
     ]
     contracts.write(pd.concat(errors, ignore_index=True), "filter_error", folder)
-    stream, steady = (
-        rng.stream(settings.seed, "score.bounds"),
+    steady, generator = (
         constant_speed(takes.poses),
+        partial(rng.stream, settings.seed),
     )
-    evidence, against, refusals = filter_evidence(filters, names, steady, stream)
+    evidence, against, refusals = filter_evidence(filters, names, steady, generator)
     for refusal in refusals:
         print(f"score: {refusal}")
     return {}, {EVIDENCE: evidence, "filter_against_none": against}

@@ -1,11 +1,14 @@
 """Rows of evidence: what a table of outcomes gives, by its keys, in known cases."""
 
+from functools import partial
+
 import numpy as np
 import pandas as pd
 import pytest
 
 from pipeline.core.columns import spread, triangle
 from pipeline.core.filters import MEMORY, NONE, closed
+from pipeline.core.rng import stream
 from pipeline.evidence.filters import filter_evidence
 from pipeline.evidence.instruments import camera_evidence, wrench_evidence
 from pipeline.evidence.table import KEYS, depends_on, evidence_row, evidence_table
@@ -76,8 +79,8 @@ def test_a_bound_that_follows_the_ramps_alone_does_not_follow_at_constant_speed(
         np.stack([(1 + ramp + sign * np.sin(steps))[:, None]] * 3) for sign in (1, -1)
     )
     law = Filtered(error, bound[..., None] ** 2, np.zeros((1, 1)))
-    filters, rng = {NONE: law, "m": law}, np.random.default_rng(1)
-    evidence, _, _ = filter_evidence(filters, ["hip"], steady, rng)
+    filters = {NONE: law, "m": law}
+    evidence, _, _ = filter_evidence(filters, ["hip"], steady, partial(stream, 1))
     values = by(evidence, "quantity", "model", "steps", "rival")
     assert values[FOLLOWS, "m", "", ""] > 0.9
     assert values[FOLLOWS, "m", "constant_speed", ""] < -0.9
@@ -96,7 +99,9 @@ def test_an_error_varies_only_beyond_what_as_many_takes_reach_by_chance():
             dict.fromkeys([NONE, MEMORY, "m", closed("m")], law),
             np.full(79, False),
         )
-        evidence, against, refusals = filter_evidence(filters, JOINTS, none, rng)
+        evidence, against, refusals = filter_evidence(
+            filters, JOINTS, none, partial(stream, takes)
+        )
         rows = evidence[evidence["model"] == "m"].set_index(["quantity", "joint"])
         limits, values = (
             rows.loc["error_variation_limits"],

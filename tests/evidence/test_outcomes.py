@@ -19,10 +19,12 @@ from pipeline.evidence.motion import motion_evidence
 from pipeline.evidence.outcomes import (
     all_filters,
     case_evidence,
+    evaluate,
     outcome,
     pose_covariances,
 )
-from pipeline.evidence.table import evidence_row, evidence_table
+from pipeline.evidence.table import KEYS, evidence_row, evidence_table
+from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.particle_filter import Posterior
 from pipeline.models.kinds import options_type
 from pipeline.models.steps import Recorded, mean_covariance, process_noise
@@ -66,7 +68,7 @@ def takes(chain) -> Takes:
     return Takes(recorded, names, poses[:12], tested)
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def base() -> Choices:
     further = {"additive": {}, "gaussian": {"beta": 0.5}}
     further["wishart"] = {"decomposition": "by_shape", "floor": 0.2}
@@ -207,6 +209,73 @@ def test_a_model_or_filter_without_outcome_leaves_the_others_theirs_and_says_why
     assert models["rms_error_rad"] == {"additive", "wishart"}
     assert models["coverage"] == {"none", "additive", "wishart"}
     assert "sigma_b" not in models and models["step_log_score"] == {"additive"}
+
+
+@pytest.fixture(scope="module")
+def measured(takes) -> Camera:
+    """Frames of the test takes at every third step, and their noise."""
+    t, covariance = np.arange(0, STEPS + 1, 3) / 100.0, np.diag(STD**2)
+    rng, frames = np.random.default_rng(6), {}
+    for name, poses in takes.test.items():
+        y = poses[::3] + rng.normal(0.0, STD, (len(t), 3))
+        noise = np.broadcast_to(covariance, (len(t), 3, 3))
+        frames[name] = Measurements(name, t, y, np.zeros((len(t), 3)), noise)
+    return Camera(None, frames)
+
+
+def evidence_by_keys(case: Choices, recordings: Recordings) -> pd.DataFrame:
+    ((evidence, refusals),) = evaluate([case], recordings, map)
+    assert refusals == []
+    return evidence.set_index([*KEYS]).sort_index()
+
+
+@pytest.fixture(scope="module")
+def evidence_of_three(base, takes, measured) -> pd.DataFrame:
+    recordings = recordings_of(takes, measured)
+    return evidence_by_keys(replace(base, closed=True), recordings)
+
+
+@pytest.mark.parametrize(
+    "names",
+    [["additive", "gaussian", "another"], ["wishart", "gaussian", "additive"]],
+    ids=["one removed and one added", "reordered"],
+)
+def test_a_model_that_is_added_removed_or_moved_changes_no_row_of_another(
+    base, takes, measured, evidence_of_three, names
+):
+    further = {"another": replace(base.models["gaussian"], estimator="likelihood")}
+    models = base.models | further
+    case = replace(base, models={name: models[name] for name in names}, closed=True)
+    before = evidence_of_three
+    after = evidence_by_keys(case, recordings_of(takes, measured))
+    common = before.index.intersection(after.index)
+    pd.testing.assert_frame_equal(before.loc[common], after.loc[common])
+    limits = {"correlation_of_bound_limit", "error_variation_limits"}
+    assert limits | {"std_correlation_limit"} <= {*common.unique("quantity")}
+    # rows of models in both cases are missing only if they compare with the first model
+    missing = before.index.difference(after.index).to_frame()
+    removed = [name for name in base.models if name not in names]
+    removed += [closed(name) for name in removed]
+    of_removed = missing[["model", "rival"]].isin(removed).any(axis=1)
+    compared = missing["rival"].eq("additive") & (names[0] != "additive")
+    assert (of_removed | compared).all()
+
+
+def test_another_draw_changes_realisations_filters_and_their_limits(
+    base, takes, measured, evidence_of_three
+):
+    case = replace(base, draw=1, closed=True)
+    drawn = evidence_by_keys(case, recordings_of(takes, measured))
+    numbers = ["value", "low"]
+    sums = {
+        "same": evidence_of_three[numbers].sum(axis=1),
+        "other": drawn[numbers].sum(axis=1),
+    }
+    changed = pd.DataFrame(sums).groupby("quantity").sum()
+    for quantity in ("rms_error_rad", "error_variation_limits"):
+        assert changed.loc[quantity, "same"] != changed.loc[quantity, "other"]
+    # the fits are of the same takes
+    assert changed.loc["sigma_b", "same"] == changed.loc["sigma_b", "other"]
 
 
 @pytest.mark.parametrize("factor", [0.5, 2.0])

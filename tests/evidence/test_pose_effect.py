@@ -3,10 +3,12 @@ that cannot tell says so.
 """
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 
+from pipeline.core.rng import stream
 from pipeline.evidence.pose import pose_table
 from pipeline.models.joint_error.samples import JointRun
 from pipeline.models.model import frobenius
@@ -90,8 +92,10 @@ def test_the_table_has_the_exponent_of_noise_that_grows_with_the_norm_but_for_si
         still = [np.zeros(3)] * 2
         known = "r", 100.0, command, measured, tuple("abc"), *still
         runs.append(JointRun(*known, None, f"{number}"))
-    (row,) = pose_table(runs, chain, {}, rng).itertuples()
+    (row,) = pose_table(runs, chain, {}, partial(stream, 5)).itertuples()
     assert row.groups == 4 and 0.5 < row.low < 1 < row.high
     start = replace(runs[0], command=command[:30], measured=measured[:30])
-    table = pose_table([start], chain, {}, rng)  # too few windows: numbers without rows
+    table = pose_table(
+        [start], chain, {}, partial(stream, 5)
+    )  # too few windows: numbers without rows
     assert table.empty and set(table.dtypes[1:].astype(str)) == {"float64", "int64"}
