@@ -244,7 +244,7 @@ def test_the_citation_agrees_with_the_package_the_change_log_and_the_readme():
         project["license"],
     )
     heading = re.search(r"^## (.*)$", read("CHANGELOG.md"), re.MULTILINE)[1]
-    assert heading == f"{citation['version']} ({citation['date-released']})"
+    assert heading == f"[{citation['version']}] - {citation['date-released']}"
     readme = read("README.md")
     assert f"# {citation['title']}" == readme.splitlines()[0]
     (paper,) = citation["references"]
