@@ -33,37 +33,35 @@ def pytest_terminal_summary(terminalreporter, config: pytest.Config) -> None:
     the total, and setup, call and teardown of the tests of each module, over all workers, longest
     first.
     """
-    skipped = [str(one.longrepr) for one in terminalreporter.stats.get("skipped", [])]
-    if absent := sum(any(word in reason for word in BESIDE) for reason in skipped):
+    stats = terminalreporter.stats
+    reasons = [str(report.longrepr) for report in stats.get("skipped", [])]
+    absent = [reason for reason in reasons if any(word in reason for word in BESIDE)]
+    if absent:
         folder = Path(__file__).parents[2] / "shared"
         terminalreporter.write_line(
-            f"{absent} tests need the recordings in {folder}: skipped"
+            f"{len(absent)} tests need the recordings in {folder}: skipped"
         )
-    if (file := config.getoption("durations_file")) is None:
-        return
-    reports = [each for kind in terminalreporter.stats.values() for each in kind]
-    rows = pd.DataFrame(
-        (
-            one.nodeid.partition("::")[0],
-            one.nodeid,
-            one.duration,
-            "slow" not in one.keywords,
-        )
-        for one in reports
-        if isinstance(one, pytest.TestReport)
-    ).set_axis(["module", "tests", "seconds", "quick"], axis=1)
-    rows["seconds without slow tests"] = rows["seconds"] * rows.pop("quick")
+    file = config.getoption("durations_file")
+    if file is not None:
+        reports = [report for kind in stats.values() for report in kind]
+        table = durations([r for r in reports if isinstance(r, pytest.TestReport)])
+        table.to_csv(file, index_label="module")
+
+
+def durations(reports: list[pytest.TestReport]) -> pd.DataFrame:
+    """Return tests and seconds of each module, below the wall clock and the total."""
+    rows = pd.DataFrame()
+    rows["module"] = [report.nodeid.partition("::")[0] for report in reports]
+    rows["tests"] = [report.nodeid for report in reports]
+    rows["seconds"] = [report.duration for report in reports]
+    quick = ["slow" not in report.keywords for report in reports]
+    rows["seconds without slow tests"] = rows["seconds"].where(quick, 0.0)
     sums = {"tests": "nunique", "seconds": "sum", "seconds without slow tests": "sum"}
-    table = (
-        rows.groupby("module")
-        .agg(sums)
-        .sort_values(["seconds", "tests"], ascending=False)
-    )
+    table = rows.groupby("module").agg(sums)
+    table = table.sort_values(["seconds", "tests"], ascending=False)
     clock = {"tests": table["tests"].sum(), "seconds": monotonic() - STARTED}
     first = pd.DataFrame([clock, table.sum()], index=["wall clock", "total"])
-    pd.concat([first, table]).astype({"tests": int}).round(1).to_csv(
-        file, index_label="module"
-    )
+    return pd.concat([first, table]).astype({"tests": int}).round(1)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -14,17 +14,11 @@ import yaml
 from source_code import MODULES, ROOT, imports, package, pipeline_imports, tree
 
 TABLE = yaml.safe_load((ROOT / "pipeline/IMPORTS.yaml").read_text(encoding="utf-8"))
-PACKAGES, EXCEPTIONS, WRAPPERS = (
-    TABLE["packages"],
-    TABLE["exceptions"],
-    TABLE["wrappers"],
-)
-UPPER = {
-    "stages",
-    "studies",
-    "tools",
-    "__main__",
-}  # the paper's packages import none of these
+PACKAGES = TABLE["packages"]
+EXCEPTIONS = TABLE["exceptions"]
+WRAPPERS = TABLE["wrappers"]
+# the paper's packages import none of these
+UPPER = {"stages", "studies", "tools", "__main__"}
 
 
 def roots(module: str, top: bool = False) -> set[str]:
@@ -39,30 +33,30 @@ def within(module: str, entries: list[str]) -> bool:
 
 def allowed(module: str) -> list[str]:
     """The entries that ``module`` may import."""
-    own = package(module)
-    entries = [own, "core", *PACKAGES[own]["imports"]]
+    name = package(module)
+    entries = [name, "core", *PACKAGES[name]["imports"]]
     if "packages" in entries:
-        entries += [name for name in PACKAGES if name not in UPPER]
-    return entries + EXCEPTIONS.get(module.removeprefix("pipeline."), [])
+        entries += [lower for lower in PACKAGES if lower not in UPPER]
+    exceptions = EXCEPTIONS.get(module.removeprefix("pipeline."), [])
+    return entries + exceptions
 
 
-@pytest.mark.parametrize("part", sorted(PACKAGES))
-def test_imports_run_one_way(part):
-    for module in (name for name in MODULES if package(name) == part):
-        names = pipeline_imports(module)
-        assert names <= MODULES.keys(), module
-        assert {name for name in names if not within(name, allowed(module))} == set(), (
-            module
-        )
+@pytest.mark.parametrize("package_name", sorted(PACKAGES))
+def test_imports_run_one_way(package_name):
+    modules = [name for name in MODULES if package(name) == package_name]
+    for module in modules:
+        imported = pipeline_imports(module)
+        assert imported <= MODULES.keys(), module
+        entries = allowed(module)
+        against = [name for name in imported if not within(name, entries)]
+        assert against == [], module
 
 
 def test_the_table_has_every_package_and_no_other_and_no_circle():
     assert {package(module) for module in MODULES} == {*PACKAGES, "__init__"}
     below: set[str] = set()
-    for (
-        name,
-        entry,
-    ) in PACKAGES.items():  # the order of the table is the order of the layers
+    # the order of the table is the order of the layers
+    for name, entry in PACKAGES.items():
         assert set(entry["imports"]) - {"packages"} <= below, name
         below.add(name)
     assert not any(
@@ -127,7 +121,7 @@ def definitions(module: ast.Module) -> Iterator[Definition]:
 
 def called_from_outside(node: Definition) -> bool:
     """True where Python or pydantic calls it."""
-    decorators = " ".join(ast.unparse(one) for one in node.decorator_list)
+    decorators = " ".join(map(ast.unparse, node.decorator_list))
     return node.name.startswith("__") or "_validator" in decorators
 
 
@@ -136,14 +130,11 @@ def names_read(modules: dict[str, ast.Module]) -> Iterator[str]:
     for module in modules.values():
         by_name = "import_module" in ast.unparse(module)
         for node in ast.walk(module):
-            if isinstance(node, ast.Name | ast.Attribute):
-                yield node.id if isinstance(node, ast.Name) else node.attr
-            elif (
-                by_name
-                and isinstance(node, ast.Constant)
-                and isinstance(node.value, str)
-            ):
-                yield from re.findall(r"\w+", node.value)
+            match node:
+                case ast.Name(id=name) | ast.Attribute(attr=name):
+                    yield name
+                case ast.Constant(value=str(text)) if by_name:
+                    yield from re.findall(r"\w+", text)
 
 
 def words_outside_python() -> Iterator[str]:
@@ -151,21 +142,19 @@ def words_outside_python() -> Iterator[str]:
     for pattern in ("**/templates/*", "studies/**/*.yaml", "figures/**/*.yaml"):
         for file in (ROOT / "pipeline").glob(pattern):
             text = file.read_text(encoding="utf-8")
-            yield from (
-                *re.findall(r"\w+", text),
-                *re.findall(r"\w+", text.replace(" ", "_")),
-            )
+            yield from re.findall(r"\w+", text)
+            yield from re.findall(r"\w+", text.replace(" ", "_"))
 
 
 def unused(modules: dict[str, ast.Module], words: Iterable[str] = ()) -> list[str]:
     """Definitions whose name is read nowhere and is none of the ``words``."""
     used = {*words, *names_read(modules)}
-    return [
-        f"{module}.{node.name}"
-        for module, content in modules.items()
-        for node in definitions(content)
-        if node.name not in used and not called_from_outside(node)
-    ]
+    names = []
+    for module, content in modules.items():
+        for node in definitions(content):
+            if node.name not in used and not called_from_outside(node):
+                names.append(f"{module}.{node.name}")
+    return names
 
 
 def test_every_function_is_used():
@@ -196,24 +185,30 @@ def read(name: str) -> str:
 
 
 def test_modules_are_short_enough_to_be_read():
-    files = [
-        file for part in ("pipeline", "tests") for file in (ROOT / part).rglob("*.py")
-    ]
-    lines = {file: file.read_text(encoding="utf-8").count("\n") for file in files}
-    assert {file.name: count for file, count in lines.items() if count > LINES} == {}
+    too_long = {}
+    for folder in ("pipeline", "tests"):
+        for file in (ROOT / folder).rglob("*.py"):
+            lines = file.read_text(encoding="utf-8").count("\n")
+            if lines > LINES:
+                too_long[file.name] = lines
+    assert too_long == {}
 
 
 def test_nothing_is_random_or_dated_but_by_its_arguments():
     for module in MODULES:
-        roots = {name.split(".")[0] for name in imports(module)}
-        assert roots & CLOCKS <= ({"time"} if module in TIMED else set()), module
-        calls = {ast.unparse(node.func) for node in ast.walk(tree(module))
-                 if isinstance(node, ast.Call)}  # fmt: skip
-        made = {
-            c.rpartition(".")[2] for c in calls if re.match(r"(np|numpy)\.random\.", c)
-        }
-        known = GENERATORS if module == "pipeline.core.rng" else set()
-        assert made <= known, f"{module} makes a generator of its own"
+        clocks = roots(module) & CLOCKS
+        assert clocks <= ({"time"} if module in TIMED else set()), module
+        allowed_calls = GENERATORS if module == "pipeline.core.rng" else set()
+        calls = random_calls(tree(module))
+        assert calls <= allowed_calls, f"{module} makes a generator of its own"
+
+
+def random_calls(module: ast.Module) -> set[str]:
+    """Return the names of the functions of ``numpy.random`` that a module calls."""
+    calls = [node for node in ast.walk(module) if isinstance(node, ast.Call)]
+    names = {ast.unparse(call.func) for call in calls}
+    matches = [re.match(r"(?:np|numpy)\.random\.(\w+)", name) for name in names]
+    return {match[1] for match in matches if match}
 
 
 @pytest.mark.parametrize("pattern", [PLACES, REGISTRIES], ids=["place", "registry"])
@@ -223,11 +218,9 @@ def test_no_committed_file_names_a_place_on_one_machine_or_a_package_registry(pa
     )
     if listed.returncode:
         pytest.skip("not a git repository")
-    files = [ROOT / name for name in listed.stdout.split("\0") if name]
-    matches = {
-        file: pattern.findall(file.read_bytes()) for file in files if file.is_file()
-    }
-    assert {str(file): found for file, found in matches.items() if found} == {}
+    names = [name for name in listed.stdout.split("\0") if (ROOT / name).is_file()]
+    matches = {name: pattern.findall((ROOT / name).read_bytes()) for name in names}
+    assert [name for name in matches if matches[name]] == []
 
 
 def test_the_citation_agrees_with_the_package_the_change_log_and_the_readme():
@@ -248,7 +241,6 @@ def test_the_citation_agrees_with_the_package_the_change_log_and_the_readme():
     readme = read("README.md")
     assert f"# {citation['title']}" == readme.splitlines()[0]
     (paper,) = citation["references"]
-    names = [
-        f"{one['given-names'][0]}. {one['family-names']}" for one in paper["authors"]
-    ]
+    authors = [(name["given-names"], name["family-names"]) for name in paper["authors"]]
+    names = [f"{given_names[0]}. {family}" for given_names, family in authors]
     assert paper["title"] in " ".join(readme.split()) and ", ".join(names) in readme

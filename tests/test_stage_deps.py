@@ -21,14 +21,14 @@ COMPARED = {"dvc.yaml:report": {"data/raw/*/inventory.csv"}}
 
 def stages(*patterns: str) -> dict[str, dict]:
     """Definition of every stage of the dvc.yaml files, by file and name."""
-    return {
-        f"{file.relative_to(ROOT)}:{name}": stage
-        for pattern in patterns
-        for file in sorted(ROOT.glob(pattern))
-        for name, stage in yaml.safe_load(file.read_text(encoding="utf-8"))[
-            "stages"
-        ].items()
-    }
+    definitions = {}
+    for pattern in patterns:
+        for file in sorted(ROOT.glob(pattern)):
+            place = file.relative_to(ROOT)
+            content = yaml.safe_load(file.read_text(encoding="utf-8"))
+            for name, stage in content["stages"].items():
+                definitions[f"{place}:{name}"] = stage
+    return definitions
 
 
 PAPER = stages("dvc.yaml", "data/raw/*/dvc.yaml")
@@ -73,12 +73,9 @@ def stage_module(stage: dict) -> str:
 def sources(module: str) -> set[str]:
     """The files that a stage runs on; the package itself holds one line of text."""
     harmless = HARMLESS
-    if module.endswith(
-        ".configure"
-    ):  # of the models it uses the types of their options alone
-        harmless = HARMLESS | {
-            name for name in MODULES if package(name) in ("arm", "statistics")
-        }
+    if module.endswith(".configure"):  # uses only the types of the models' options
+        unused = {name for name in MODULES if package(name) in ("arm", "statistics")}
+        harmless = HARMLESS | unused
     files = {MODULES[name] for name in needed(module, harmless)}
     names = {str(file.relative_to(ROOT)) for file in files if file.stat().st_size}
     return names - {"pipeline/__init__.py"}
@@ -109,9 +106,8 @@ def test_a_stage_depends_on_the_code_that_it_runs_and_on_no_other(stage):
         result |= {
             path for path in deps if path not in ("pipeline/studies", "pipeline/tools")
         }
-    assert {
-        path for path in deps if not any(covers(path, file) for file in read)
-    } <= result
+    unread = {path for path in deps if not any(covers(path, file) for file in read)}
+    assert unread <= result
     if "pipeline/arm/model.py" in read:
         assert "pipeline/arm" in deps
         params = [keys for entry in definition["params"] for keys in entry.values()]
@@ -121,22 +117,30 @@ def test_a_stage_depends_on_the_code_that_it_runs_and_on_no_other(stage):
 @every_stage
 def test_the_folders_that_a_stage_names_are_its_deps_and_outs(stage):
     declared = paths(STAGES[stage], "deps", "outs", "metrics")
-    named, parts = set(), set()
-    for node in ast.walk(tree(stage_module(STAGES[stage]))):
+    texts = texts_of(tree(stage_module(STAGES[stage])))
+    for path in texts - CLEANED.get(stage, set()) - COMPARED.get(stage, set()):
+        is_place = re.fullmatch(r"(data|reports)/[\w*./]+", path)
+        if is_place and not path.endswith("dvc.yaml"):
+            overlaps = [covers(path, d) or covers(d, path) for d in declared]
+            assert any(overlaps), f"{stage} opens {path}"
+
+
+def texts_of(module: ast.Module) -> set[str]:
+    """Return every text of a module, with * for what an f-string fills in."""
+    texts, inside = set(), set()
+    for node in ast.walk(module):
         if isinstance(node, ast.JoinedStr):
-            texts = [getattr(part, "value", None) for part in node.values]
-            named.add("".join(text if isinstance(text, str) else "*" for text in texts))
-            parts |= {id(part) for part in node.values}
-        elif isinstance(node, ast.Constant) and id(node) not in parts:
-            named.add(str(node.value))
-    for path in named - CLEANED.get(stage, set()) - COMPARED.get(stage, set()):
-        if re.fullmatch(r"(data|reports)/[\w*./]+", path) and not path.endswith(
-            "dvc.yaml"
-        ):
-            known = any(
-                covers(path, other) or covers(other, path) for other in declared
-            )
-            assert known, f"{stage} opens {path}"
+            inside |= {id(value) for value in node.values}
+            texts.add("".join(literal(value) for value in node.values))
+        elif isinstance(node, ast.Constant) and id(node) not in inside:
+            texts.add(str(node.value))
+    return texts
+
+
+def literal(node: ast.expr) -> str:
+    """Return the text of a literal piece of an f-string, * for a piece that is filled in."""
+    text = getattr(node, "value", None)
+    return text if isinstance(text, str) else "*"
 
 
 def test_every_table_is_named_by_the_stages_that_write_it():
@@ -151,11 +155,11 @@ def test_every_table_is_named_by_the_stages_that_write_it():
 @pytest.mark.parametrize("stage", STUDIES)
 def test_a_study_names_its_code_and_options_and_not_its_own_lock_file(stage):
     place = stage.partition("/dvc.yaml:")[0]
-    own = {
-        file for file in (ROOT / place).rglob("*.*") if file.suffix in (".py", ".yaml")
-    }
-    files = {str(file.relative_to(ROOT)) for file in own if file.stat().st_size}
-    read = sources(f"{place.replace('/', '.')}.stage") | files - {f"{place}/dvc.yaml"}
-    assert uncovered(read, code(STUDIES[stage])) == set()
+    beside = [*(ROOT / place).rglob("*.py"), *(ROOT / place).rglob("*.yaml")]
+    files = {str(file.relative_to(ROOT)) for file in beside if file.stat().st_size}
+    files.discard(f"{place}/dvc.yaml")
+    deps = code(STUDIES[stage])
+    read = sources(f"{place.replace('/', '.')}.stage") | files
+    assert uncovered(read, deps) == set()
     # DVC writes the lock after the stage: a stage that depends on it is never up to date
-    assert not any(covers(path, f"{place}/dvc.lock") for path in code(STUDIES[stage]))
+    assert not any(covers(path, f"{place}/dvc.lock") for path in deps)
