@@ -17,8 +17,13 @@ from pipeline.core.errors import RecordingError
 from pipeline.core.options.analysis import ArticulationSection, Compute
 from pipeline.core.options.dataset import Depth, Robot
 from pipeline.perception.articulation import articulate_rows
-from pipeline.recordings.identity import FEWEST_FRAMES, OTHERS, residual_share
-from pipeline.recordings.quality import DEPTH_CAMERA, quality_row
+from pipeline.recordings.quality import (
+    DEPTH_CAMERA,
+    FEWEST_FRAMES,
+    OTHERS,
+    quality_row,
+    residual_share,
+)
 
 MOTION, DEPTH, TRACK = (
     Path("data/ingest/motion"),

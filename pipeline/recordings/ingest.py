@@ -13,9 +13,8 @@ from pipeline.core.bounds import within
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ConfigError, PipelineError
 from pipeline.core.options.dataset import Dataset
-from pipeline.recordings.identity import require_distinct
 from pipeline.recordings.inventory import raw_folder
-from pipeline.recordings.quality import REPETITIONS
+from pipeline.recordings.quality import REPETITIONS, require_distinct, rounding
 
 
 def read_part(
@@ -92,9 +91,9 @@ def _motion(dataset: Dataset, raw: Path, folder: Path, errors: list) -> list[dic
     if dataset.joint_log is not None:
         with collecting(errors):
             movements = joint_logs.read_movements(dataset, partial(collecting, errors))
-            require_distinct(
-                "movements", {name: one.actual for name, one in movements.items()}
-            )
+            angles = {name: read.actual for name, read in movements.items()}
+            exported = {name: rounding(measured) for name, measured in angles.items()}
+            require_distinct("movements", angles, tolerances=exported)
         if not errors:
             with collecting(errors):
                 trajectory, joints, counts = joint_logs.joint_log_rows(

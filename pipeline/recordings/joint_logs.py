@@ -20,7 +20,12 @@ from pipeline.recordings.commands import circular_joints, require_pair
 from pipeline.recordings.inventory import named_takes, raw_folder
 from pipeline.recordings.lags import REACH, in_phase, lag, stretch
 from pipeline.recordings.movement import LoggedMovement
-from pipeline.recordings.quality import LEFT_OUT, REPETITIONS, quality_row
+from pipeline.recordings.quality import (
+    LEFT_OUT,
+    REPETITIONS,
+    compare_takes,
+    quality_row,
+)
 from pipeline.recordings.repetitions import SLACK
 
 
@@ -87,28 +92,19 @@ def joint_log_rows(
         residuals[name] = stretch(read.actual - read.target, start - rest, length)
         notes += [(name, "resampled_rows", length)] if start != round(start) else []
     if rows:
-        beyond = np.stack([*residuals.values()])
-        scores, beside = (
-            repetitions.disturbances(beyond, rate),
-            repetitions.beside_others(beyond),
-        )
-        greatest = np.abs(beyond).max(axis=(1, 2))
-        for name, score, *distances in zip(
-            takes, scores, beside, greatest, strict=True
-        ):
-            notes.append((name, "residual_beside_others", distances[0], "rad"))
-            notes.append((name, "disturbance", score, "robust standard deviations"))
-            notes.append((name, "greatest_residual", distances[1], "rad"))
-            if score > options.disturbed_beyond:
+        errors = np.stack([*residuals.values()])
+        angles = np.stack([actual for actual, _ in rows.values()])
+        measures = compare_takes(angles, errors, rate, dataset.limits.likeness)
+        measures["greatest_residual"] = np.abs(errors).max(axis=(1, 2)), "rad"
+        for quantity, (of_takes, unit) in measures.items():
+            notes += [
+                (n, quantity, v, unit) for n, v in zip(takes, of_takes, strict=True)
+            ]
+        limit, (scores, _) = dataset.limits.disturbance, measures["disturbance"]
+        for (name, take), score in zip(takes.items(), scores, strict=True):
+            if limit is not None and score > limit:
                 del rows[name]
-                notes.append(
-                    (
-                        takes[name].movement,
-                        "disturbed_from_row",
-                        takes[name].first,
-                        "row",
-                    )
-                )
+                notes.append((take.movement, "disturbed_from_row", take.first, "row"))
     for name, pair in rows.items():
         require_pair(*pair, rate, options.mismatch, joints, file=raw, take=name)
     if len(rows) < 2:

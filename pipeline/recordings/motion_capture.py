@@ -1,5 +1,6 @@
 """Tables of motion-capture takes and the commanded trajectory, in SI units at the motion's rate."""
 
+import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
@@ -17,7 +18,6 @@ from pipeline.formats.format import Kind, format_of, formats_in
 from pipeline.formats.motion.take import MotionTake, RigidBody
 from pipeline.formats.trajectory import read_trajectory
 from pipeline.recordings.commands import require_velocities
-from pipeline.recordings.identity import own_name
 from pipeline.recordings.inventory import named_takes
 from pipeline.recordings.movement import require_speeds
 from pipeline.recordings.quality import quality_row
@@ -132,11 +132,34 @@ def marker_rows(
         "unlabelled_markers": len(stray),
     }
     counts |= {"frozen_frames": int(frozen.sum())}
-    counts |= {} if own_name(take.name, file) else {"named_otherwise": 1}
+    if not _is_named_by(take.name, file):
+        counts["named_otherwise"] = 1
     quality = [
         quality_row(name, part, "motion capture", *count) for count in counts.items()
     ]
     return pd.concat(rows, ignore_index=True), quality
+
+
+def _is_named_by(stated: str, file: Path) -> bool:
+    """Return whether the name ``stated`` in a take agrees with its ``file``, but for signs and an
+    appended word; RecordingError where it is the name of another file beside it.
+    """
+
+    def plain(name: str) -> str:
+        return re.sub(r"[\W_]+", "_", name.casefold())
+
+    if f"{plain(file.stem)}_".startswith(f"{plain(stated)}_"):
+        return True
+    beside = {plain(path.stem) for path in file.parent.glob(f"*{file.suffix}")}
+    if plain(stated) in beside:
+        message = f"the take is {stated!r} by its header, and another file has this name: restore "
+        raise RecordingError(
+            f"{message}the files' names, or export both again", file=file
+        )
+    print(
+        f"ingest: {file.name}: the take is {stated!r} by its header; the file's name is used"
+    )
+    return False
 
 
 def _tracks(

@@ -1,11 +1,18 @@
-"""Counts, losses and repairs of takes, comparison with the dataset's limits, and kept takes."""
+"""Account of each take: what it resembles and by how much, how late and how disturbed it is, what
+was lost and repaired; the limits of these measures, and the takes that they leave.
+"""
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
+from itertools import combinations
+from typing import NamedTuple
 
+import numpy as np
 import pandas as pd
+from scipy.spatial.distance import squareform
 
 from pipeline.core.errors import RecordingError
+from pipeline.recordings.lags import REACH, lag
 
 DEPTH_CAMERA = "depth camera"  # name of the instrument in the tables
 # counts of a movement: repetitions (takes), and prefix of the counts of left-out motions by reason
@@ -15,11 +22,33 @@ MEASURES = (
     "missing_share longest_gap interpolated relabelled_share residual_rms dropped_share "
     "clock_offset clock_offset_standard_error clock_drift clock_drift_standard_error "
     "camera_residual_share lag_behind_command lag_beside_others greatest_residual "
-    "residual_beside_others disturbance likeness"
+    "residual_beside_others disturbance nearest_take alike_takes likeness"
 ).split()
 # measures whose limit applies to the absolute value
 TWO_SIDED = ("clock_drift", "lag_behind_command", "lag_beside_others")
 FEWEST = 2  # least number of takes of a part, for the covariance and for leaving one take out
+
+SAME_SAMPLES = 2e-6  # m, rad or N: rounding to six decimals, below any noise
+DECIMALS = 9  # values that differ by less are one value, converted twice
+# likeness: rows over which noise averages out, and least number of such blocks in a take
+BLOCK, LEAST_BLOCKS = 10, 20
+DIFFERENCES, NOISE_GAIN = (
+    6,
+    924,
+)  # order of differences, and their variance of white noise of 1
+WITHIN = 1.5  # noise, greatest distance of equal takes: 1 for white noise, 1.3 with heavy tails
+# a group of more than half of the takes is equal by copying only if so many takes are not in it:
+# else the arm repeats within the noise, and the few takes outside are disturbed
+LEAST_OUTSIDE, SHARE_OUTSIDE = 3, 0.25
+# disturbance: least scale of the score of a whole take (the second term over the number of takes:
+# few takes do not show their scale) and of its greatest window, over the median of the takes;
+# LEAST_OF_JOINT is the least scale of a joint, over the median of all joints
+LEAST_SPREAD, OF_FEW_TAKES, LEAST_IN_WINDOWS, LEAST_OF_JOINT = 0.15, 0.3, 0.6, 0.25
+WINDOW = 0.25  # s, duration of a push by hand
+OVERLAP = 4  # number of windows that begin within the time of one window
+# images of another take: takes that are compared, frames that separate their shares, and the 0.8
+# quantile of a residual over its noise, below which takes are alike
+OTHERS, FEWEST_FRAMES, NOISE_MARGIN = 5, 40, 2.5
 
 
 def quality_row(
@@ -49,6 +78,269 @@ def summarise(quality: pd.DataFrame) -> pd.DataFrame:
     )
 
 
+def are_equal(
+    first: np.ndarray, second: np.ndarray, tolerance: np.ndarray | float = SAME_SAMPLES
+) -> bool:
+    """Return whether two arrays are equal to within ``tolerance``, with NaN in the same places."""
+    if first.shape != second.shape:
+        return False
+    for rows in (slice(1), slice(None)):  # the first row suffices for most
+        if not np.array_equal(np.isnan(first[rows]), np.isnan(second[rows])):
+            return False
+        if np.any(np.abs(first[rows] - second[rows]) > tolerance):
+            return False
+    return True
+
+
+def rounding(samples: np.ndarray) -> np.ndarray:
+    """Return half of the least step (n,) between the values of each column of ``samples`` (N, n):
+    another export of the same recording is equal to it within this, another recording is not.
+    """
+    halves = []
+    for column in samples.T:
+        values = np.unique(np.round(column, DECIMALS))
+        halves.append(np.diff(values).min(initial=np.inf) / 2)
+    least = np.array(halves)
+    return np.where(np.isinf(least), 0.0, least) + SAME_SAMPLES
+
+
+def require_distinct(
+    what: str,
+    samples: Mapping[str, np.ndarray],
+    parts: Mapping[str, str] = {},
+    tolerances: Mapping[str, np.ndarray] = {},
+) -> None:
+    """Raise RecordingError where two ``samples`` are equal to within rounding, or to within the
+    greater of their ``tolerances``; ``parts`` of the names are printed with them.
+    """
+    for first, second in combinations(samples, 2):
+        of_pair = [tolerances.get(name, SAME_SAMPLES) for name in (first, second)]
+        tolerance = np.maximum(*of_pair)
+        if are_equal(samples[first], samples[second], tolerance):
+            names = sorted((first, second))
+            pair = " and ".join(
+                f"{parts.get(name, '')} {name}".strip() for name in names
+            )
+            message = f"the {what} {pair} have equal samples: one is a copy of the other; take it"
+            raise RecordingError(f"{message} out, or record it again", take=second)
+
+
+def compare_takes(
+    angles: np.ndarray, residuals: np.ndarray, rate: float, limit: float | None
+) -> dict[str, tuple[np.ndarray, str]]:
+    """Return quantity → values (takes,) and unit of what each take is beside the others:
+    :func:`likeness`, :func:`disturbances` and :func:`lags_beside_others`.
+
+    ``angles`` (takes, K, n) in rad are measured, with NaN where they are not; ``residuals`` are
+    these minus the command, or minus what all takes share; ``rate`` in Hz. Of a group of copies,
+    beyond the ``limit`` of the likeness, one take counts in the median that others deviate from.
+    """
+    alike = likeness(angles)
+    copies = alike.ratio > (np.inf if limit is None else limit)
+    later = np.array([label in alike.group[:i] for i, label in enumerate(alike.group)])
+    usual = np.nanmedian(residuals, axis=0)
+    residuals = np.where(np.isnan(residuals), usual, residuals)
+    distinct = ~(copies & later)
+    return {
+        "likeness": (alike.ratio, "1"),
+        "alike_takes": (alike.size, "takes"),
+        "nearest_take": (alike.nearest, "noise"),
+        "disturbance": (
+            disturbances(residuals, rate, distinct),
+            "robust standard deviations",
+        ),
+        "residual_beside_others": (beside_others(residuals, distinct), "rad"),
+        "lag_beside_others": (lags_beside_others(angles, rate), "s"),
+    }
+
+
+class Likeness(NamedTuple):
+    """Groups of takes that are equal within the noise; arrays (takes,)."""
+
+    ratio: (
+        np.ndarray
+    )  # distance of the group to the nearest take outside, in noise; 1 without
+    size: np.ndarray  # number of takes in the group; 1 without
+    group: np.ndarray  # first take of the group, the take itself without
+    nearest: np.ndarray  # distance to the nearest take, in noise; NaN for a single take
+
+
+def likeness(angles: np.ndarray) -> Likeness:
+    """Return the groups of takes in ``angles`` (takes, K, n) rad that are equal within the noise,
+    whatever their number: :func:`noise_distances` of all moving joints up to WITHIN. The ratio is
+    at most 1.2 for recorded takes, and above 4 for copies with noise, offset, drift, scale of a few
+    percent or lag. If one joint is equal, the ratio is the root of the joint's ratio.
+
+    Takes that are all equal within the noise have the ratio 1: the arm may repeat within its noise.
+    """
+    number = len(angles)
+    by_joint = noise_distances(angles)
+    ratio, size = np.ones(number), np.ones(number)
+    group, nearest = np.arange(number), np.full(number, np.nan)
+    if number < 2 or not len(by_joint):
+        return Likeness(ratio, size, group, nearest)
+    of_all = by_joint.max(axis=0)
+    nearest = np.sort(of_all, axis=1)[:, 1]
+    groups = []
+    for members, distance in _equal_takes(of_all):
+        outside = number - len(members)
+        few_outside = outside < LEAST_OUTSIDE or outside <= SHARE_OUTSIDE * number
+        if len(members) <= number / 2 or not few_outside:
+            groups.append((members, distance))
+    for joint in by_joint:
+        for members, distance in _equal_takes(joint):
+            if len(members) <= number / 2:
+                groups.append((members, np.sqrt(distance)))
+    for members, distance in groups:
+        nearer = members[distance > ratio[members]]
+        ratio[nearer], size[nearer] = distance, len(members)
+        group[nearer] = members.min()
+    return Likeness(ratio, size, group, nearest)
+
+
+def noise_distances(angles: np.ndarray) -> np.ndarray:
+    """Return the distances (n, takes, takes) between ``angles`` (takes, K, m) rad of the n joints
+    that move, in units of the noise: 1 if two takes differ by white noise only.
+
+    A distance is the root mean square of the means over BLOCK rows, in which noise averages out
+    and a deviation of the arm does not. An offset, drift, scale, lag and its square are fitted. The
+    variance of the noise is the variance of DIFFERENCES-th differences over their gain, by median.
+    """
+    usual = np.nan_to_num(np.nanmedian(angles, axis=0))
+    moves = np.ptp(usual, axis=0) > REACH
+    angles = np.where(np.isnan(angles), usual, angles)[:, :, moves]
+    rows = max(min(BLOCK, angles.shape[1] // LEAST_BLOCKS), 1)
+    jumps = np.abs(np.diff(angles, DIFFERENCES, axis=1))
+    noise = (
+        1.4826 * np.median(jumps, axis=1).T / np.sqrt(NOISE_GAIN * rows)
+    )  # (n, takes)
+    speed = np.gradient(angles, axis=1)
+    speeding = np.gradient(speed, axis=1)
+    takes, speed, speeding = (_block_means(x, rows) for x in (angles, speed, speeding))
+    constant = np.ones_like(takes[:, 0])
+    time = np.cumsum(constant, axis=1)
+    distances = np.zeros((len(takes), len(angles), len(angles)))
+    for i in range(len(angles)):
+        fitted = constant, time, takes[:, i], speed[:, i], speeding[:, i]
+        basis = np.linalg.qr(np.stack(fitted, axis=-1))[0]  # (n, blocks, 5)
+        apart = takes - takes[:, [i]]
+        apart = apart - apart @ basis @ np.swapaxes(basis, 1, 2)
+        freedom = max(apart.shape[-1] - len(fitted), 1)
+        squares = np.sum(apart**2, axis=-1) / freedom
+        variance = noise**2 + noise[:, [i]] ** 2 + SAME_SAMPLES**2
+        distances[:, i] = np.sqrt(squares / variance)
+    return np.minimum(distances, np.swapaxes(distances, 1, 2))
+
+
+def _block_means(signal: np.ndarray, rows: int) -> np.ndarray:
+    """Return the means (n, takes, blocks) of ``signal`` (takes, K, n) over blocks of ``rows``."""
+    takes, length, joints = signal.shape
+    blocks = length // rows
+    cut = signal[:, : blocks * rows].reshape(takes, blocks, rows, joints)
+    return np.moveaxis(cut.mean(axis=2), 2, 0)
+
+
+def _equal_takes(distances: np.ndarray) -> Iterator[tuple[np.ndarray, float]]:
+    """Yield the members of each cluster of takes within WITHIN of each other by single linkage of
+    the ``distances`` (takes, takes) in noise, and its distance to the next take over its own, which
+    counts at least as 1.
+    """
+    from scipy.cluster.hierarchy import linkage
+
+    number = len(distances)
+    members = [np.array([take]) for take in range(number)]
+    within = [np.inf] * number  # greatest link in the cluster
+    for first, second, distance, _ in linkage(squareform(distances), "single"):
+        children = int(first), int(second)
+        for child in children:
+            if within[child] <= WITHIN:
+                yield members[child], distance / max(within[child], 1.0)
+        members.append(np.concatenate([members[child] for child in children]))
+        within.append(distance)
+
+
+def lags_beside_others(angles: np.ndarray, rate: float) -> np.ndarray:
+    """Return the lags (takes,) in s of ``angles`` (takes, K, n) rad behind their median, at
+    ``rate`` in Hz; 0 for two takes.
+    """
+    if len(angles) < 3:
+        return np.zeros(len(angles))
+    median = np.nanmedian(angles, axis=0)
+    return np.array([lag_of_take(median, take, rate) for take in angles])
+
+
+def lag_of_take(command: np.ndarray, take: np.ndarray, rate: float) -> float:
+    """Return the lag in s of ``take`` (K, n) behind ``command``, over the rows without NaN."""
+    measured = np.isfinite(take).all(axis=1) & np.isfinite(command).all(axis=1)
+    return lag(command[measured], take[measured], rate)
+
+
+def disturbances(
+    residuals: np.ndarray, rate: float, distinct: np.ndarray | None = None
+) -> np.ndarray:
+    """Return the distance (takes,) of each take from the median take, in robust standard deviations
+    (1.4826 times the median absolute deviation, at least LEAST_SPREAD, more for few takes, or
+    LEAST_IN_WINDOWS of the median); the medians are of the ``distinct`` takes (default all).
+
+    The distance is the greater of two: the root mean square over the take, and the greatest mean
+    over a joint and window. ``residuals`` (takes, K, joints) rad are measured minus commanded
+    angles, ``rate`` in Hz. With two takes, the distances are 0.
+    """
+    if distinct is None:
+        distinct = np.ones(len(residuals), bool)
+    least = LEAST_SPREAD + OF_FEW_TAKES / distinct.sum()
+    whole = _scores(beside_others(residuals, distinct), distinct, least)
+    windows = _greatest_in_windows(residuals, rate, distinct)
+    return np.maximum(_scores(windows, distinct, LEAST_IN_WINDOWS), whole)
+
+
+def beside_others(signal: np.ndarray, distinct: np.ndarray) -> np.ndarray:
+    """Return the root mean square distance (takes,) of ``signal`` from the median of the
+    ``distinct`` takes.
+    """
+    median = np.median(signal[distinct], axis=0)
+    return np.sqrt(np.mean((signal - median) ** 2, axis=(-2, -1)))
+
+
+def _greatest_in_windows(
+    signal: np.ndarray, rate: float, distinct: np.ndarray
+) -> np.ndarray:
+    """Return the greatest relative distance (takes,) from the median in a joint and window."""
+    beside, length = signal - np.median(signal[distinct], axis=0), signal.shape[1]
+    rows = min(max(round(WINDOW * rate), 1), length)
+    starts = np.arange(0, length - rows + 1, max(rows // OVERLAP, 1))
+    sums = np.cumsum(beside, axis=1)
+    sums = np.concatenate([np.zeros_like(sums[:, :1]), sums], axis=1)
+    means = np.abs(sums[:, starts + rows] - sums[:, starts]) / rows
+    in_window, of_joint, of_all = (
+        np.median(means[distinct], axes, keepdims=True) for axes in (0, (0, 1), None)
+    )
+    usual = np.maximum(in_window, np.maximum(of_joint, LEAST_OF_JOINT * of_all))
+    ratios = np.divide(means, usual, out=np.ones_like(means), where=usual > 0)
+    return ratios.max(axis=(1, 2))
+
+
+def _scores(distance: np.ndarray, distinct: np.ndarray, least: float) -> np.ndarray:
+    """Return ``distance`` (takes,) minus the median of the ``distinct`` takes, in robust standard
+    deviations of these, at least ``least`` of the median.
+    """
+    median = np.median(distance[distinct])
+    deviation = 1.4826 * np.median(np.abs(distance[distinct] - median))
+    scale = max(deviation, least * median)
+    return (distance - median) / scale if scale > 0 else np.zeros_like(distance)
+
+
+def residual_share(seen: np.ndarray, residual: float, others: list[float]) -> float:
+    """Return the ``residual`` of a take's centroids ``seen`` (F, d) in m beside its joints, over
+    the median of the residuals beside ``others``: 1 for the images of another take. Takes that
+    differ by less than the noise of ``seen`` cannot be told apart; their share is below 1.
+    """
+    # mostly at rest: the motion adds to a few
+    jumps = np.abs(np.diff(seen, DIFFERENCES, axis=0))
+    noise = 1.4826 * np.median(jumps) / np.sqrt(NOISE_GAIN)
+    return float(residual / max(float(np.median(others)), NOISE_MARGIN * noise))
+
+
 def beside_limits(
     quality: pd.DataFrame, limits: dict[str, float | None]
 ) -> pd.DataFrame:
@@ -71,10 +363,13 @@ def beside_limits(
 def _reasons(takes: pd.DataFrame) -> pd.Series:
     """Return take → text of the measures beyond their limits."""
     beyond = takes[takes["beyond"]]
-    words = [
-        f"{row.measure} {row.value:.3g} beyond {row.limit:g}"
-        for row in beyond.itertuples()
-    ]
+    sizes = takes[takes["measure"] == "alike_takes"].set_index("take")["value"]
+    words = []
+    for row in beyond.itertuples():
+        reason = f"{row.measure} {row.value:.3g} beyond {row.limit:g}"
+        if row.measure == "likeness":
+            reason += f", {sizes[row.take]:g} takes are copies of one"
+        words.append(reason)
     words = pd.Series(words, beyond["take"], dtype="str")
     return words.groupby(level=0, sort=False).agg(", ".join)
 

@@ -1,4 +1,4 @@
-"""Repetitions of one commanded motion in a robot's log, and detection of disturbed repetitions."""
+"""Repetitions of one commanded motion in a robot's log."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -11,11 +11,6 @@ from pipeline.recordings.lags import REACH
 REST_SPEED = (
     1e-4  # rad/s: less than a microradian per sample, below the resolution of encoders
 )
-# least scale of the score of a whole take and of its greatest window, over the median of the takes;
-# LEAST_SPREAD is also the least scale of a joint, over the median of all joints
-LEAST_SPREAD, LEAST_IN_WINDOWS = 0.25, 0.45
-WINDOW = 0.25  # s, duration of a push by hand
-OVERLAP = 4  # number of windows that begin within the time of one window
 SLACK = 2  # rows by which a log may have the same command earlier, later or longer
 
 
@@ -122,46 +117,3 @@ def _find_passes(
         else:
             runs.append(Excursion(first, first + steps, whole=True))
     return Repetitions(runs, {"overlapping": overlapping})
-
-
-def disturbances(residuals: np.ndarray, rate: float) -> np.ndarray:
-    """Return the distance (takes,) of each repetition from the median repetition, in robust
-    standard deviations (1.4826 times the median absolute deviation, at least LEAST_SPREAD or
-    LEAST_IN_WINDOWS of the median).
-
-    The distance is the greater of two: the root mean square over the take, and the greatest mean
-    over a joint and window. ``residuals`` (takes, K, joints) rad are measured minus commanded
-    angles, ``rate`` in Hz. With two repetitions, the distances are 0.
-    """
-    whole = _scores(beside_others(residuals), LEAST_SPREAD)
-    return np.maximum(_scores(_windowed(residuals, rate), LEAST_IN_WINDOWS), whole)
-
-
-def beside_others(signal: np.ndarray) -> np.ndarray:
-    """Return the root mean square distance (takes,) of ``signal`` from the median of the takes."""
-    return np.sqrt(np.mean((signal - np.median(signal, axis=0)) ** 2, axis=(-2, -1)))
-
-
-def _windowed(signal: np.ndarray, rate: float) -> np.ndarray:
-    """Return the greatest relative distance (takes,) from the median in a joint and window."""
-    beside, length = signal - np.median(signal, axis=0), signal.shape[1]
-    rows = min(max(round(WINDOW * rate), 1), length)
-    starts = np.arange(0, length - rows + 1, max(rows // OVERLAP, 1))
-    sums = np.cumsum(
-        np.concatenate([np.zeros_like(beside[:, :1]), beside], axis=1), axis=1
-    )
-    means = np.abs(sums[:, starts + rows] - sums[:, starts]) / rows
-    here, of_joint, of_all = (
-        np.median(means, axes, keepdims=True) for axes in (0, (0, 1), None)
-    )
-    usual = np.maximum(here, np.maximum(of_joint, LEAST_SPREAD * of_all))
-    ratios = np.divide(means, usual, out=np.ones_like(means), where=usual > 0)
-    return ratios.max(axis=(1, 2))
-
-
-def _scores(distance: np.ndarray, least: float) -> np.ndarray:
-    """Return ``distance`` (takes,) minus its median, in robust standard deviations."""
-    off = distance - np.median(distance)
-    deviation = 1.4826 * np.median(np.abs(off))
-    scale = np.maximum(deviation, least * (distance - off))
-    return np.divide(off, scale, out=np.zeros_like(off), where=scale > 0)

@@ -15,16 +15,22 @@ from pipeline.arm.interface import Chain
 from pipeline.arm.model import chain_of
 from pipeline.core.angles import apart
 from pipeline.core.errors import RecordingError
-from pipeline.core.options.dataset import Dataset, Robot
+from pipeline.core.options.dataset import Dataset, Limits, Robot
 from pipeline.models.joint_error.samples import JointRun
 from pipeline.models.other_motions import MotionSteps
 from pipeline.recordings.commands import circular_joints, standing_joints
 from pipeline.recordings.joint_logs import read_movements
 from pipeline.recordings.lags import REACH, delayed, in_phase, joint_lags, stretch
 from pipeline.recordings.movement import LoggedMovement
-from pipeline.recordings.repetitions import SLACK, disturbances, find_repetitions
+from pipeline.recordings.quality import (
+    are_equal,
+    compare_takes,
+    disturbances,
+    rounding,
+)
+from pipeline.recordings.repetitions import SLACK, find_repetitions
 
-BEYOND = 6.0  # robust standard deviations, as dataset.joint_log.disturbed_beyond
+LIMITS = Limits()  # of the likeness and the disturbance of runs of one motion
 PAUSE = 0.1  # s, shortest pause between two runs
 CORE = 0.1  # share of a command that is not compared, at both ends
 LATE_ROWS = np.arange(-4, 5)[
@@ -74,14 +80,15 @@ def joint_runs(
                 reason = f"its command moves by {by[column]:.3g} rad, it moves by"
                 unused[joint] = f"{reason} {moved[column]:.2g} rad"
     moving = [joint for joint in joints if joint not in unused]
-    first: dict[bytes, str] = {}  # measured angles → recording
+    distinct: dict[str, np.ndarray] = {}  # recording → measured angles
     for name, read in movements.items() if moving else ():
         chosen = read.of(moving)
-        if (known := first.setdefault(chosen.actual.tobytes(), name)) != name:
+        if original := _original_of(chosen.actual, distinct):
             unused[name] = (
-                f"a copy: its measured angles are equal to the angles of {known}"
+                f"a copy: its measured angles are equal to the angles of {original}"
             )
             continue
+        distinct[name] = chosen.actual
         if not chosen.motions:
             most = np.ptp(chosen.target, axis=0).max()
             reason = f"the command never moves by more than {REACH:g} rad between two rests, by "
@@ -90,11 +97,7 @@ def joint_runs(
             continue
         runs += _runs_of(name, chosen, rate, pose_noise)
     runs = named_motions(runs, chosen.circular) if runs else []
-    for name, score, others in _disturbed(runs):
-        reason = (
-            f"disturbed: {score:.3g} robust standard deviations from {others} runs of"
-        )
-        unused[name] = f"{reason} the same motion"
+    unused |= _beyond_limits(runs)
     if not (runs := [run for run in runs if run.name not in unused]):
         found = "; ".join(f"{name}: {reason}" for name, reason in unused.items())
         raise RecordingError(
@@ -222,38 +225,49 @@ def _is_part(part: np.ndarray, whole: np.ndarray, circular: np.ndarray) -> bool:
     return False
 
 
-def _disturbed(runs: Sequence[JointRun]) -> list[tuple[str, float, int]]:
-    """Return name, score and number of other runs of each disturbed one of at least FEWEST runs of
-    one motion whose commands differ by less than ALIKE in every row; see :func:`disturbances`.
+def _original_of(angles: np.ndarray, earlier: Mapping[str, np.ndarray]) -> str:
+    """Return the ``earlier`` recording that equals ``angles`` (N, n) rad by rounding, or ""."""
+    for name, recorded in earlier.items():
+        tolerance = np.maximum(rounding(angles), rounding(recorded))
+        if are_equal(angles, recorded, tolerance):
+            return name
+    return ""
+
+
+def _beyond_limits(runs: Sequence[JointRun]) -> dict[str, str]:
+    """Return name → reason of each run that is a copy of others of its motion or, of at least
+    FEWEST runs, disturbed: :func:`compare_takes` of runs whose commands differ by less than ALIKE.
     """
-    found, motions = [], {}
+    motions: dict[str, dict[str, np.ndarray]] = {}
     for run in runs:
-        both = np.stack([run.command, run.measured - run.command])
-        motions.setdefault(run.motion, {})[run.name] = both[
-            :, _moving_rows(run.command)
-        ]
-    for parts in motions.values():
-        length = int(np.median([part.shape[1] for part in parts.values()])) - SLACK
-        parts = {
-            name: part[:, :length]
-            for name, part in parts.items()
-            if part.shape[1] >= length
-        }
-        usual = np.median([part[0] for part in parts.values()], axis=0)
-        parts = {
-            n: part
-            for n, part in parts.items()
-            if np.abs(part[0] - usual).max() < ALIKE
-        }
-        if len(parts) >= FEWEST:
-            scores = disturbances(
-                np.stack([part[1] for part in parts.values()]), runs[0].rate
-            )
-            pairs = zip(parts, scores.tolist(), strict=True)
-            found += [
-                (name, score, len(parts) - 1) for name, score in pairs if score > BEYOND
-            ]
-    return found
+        pair = np.stack([run.command, run.measured - run.command])
+        moving = pair[:, _moving_rows(run.command)]
+        motions.setdefault(run.motion, {})[run.name] = moving
+    reasons = {}
+    for pairs in motions.values():
+        length = int(np.median([pair.shape[1] for pair in pairs.values()])) - SLACK
+        pairs = {n: p[:, :length] for n, p in pairs.items() if p.shape[1] >= length}
+        usual = np.median([pair[0] for pair in pairs.values()], axis=0)
+        alike = [n for n, p in pairs.items() if np.abs(p[0] - usual).max() < ALIKE]
+        if len(alike) < 3:
+            continue
+        errors = np.stack([pairs[name][1] for name in alike])
+        measures = compare_takes(usual + errors, errors, runs[0].rate, LIMITS.likeness)
+        likeness, size, scores = (
+            measures[name][0] for name in ("likeness", "alike_takes", "disturbance")
+        )
+        for i, name in enumerate(alike):
+            if likeness[i] > LIMITS.likeness:
+                reasons[name] = (
+                    f"a copy: {size[i]:g} runs are equal within the noise, and "
+                    f"{likeness[i]:.3g} times as far from the next run of the motion"
+                )
+            elif scores[i] > LIMITS.disturbance and len(alike) >= FEWEST:
+                reasons[name] = (
+                    f"disturbed: {scores[i]:.3g} robust standard deviations from "
+                    f"{len(alike) - 1} runs of the same motion"
+                )
+    return reasons
 
 
 @dataclass
@@ -335,7 +349,8 @@ def _compare(motion: FoundMotion, logs: Mapping, rate: float, chain: Chain) -> N
             del residuals[name, row]
     if len(residuals) >= FEWEST:
         scores = disturbances(np.stack([*residuals.values()]), rate)
-        motion.disturbed += [[*residuals][i] for i in np.flatnonzero(scores > BEYOND)]
+        disturbed = np.flatnonzero(scores > LIMITS.disturbance)
+        motion.disturbed += [[*residuals][i] for i in disturbed]
 
 
 def _regular_stretches(angles: np.ndarray, chain: Chain) -> list[tuple[int, int]]:

@@ -10,16 +10,18 @@ import pandas as pd
 from pipeline.arm.model import arm_of, chain_of
 from pipeline.configuration import config
 from pipeline.core import contracts
-from pipeline.core.columns import columns, spread
+from pipeline.core.columns import columns, spread, values
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import SingularJacobianError
 from pipeline.models.steps import process_noise
 from pipeline.perception.markers import follower
 from pipeline.recordings import commands
 from pipeline.recordings.depth_takes import on_motion_clock, with_markers
-from pipeline.recordings.identity import lags_beside_others, likeness
 from pipeline.recordings.quality import (
+    WITHIN,
     beside_limits,
+    compare_takes,
+    lag_of_take,
     quality_row,
     reasons,
     require_enough,
@@ -42,25 +44,21 @@ def run() -> None:
         quality = pd.concat(
             [contracts.read("quality", INGEST / part) for part in parts]
         )
-        limits, repairs, source = dict(vars(dataset.limits)), [], "motion capture"
+        repairs, source = [], "motion capture"
         if dataset.mocap is None:
             joints = contracts.read("joint_log", MOTION).assign(residual=np.nan)
             print(
                 "track: no motion capture; the joint angles are from the controller's log"
             )
-            source, log = "joint log", dataset.joint_log
-            limits |= {"disturbance": log.disturbed_beyond}
+            source = "joint log"
         else:
             joints, repairs = _track(dataset)
             quality = quality[quality["instrument"] != "joint log"]
             if dataset.depth is not None:
                 repairs += _write_frames(settings, joints, folder)
-        names, q = contracts.stacked(joints, "q")
-        parts = joints.drop_duplicates("take")["part"]
-        for take, part, value in zip(names, parts, likeness(q), strict=True):
-            repairs.append(quality_row(take, part, source, "likeness", value, "1"))
         takes = pd.concat([quality, pd.DataFrame(repairs)], ignore_index=True)
-        takes = beside_limits(takes, limits)
+        takes = beside_limits(takes, vars(dataset.limits))
+        _print_lags_and_copies(takes)
         require_enough(takes)
         if left_out := reasons(takes):
             number = takes["take"].nunique()
@@ -122,21 +120,40 @@ def _track(dataset) -> tuple[pd.DataFrame, list[dict]]:
                 ("relabelled_share", counts["relabelled"] / track.samples, "share")
             )
         repairs += [quality_row(take, part, "motion capture", *row) for row in rows]
-    q = np.stack(
-        [rows[columns("q", dataset.robot.joints)].to_numpy() for rows in joints]
+    table = pd.concat(joints, ignore_index=True)
+    return table, repairs + _beside_others(table, dataset)
+
+
+def _beside_others(joints: pd.DataFrame, dataset) -> list[dict]:
+    """Return the quality rows of each take beside the other takes and the command."""
+    rate, chain = dataset.motion.rate, chain_of(dataset.robot)
+    names, q = contracts.stacked(joints, "q")
+    measures = compare_takes(q, q, rate, dataset.limits.likeness)
+    path = values(contracts.read("trajectory", MOTION), "x")
+    late = [lag_of_take(path, chain.coordinates(chain.pose(take)), rate) for take in q]
+    measures["lag_behind_command"] = np.array(late), "s"
+    parts = joints.drop_duplicates("take")["part"]
+    rows = []
+    for quantity, (of_takes, unit) in measures.items():
+        for take, part, value in zip(names, parts, of_takes, strict=True):
+            row = take, part, "motion capture", quantity, value, unit
+            rows.append(quality_row(*row))
+    return rows
+
+
+def _print_lags_and_copies(takes: pd.DataFrame) -> None:
+    """Print the lags behind the command, and takes that are all equal within the noise."""
+    by_measure = dict(list(takes.groupby("measure")["value"]))
+    late = 1e3 * by_measure["lag_behind_command"]
+    print(
+        f"track: lag behind the command: median {late.median():.3g} ms, from {late.min():.3g} to"
+        f" {late.max():.3g} ms in {len(late)} takes"
     )
-    for rows, late in zip(
-        joints, lags_beside_others(q, dataset.motion.rate), strict=True
-    ):
-        row = (
-            *rows.loc[0, ["take", "part"]],
-            "motion capture",
-            "lag_beside_others",
-            late,
-            "s",
+    if (by_measure["nearest_take"] <= WITHIN).all():
+        print(
+            "track: ! each take is equal to another one within the noise: either the arm repeats"
+            " within the noise of its instrument, or takes are copies"
         )
-        repairs.append(quality_row(*row))
-    return pd.concat(joints, ignore_index=True), repairs
 
 
 def _cross_check(joints: pd.DataFrame, dataset) -> None:

@@ -8,6 +8,7 @@ from dataclasses import replace
 import pandas as pd
 
 from pipeline.core.errors import ContractError
+from pipeline.core.options.dataset import UNSEEN
 from pipeline.verdicts import decision as d
 from pipeline.verdicts import scores, wording
 from pipeline.verdicts.claims import PROJECT, Claim
@@ -415,4 +416,5 @@ def recordings_page(run: Run) -> str:
         for name, own in totals.items()
     ]
     kept = kept.astype(object).fillna("").astype(str).to_numpy().tolist()
-    return render("recordings.md", run=run, kept=kept, lost=lost)
+    words = {"run": run, "kept": kept, "lost": lost, "unseen": UNSEEN}
+    return render("recordings.md", **words)

@@ -14,14 +14,18 @@ from pipeline.core.errors import RecordingError
 from pipeline.core.options.dataset import Arrangement, Force, Limits
 from pipeline.formats.force.record import ForceRecord, sound_samples
 from pipeline.formats.motion.motive import read_motive, write_motive
-from pipeline.recordings.depth_takes import OTHERS, bias_warning, camera_residuals
-from pipeline.recordings.identity import (
+from pipeline.recordings.depth_takes import bias_warning, camera_residuals
+from pipeline.recordings.ingest import read_part
+from pipeline.recordings.quality import (
+    OTHERS,
+    WITHIN,
+    compare_takes,
+    disturbances,
     lags_beside_others,
     likeness,
     require_distinct,
     residual_share,
 )
-from pipeline.recordings.ingest import read_part
 from pipeline.wrench.measured_force import require_own_configuration
 
 TRAIN, TEST = "train_001", "test_001"
@@ -126,28 +130,96 @@ SHIFTS = {
 }
 
 
+def swaying_takes(takes: int, motion, rng: np.random.Generator) -> np.ndarray:
+    """Angles (takes, 320, 4) in rad: each take sways in its own way, with jitter and noise; a joint
+    at rest has two values.
+    """
+    time = np.arange(320) / 100
+    q = (rng.random((takes, 320, 4)) < 0.003).cumsum(axis=1) % 2 * 1e-4
+    for take in q:
+        waves = rng.uniform(2, 10, 6)[:, None] * time + rng.uniform(0, 6, (3, 6, 1))
+        late = time + rng.normal(0, 1e-3, 320)
+        take[:, :3] = motion(late) + 0.002 * np.sin(waves).sum(axis=1).T
+        take[:, :3] += rng.normal(0, 1e-4, (320, 3))
+    return q
+
+
+LIMITS = Limits()
+
+
 @pytest.mark.parametrize("disguise", [*SHIFTS, "all"])
-@pytest.mark.parametrize("takes", [3, 4, 40])
+@pytest.mark.parametrize("takes", [4, 40])
 def test_a_copied_take_is_beyond_the_limit_also_disguised_and_sound_takes_are_not(
     motion, takes, disguise
 ):
-    """Each take sways in its own way, with jitter and noise; a joint at rest has two values."""
-    rng, time = np.random.default_rng(takes), np.arange(320) / 100
-    q = (rng.random((takes, 320, 4)) < 0.003).cumsum(axis=1) % 2 * 1e-4
-    for each in q:
-        waves = rng.uniform(2, 10, 6)[:, None] * time + rng.uniform(0, 6, (3, 6, 1))
-        late = time + rng.normal(0, 1e-3, 320)
-        each[:, :3] = motion(late) + 0.002 * np.sin(waves).sum(axis=1).T
-        each[:, :3] += rng.normal(0, 1e-4, (320, 3))
-    assert likeness(q).max() < Limits().likeness / 1.5
+    rng = np.random.default_rng(takes)
+    q = swaying_takes(takes, motion, rng)
+    assert likeness(q).ratio.max() < LIMITS.likeness / 1.5
     copied = q.copy()
     joints = slice(1, 2) if disguise == "one joint" else slice(4)
     copied[2, :, joints] = q[0, :, joints]
     for name in SHIFTS if disguise == "all" else [disguise]:
         copied[2, :, joints] = SHIFTS[name](copied[2, :, joints], rng)
-    found = likeness(copied) > Limits().likeness
-    assert np.flatnonzero(found).tolist() == [0, 2]
-    assert likeness(copied[:2]).tolist() == [1, 1]
+    alike = likeness(copied)
+    assert np.flatnonzero(alike.ratio > LIMITS.likeness).tolist() == [0, 2]
+    assert alike.size[[0, 2]].tolist() == [2, 2] and likeness(copied[:2]).size[0] == 1
+
+
+@pytest.mark.parametrize("noise", [2e-4, 1e-3])  # rad
+@pytest.mark.parametrize(
+    ("takes", "groups"), [(12, [6]), (12, [8]), (60, [11, 11]), (60, [40])]
+)
+def test_groups_of_noisy_copies_are_found_whatever_their_number(
+    motion, takes, groups, noise
+):
+    rng = np.random.default_rng(takes)
+    q = swaying_takes(takes, motion, rng)
+    sizes, first = np.ones(takes), 0
+    for size in groups:
+        group = slice(first, first + size)
+        q[group] = q[first] + rng.normal(0, noise, q[group].shape)
+        sizes[group], first = size, first + size
+    alike = likeness(q)
+    np.testing.assert_array_equal(alike.size, sizes)
+    np.testing.assert_array_equal(alike.ratio > LIMITS.likeness, sizes > 1)
+    # the copies count once where a take is held against the usual one: no sound take is disturbed
+    measures = compare_takes(q, q, 100.0, LIMITS.likeness)
+    assert measures["disturbance"][0][sizes == 1].max() < LIMITS.disturbance
+
+
+@pytest.mark.parametrize("pushed", [0, 1, 2])
+def test_an_arm_that_repeats_within_its_noise_has_disturbed_takes_and_no_copies(
+    motion, pushed
+):
+    """All takes are equal within the noise: the likeness cannot be seen, and is not beyond."""
+    rng, time = np.random.default_rng(pushed), np.arange(320) / 100
+    q = motion(time) + rng.normal(0, 1e-4, (10, 320, 3))
+    for take in range(pushed):
+        rows = slice(60 + 90 * take, 90 + 90 * take)
+        q[take, rows, 1] += 3e-3 * np.sin(np.linspace(0, np.pi, 30))
+    measures = compare_takes(q, q, 100.0, LIMITS.likeness)
+    assert measures["likeness"][0].max() < LIMITS.likeness
+    beyond = measures["disturbance"][0] > LIMITS.disturbance
+    assert np.flatnonzero(beyond).tolist() == [*range(pushed)]
+    assert (measures["nearest_take"][0][pushed:] < WITHIN).all()
+
+
+@pytest.mark.parametrize("takes", [15, 60])
+def test_a_take_of_three_times_the_deviation_is_disturbed_and_sound_ones_are_not(
+    motion, takes
+):
+    """A take that hardly deviates is not found, as three times its deviation is a usual one."""
+    rng, times_found = np.random.default_rng(takes), 0
+    for _ in range(10):
+        q = swaying_takes(takes, motion, rng)
+        disturbed = q.copy()
+        disturbed[4] += 2 * (q[4] - q.mean(axis=0))
+        scores = disturbances(q, 100.0)
+        assert scores.max() < LIMITS.disturbance
+        beyond = np.flatnonzero(disturbances(disturbed, 100.0) > LIMITS.disturbance)
+        assert {*beyond.tolist()} <= {4}
+        times_found += len(beyond)
+    assert times_found >= 9
 
 
 @pytest.mark.parametrize(

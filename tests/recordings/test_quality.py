@@ -4,6 +4,7 @@ accounted for.
 
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 from sample_options import parameters
@@ -15,6 +16,8 @@ from pipeline.recordings import inventory
 from pipeline.recordings.quality import (
     account,
     beside_limits,
+    beside_others,
+    disturbances,
     quality_row,
     reasons,
     require_enough,
@@ -40,6 +43,15 @@ def test_a_take_beyond_a_limit_is_left_out_whole_and_one_at_the_limit_or_without
         ["c", False],
     ]
     assert reasons(takes) == ["b (residual_rms 0.001 beyond 0.001)"]
+    copies = pd.concat(
+        [
+            measured("likeness", {"a": 9.0, "b": 9.0, "c": 1.0}, unit="1"),
+            measured("alike_takes", {"a": 2.0, "b": 2.0, "c": 1.0}, unit="takes"),
+        ]
+    )
+    words = "likeness 9 beyond 3.5, 2 takes are copies of one"
+    named = reasons(beside_limits(copies, {"likeness": 3.5}))
+    assert named == [f"a ({words})", f"b ({words})"]
     for limits in ({}, vars(Limits())):
         assert not beside_limits(residual, limits)["left_out"].any()
     # a clock may drift to neither side, and to be less disturbed than others is no reason
@@ -208,3 +220,52 @@ def test_each_step_says_what_it_found_kept_and_left_out():
         ["motions", "b", 1, 0, "cut off 1"],
         ["takes", "training", 2, 1, "a_1 (disturbance 7 beyond 6)"],
     ]
+
+
+LOGGED, LIMIT = 125.0, 6.0  # 1/s; robust standard deviations
+PUSH = np.sin(np.pi * (np.arange(31) + 0.5) / 31)  # a quarter of a second
+
+
+def residuals(takes: int, rng: np.random.Generator) -> np.ndarray:
+    """A lag that all takes share, and noise of heavy tails of 50 µrad, as it was found on real
+    arms.
+    """
+    common = 6e-4 * np.sin(np.linspace(0, np.pi, 300))[:, None] * [1.0, -0.5, 0.3]
+    return common + rng.standard_t(4, (takes, 300, 3)) * 50e-6 / np.sqrt(2)
+
+
+def pushed(
+    rows: np.ndarray, height: float, rng: np.random.Generator
+) -> tuple[np.ndarray, int]:
+    """``rows`` with a push in one place of one joint of one take, and that take."""
+    takes, length, joints = rows.shape
+    take, start, joint = (
+        int(rng.integers(n)) for n in (takes, length - len(PUSH), joints)
+    )
+    rows[take, start : start + len(PUSH), joint] += height * rng.choice([-1, 1]) * PUSH
+    return rows, take
+
+
+def scores(rows: np.ndarray) -> np.ndarray:
+    return disturbances(rows, LOGGED)
+
+
+@pytest.mark.parametrize("takes", [3, 4, 7, 20])
+def test_a_push_at_one_repetition_stands_out_and_none_does_without(takes):
+    rng = np.random.default_rng(takes)
+    alarms = sum(scores(residuals(takes, rng)).max() > LIMIT for _ in range(100))
+    assert alarms <= 1
+    for _ in range(30):
+        rows, take = pushed(residuals(takes, rng), 2e-3, rng)
+        assert np.flatnonzero(scores(rows) > LIMIT).tolist() == [take]
+        assert beside_others(rows, np.arange(takes) >= 0)[take] > 1e-4
+
+
+def test_what_all_repetitions_share_is_no_disturbance_and_of_two_neither_is_disturbed():
+    apart = residuals(6, np.random.default_rng(3))
+    shared = apart + 5e-3 * np.linspace(-1, 1, 300)[:, None]
+    np.testing.assert_allclose(scores(shared), scores(apart), rtol=1e-7)
+    pair = residuals(2, np.random.default_rng(4))
+    pair[0, 100:150] += 0.01
+    np.testing.assert_allclose(scores(pair), 0, atol=1e-9)
+    assert scores(np.zeros((3, 10, 3))).tolist() == [0, 0, 0]

@@ -1,4 +1,4 @@
-"""Repetitions in a log are found by their commands, disturbed ones stand out."""
+"""Repetitions in a log are found by their commands."""
 
 import numpy as np
 import pytest
@@ -148,52 +148,3 @@ def test_a_motion_in_passing_is_found_in_each_period_and_brought_in_phase():
     )
     assert [run.first for run in outcome.runs] == [10, 410]
     assert outcome.left_out == {"overlapping": [210]}
-
-
-LOGGED, LIMIT = 125.0, 6.0  # 1/s; robust standard deviations
-PUSH = np.sin(np.pi * (np.arange(31) + 0.5) / 31)  # a quarter of a second
-
-
-def residuals(takes: int, rng: np.random.Generator) -> np.ndarray:
-    """A lag that all takes share, and noise of heavy tails of 50 µrad, as it was found on real
-    arms.
-    """
-    common = 6e-4 * np.sin(np.linspace(0, np.pi, 300))[:, None] * [1.0, -0.5, 0.3]
-    return common + rng.standard_t(4, (takes, 300, 3)) * 50e-6 / np.sqrt(2)
-
-
-def pushed(
-    rows: np.ndarray, height: float, rng: np.random.Generator
-) -> tuple[np.ndarray, int]:
-    """``rows`` with a push in one place of one joint of one take, and that take."""
-    takes, length, joints = rows.shape
-    take, start, joint = (
-        int(rng.integers(n)) for n in (takes, length - len(PUSH), joints)
-    )
-    rows[take, start : start + len(PUSH), joint] += height * rng.choice([-1, 1]) * PUSH
-    return rows, take
-
-
-def scores(rows: np.ndarray) -> np.ndarray:
-    return repetitions.disturbances(rows, LOGGED)
-
-
-@pytest.mark.parametrize("takes", [3, 4, 7, 20])
-def test_a_push_at_one_repetition_stands_out_and_none_does_without(takes):
-    rng = np.random.default_rng(takes)
-    alarms = sum(scores(residuals(takes, rng)).max() > LIMIT for _ in range(100))
-    assert alarms <= 1
-    for _ in range(30):
-        rows, take = pushed(residuals(takes, rng), 2e-3, rng)
-        assert np.flatnonzero(scores(rows) > LIMIT).tolist() == [take]
-        assert repetitions.beside_others(rows)[take] > 1e-4
-
-
-def test_what_all_repetitions_share_is_no_disturbance_and_of_two_neither_is_disturbed():
-    apart = residuals(6, np.random.default_rng(3))
-    shared = apart + 5e-3 * np.linspace(-1, 1, 300)[:, None]
-    np.testing.assert_allclose(scores(shared), scores(apart), rtol=1e-7)
-    pair = residuals(2, np.random.default_rng(4))
-    pair[0, 100:150] += 0.01
-    np.testing.assert_allclose(scores(pair), 0, atol=1e-9)
-    assert scores(np.zeros((3, 10, 3))).tolist() == [0, 0, 0]

@@ -110,6 +110,27 @@ def test_disturbed_runs_standing_joints_and_logs_at_rest_are_named():
     assert len(runs) == 4 and [*unused] == ["b"] and unused["b"].startswith("a copy:")
 
 
+def test_an_export_with_fewer_digits_and_a_copy_with_noise_are_named_as_copies():
+    """Each log sways in its own way; one is rounded to fewer digits, one has noise of its own."""
+    rng = np.random.default_rng(1)
+    logs = {name: stops(2, seed) for seed, name in enumerate("abcde")}
+    for log in logs.values():
+        rows = np.arange(len(log.actual))[:, None] / RATE
+        log.actual[:] += 1e-3 * np.sin(
+            rng.uniform(9, 20, 3) * rows + rng.uniform(0, 6, 3)
+        )
+    assert joint_runs(logs, RATE)[1] == {}
+    noise = rng.normal(0, 2e-5, logs["a"].actual.shape)
+    logs["noisy"] = logs["a"]._replace(actual=logs["a"].actual + noise)
+    logs["rounded"] = logs["b"]._replace(actual=logs["b"].actual.round(4))
+    _, unused = joint_runs(logs, RATE)
+    assert unused.pop("rounded").startswith("a copy: its measured angles are equal")
+    assert {*unused} == {"a_1", "a_2", "noisy_1", "noisy_2"}
+    assert all(
+        "a copy: 2 runs are equal within the noise" in r for r in unused.values()
+    )
+
+
 @pytest.mark.parametrize("pushed", [None, 3])
 def test_motions_to_analyse_have_ends_steps_pauses_and_repetitions(pushed):
     home, names = np.array([-1.2, 1.4, -1.0]), ["joint_2", "joint_3", "joint_4"]

@@ -93,10 +93,10 @@ def test_everything_that_is_wrong_is_printed_at_once(files, capsys):
     edit(option, "tool: flange", "tol: flange")
     edit(option, "rate: 100.0", "rate: fast")
     edit(option, "rest: 10", "rest: -1")
-    edit(option, "  tolerance: 1.0e-4\n", "  disturbed_beyond: 0\n")
+    edit(option, "  tolerance: 1.0e-4\n", "  mismatch: 0\n")
     printed = refused(capsys, 9)
     keys = (
-        "beyond:",
+        "mismatch",
         "about.source",
         "key dataset.joint_log.angle_unit",
         "robot.tol",

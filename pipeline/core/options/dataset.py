@@ -155,9 +155,6 @@ class JointLogSection:
     rest: Whole  # steps at rest before and after, of motion.steps; 0: no rest
     rest_speed: Positive = 1e-4  # rad/s, greatest commanded speed at rest
     tolerance: Positive  # rad, greatest difference of repeated commands
-    disturbed_beyond: Positive = (
-        6.0  # robust standard deviations from the median repetition
-    )
 
     @model_validator(mode="after")
     def _fits_the_joints(self) -> Self:
@@ -326,9 +323,20 @@ class Motion:
     pose_noise: Positive | None = None
 
 
+UNSEEN = (
+    "all takes late by the same time (the lag behind the command is printed); a commanded path "
+    "that is shifted together with the arm; takes that are all copies of one take (printed as "
+    "equal within the noise); the mean of several takes; a mirrored take; a copy with slow noise "
+    "of its own"
+)
+
+
 @options()
 class Limits:
-    """Limits of the measures in the table ``takes``; a take beyond one is left out. null: none."""
+    """Limits of the measures in the table ``takes``; a take beyond one is left out. null: none.
+
+    UNSEEN names what no limit sees.
+    """
 
     missing_share: Limit = None  # of the samples of the labelled markers
     longest_gap: Whole | None = (
@@ -345,10 +353,11 @@ class Limits:
     camera_residual_share: Limit = (
         0.75  # own take over others: ≤ 0.7 sound, ≥ 0.78 of another
     )
-    likeness: Limit = (
-        5.0  # distance to the fifth nearest take over the nearest: ≤ 3.6 if sound
-    )
-    lag_behind_command: Limit = None  # s, of a joint log; its section has more limits
+    # robust standard deviations from the median take: ≤ 5 if sound
+    disturbance: Limit = 6.0
+    # distance of takes that are equal within the noise to the next take, in noise: ≤ 1.2 if sound
+    likeness: Limit = 3.5
+    lag_behind_command: Limit = None  # s
 
 
 @options()
