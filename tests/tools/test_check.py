@@ -96,7 +96,7 @@ def test_everything_that_is_wrong_is_printed_at_once(files, capsys):
     edit(option, "  tolerance: 1.0e-4\n", "  mismatch: 0\n")
     printed = refused(capsys, 9)
     keys = (
-        "mismatch",
+        "key dataset.joint_log.mismatch",
         "about.source",
         "key dataset.joint_log.angle_unit",
         "robot.tol",
