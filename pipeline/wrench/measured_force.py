@@ -25,6 +25,9 @@ DRAWS = 10  # model samples for every tested sample, which add a tenth to the sa
 # nats by which a force record may miss its own configuration, and share at which another is nearer:
 # records of the laboratory miss theirs by up to 0.1 and the others by 1 to 6
 MISSED, NEARER = 0.5, 0.5
+# standard deviations of the nominal law by which a mean force may be off the desired force: up to
+# 0.1 in the laboratory, 0.7 in 10 s of a record; 1.2 or more for exchanged axes or a loaded tare
+MOST_OFF = 1.0
 Wrenches = Mapping[str, ndarray]
 
 
@@ -46,7 +49,8 @@ def measured_wrenches(
 
 def require_own_configuration(record: pd.DataFrame, force: Force) -> None:
     """Raise RecordingError where the forces of a configuration in ``record`` are nearer to the
-    nominal law of another one: Kullback-Leibler divergence of normal laws, in nats.
+    nominal law of another one (Kullback-Leibler divergence of normal laws, in nats), or where their
+    mean is more than MOST_OFF standard deviations of the nominal law off the desired force.
     """
     kappa, laws = float(np.sqrt(np.prod(force.kappa_bounds))), {}
     for name, robots in force.configurations.items():
@@ -56,30 +60,46 @@ def require_own_configuration(record: pd.DataFrame, force: Force) -> None:
         )
         laws[name] = models.wrench_mean(system), models.wrench_covariance(system)
     for name, rows in record.groupby("configuration"):
-        own = rows[["fx", "fy", "fz"][: len(laws[name][0])]].to_numpy()
-        found = own.mean(axis=0), np.cov(own.T)
-        far = {
-            n: _divergence(*found, *law)
-            for n, law in laws.items()
-            if law[0].size == own.shape[1]
-        }
+        desired, covariance = laws[name]
+        samples = rows[["fx", "fy", "fz"][: len(desired)]].to_numpy()
+        mean, scatter = samples.mean(axis=0), np.cov(samples.T)
+        far = {}
+        for other, law in laws.items():
+            if len(law[0]) == len(desired):
+                far[other] = _divergence(mean, scatter, *law)
         nearest = min(far, key=far.__getitem__)
+        off = float(np.sqrt(_square_over(mean - desired, covariance)))
+        means = f"the mean force of {name} is {mean.round(2).tolist()} N, desired "
+        means += f"{desired.round(2).tolist()}"
         if far[name] > MISSED and far[nearest] < NEARER * far[name]:
-            means = {n: np.round(laws[n][0], 2).tolist() for n in (name, nearest)}
-            message = f"the mean force of {name} is {np.round(found[0], 2).tolist()} N, desired "
-            message += f"{means[name]}; with its covariance it is {far[name]:.2g} nats from {name} "
-            message += f"and {far[nearest]:.2g} from {nearest} ({means[nearest]} N): are the logs "
-            message += "exchanged?"
+            message = f"{means}; with its covariance it is {far[name]:.2g} nats from {name} and "
+            message += f"{far[nearest]:.2g} from {nearest} ({laws[nearest][0].round(2).tolist()} "
+            message += "N): are the logs exchanged?"
             key = f"dataset.force.configurations.{name}.file"
-            raise RecordingError(message, file=force.configurations[name].file, key=key)
+        elif off > MOST_OFF:
+            ratio = np.linalg.norm(mean) / np.linalg.norm(desired)
+            message = (
+                f"{means}: {off:.2g} standard deviations of the desired force off, more than "
+                f"{MOST_OFF:g} ({ratio:.3g} times as great). Check the unit of the log (1 lbf is "
+                "4.448 N), signs and order of its axes, that the tare interval is unloaded, and "
+                "direction and tension of the cables"
+            )
+            key = f"dataset.force.configurations.{name}"
+        else:
+            continue
+        file = force.configurations[name].file
+        raise RecordingError(message, file=file, key=key)
 
 
 def _divergence(mean: ndarray, cov: ndarray, desired: ndarray, by: ndarray) -> float:
-    off, ratio = mean - desired, np.linalg.solve(by, cov)
+    ratio = np.linalg.solve(by, cov)
     log = np.linalg.slogdet(ratio)[1] if np.linalg.det(cov) > 0 else -np.inf
-    return float(
-        0.5 * (np.trace(ratio) - len(mean) - log + off @ np.linalg.solve(by, off))
-    )
+    off = _square_over(mean - desired, by)
+    return float(0.5 * (np.trace(ratio) - len(mean) - log + off))
+
+
+def _square_over(deviation: ndarray, covariance: ndarray) -> float:
+    return float(deviation @ np.linalg.solve(covariance, deviation))
 
 
 def force_moments(

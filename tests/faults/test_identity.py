@@ -311,29 +311,54 @@ FORCE = Force(
 )
 
 
-def test_a_record_of_another_configuration_is_refused_by_its_name():
+@pytest.fixture
+def forces() -> dict[str, np.ndarray]:
+    """Configuration → recorded forces (3000, 2) in N."""
     rng, records = np.random.default_rng(6), {}
-    for name, one in FORCE.configurations.items():
-        robots = len(one.direction)
-        turns = np.array(one.direction) + rng.normal(0, 600**-0.5, (3000, robots))
-        pulls = (
-            np.array(one.tension)
-            + rng.normal(size=(3000, robots)) * FORCE.tension_std[:robots]
-        )
-        records[name] = np.stack(
-            [(pulls * f(turns)).sum(axis=1) for f in (np.cos, np.sin)], axis=1
-        )
+    for name, arranged in FORCE.configurations.items():
+        robots = len(arranged.direction)
+        turns = arranged.direction + rng.normal(0, 600**-0.5, (3000, robots))
+        spread = rng.normal(size=(3000, robots)) * FORCE.tension_std[:robots]
+        pulls = np.array(arranged.tension) + spread
+        axes = [(pulls * f(turns)).sum(axis=1) for f in (np.cos, np.sin)]
+        records[name] = np.stack(axes, axis=1)
+    return records
 
-    def check(records):
-        tables = [
-            pd.DataFrame(r, columns=["fx", "fy"]).assign(configuration=n)
-            for n, r in records.items()
-        ]
-        require_own_configuration(pd.concat(tables), FORCE)
 
-    check(records)
-    for a, b in (("C1", "C2"), ("C2", "C3")):  # the first two have equal means
-        with pytest.raises(
-            RecordingError, match=f"nats from {a} .* from {b}.*exchanged"
-        ):
-            check({**records, a: records[b]})
+def check_forces(records: dict[str, np.ndarray]) -> None:
+    tables = [
+        pd.DataFrame(record, columns=["fx", "fy"]).assign(configuration=name)
+        for name, record in records.items()
+    ]
+    require_own_configuration(pd.concat(tables), FORCE)
+
+
+@pytest.mark.parametrize("pair", [("C1", "C2"), ("C2", "C3")])  # C1 and C2: equal means
+def test_a_record_of_another_configuration_is_refused_by_its_name(forces, pair):
+    check_forces(forces)
+    first, second = pair
+    words = f"nats from {first} .* from {second}.*exchanged"
+    with pytest.raises(RecordingError, match=words):
+        check_forces({**forces, first: forces[second]})
+
+
+MEAN = np.array([3.0, 5.0])  # N, desired force of C1
+CONTRADICTIONS = {
+    "lbf under N": lambda record: record / 4.448,
+    "N under lbf": lambda record: record * 4.448,
+    "a flipped axis": lambda record: record * [1, -1],
+    "exchanged axes": lambda record: record[:, ::-1],
+    "a tare under half of the load": lambda record: record - MEAN / 2,
+}
+
+
+@pytest.mark.parametrize("name", CONTRADICTIONS)
+def test_a_record_off_the_desired_force_is_refused_with_both(forces, name):
+    only = {"C1": forces["C1"]}
+    check_forces(only)
+    check_forces({"C1": forces["C1"] - 0.1 * MEAN})  # robots that pull a tenth less
+    with pytest.raises(
+        RecordingError, match=r"mean force of C1 is .* desired \[3.0"
+    ) as e:
+        check_forces({"C1": CONTRADICTIONS[name](forces["C1"])})
+    assert e.value.evidence["file"] == "C1.csv"
