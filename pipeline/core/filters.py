@@ -4,6 +4,7 @@ from collections.abc import Iterable
 
 NONE = "none"  # training mean: mean and covariance of the training takes, without measurements
 MEMORY = "memory"  # linear filter with the covariance and autocorrelation of the training takes
+SPEED = "speed"  # law of the joint speed without a Jacobian, the control of the matrix models
 CLOSED = "_closed"  # suffix of a model's closed-loop filter; the open-loop one has the model's name
 
 

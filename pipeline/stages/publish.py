@@ -8,15 +8,25 @@ from pathlib import Path
 
 from pipeline.configuration import config
 from pipeline.core import contracts
+from pipeline.core.results import EVIDENCE, TRIALS, results_folder
 
-SCORE, FIGURES, REPORTS = Path("data/score"), Path("data/figures"), Path("reports")
+SCORE, FIGURES = Path("data/score"), Path("data/figures")
 CAPTIONS = "captions.json"
 
 
 def run() -> None:
-    """Copy the results to ``reports/DATASET`` and the evidence to ``reports/datasets``."""
-    name = config.sections("publish").dataset.name
-    reports = REPORTS / name
+    """Copy the results to ``reports/DATASET`` and the evidence to ``reports/datasets``, those of a
+    trial of a dataset with results to ``reports/trials``.
+    """
+    settings = config.sections("publish")
+    name = settings.dataset.name
+    place = results_folder(name, settings.scale.name)
+    if place == TRIALS:
+        print(
+            f"publish: a trial: the results are in {place / name}, and the results of"
+            f" {name} in reports stay as they are"
+        )
+    reports = place / name
     for source in (SCORE / "tables", SCORE / "metrics", FIGURES):
         with contracts.replacing(reports / source.name) as folder:
             for file in source.iterdir():
@@ -24,6 +34,6 @@ def run() -> None:
                     shutil.copyfile(file, folder / file.name)
     for source, file in (
         (FIGURES / CAPTIONS, reports / CAPTIONS),
-        (SCORE / "evidence.json", REPORTS / f"datasets/{name}.json"),
+        (SCORE / "evidence.json", place / EVIDENCE / f"{name}.json"),
     ):
         contracts.write_text(source.read_text(encoding="utf-8"), file)

@@ -36,6 +36,7 @@ LABEL = r"\(([A-Za-z][\w-]*)\)"
 CITED = re.compile(rf"((?:Eqs?|Figs?)\. )?{LABEL}(?:–{LABEL})?")
 CITED_BY_NUMBER = re.compile(rf"\b(?:{'|'.join(NUMBERED.values())}) \d+")
 MISSING = "(not in this dataset)"
+REAL = "youbot_real"  # dataset of a real arm of the paper's kind
 STEPS, RATE = 320, 100  # M of the paper's motion, and its steps in a second
 FACTORS = {
     "std": 1,
@@ -81,6 +82,11 @@ class Item:
         return (
             f"{labelled} {self.number} ({self.label})" if self.label else self.cited_as
         )
+
+    @property
+    def short(self) -> str:
+        """Kind and number in the paper, as Fig. 7."""
+        return f"{LABELLED.get(self.kind, NUMBERED.get(self.kind))} {self.number}"
 
 
 class Source(NamedTuple):
@@ -184,50 +190,21 @@ def parse_errata(entries: object) -> list[Erratum]:
     return parse_entries(Erratum, entries, "erratum")
 
 
-def errata_page(errata: Sequence[Erratum], run: Run, decided: Sequence[Decided]) -> str:
-    """Return ``errata.md`` with the numbers of ``run``, the first of the ``decided`` datasets.
-
-    The prose has metrics of a file by key, rows of ``evidence``, the noise ``level`` of the
-    published α and u, the number of ``repeats`` of the study of the wrench, and of a case of a
-    claim the published number, ours or their distance. From a published variance of a step follow
-    its std, the speed of RATE such steps in a second, and walk, the std of a sum of STEPS
-    independent steps. Raises ConfigError with the erratum for prose that is no such template.
+def errata_page(
+    errata: Sequence[Erratum],
+    run: Run,
+    decided: Sequence[Decided],
+    runs: Sequence[Run] = (),
+) -> str:
+    """Return ``errata.md`` with the numbers of ``run``, the first of the ``decided`` datasets, and
+    of the other ``runs`` (:func:`errata_numbers`); raises ConfigError with the erratum for prose
+    that is not a template of these numbers.
     """
-    rows, names = index_evidence(run.evidence), run.arm.numbered
-    verdicts = [*decided[0].verdicts, *decided[-1].verdicts]
-    cases = {
-        f"{claim.id} {case.case}".strip(): case
-        for claim, verdict, own in verdicts
-        if verdict != NO_RECORDING
-        for case in own
-    }
-    published = {key: case.published for key, case in cases.items()}
-    levels = noise_levels(run.metrics.get("fit_gaussian", {}), published)
-    study = run.tables.get("wrench_study", pd.DataFrame(columns=["repeats"]))
-
-    def shown(value: float | None) -> str:
-        return MISSING if value is None else number(value)
-
-    def claim(case: str, name: str = "published") -> str:
-        if name in FACTORS and published.get(case) is not None:
-            return shown(FACTORS[name] * sqrt(published[case]))
-        return shown(getattr(cases.get(case), name, None))
-
-    numbers = {
-        "metric": lambda file, key: shown(
-            run.metrics.get(file, {}).get(filled(key, names))
-        ),
-        "evidence": lambda *keys, **named: shown(
-            Reference(*keys, **named).look_up(rows, names)
-        ),
-        "level": lambda name: shown(levels.get(name)),
-        "repeats": shown(next(iter(study["repeats"]), None)),
-        "claim": claim,
-    }
+    numbers = errata_numbers(run, decided) | numbers_of_runs(runs)
     texts = []
     for erratum in errata:
+        stated = (erratum.paper, erratum.fact, erratum.done)
         try:
-            stated = (erratum.paper, erratum.fact, erratum.done)
             texts.append((erratum, *(worded(text, **numbers) for text in stated)))
         except (TypeError, ConfigError) as error:
             message = (
@@ -235,6 +212,74 @@ def errata_page(errata: Sequence[Erratum], run: Run, decided: Sequence[Decided])
             )
             raise ConfigError(message, erratum=erratum.id) from None
     return render("errata.md", errata=texts)
+
+
+def errata_numbers(run: Run, decided: Sequence[Decided]) -> dict[str, object]:
+    """Return what the prose of the errata may name of ``run``, as functions and texts.
+
+    Metrics of a file by key, rows of ``evidence``, the noise ``level`` of the published α and u,
+    the number of ``repeats`` of the study of the wrench, and of a case of a claim the published
+    number, ours or their distance. From a published variance of a step follow its std, the speed of
+    RATE such steps in a second, and walk, the std of a sum of STEPS independent steps.
+    """
+    rows, names = index_evidence(run.evidence), run.arm.numbered
+    cases = {}
+    for claim, verdict, of_claim in (*decided[0].verdicts, *decided[-1].verdicts):
+        if verdict != NO_RECORDING:
+            cases |= {f"{claim.id} {case.case}".strip(): case for case in of_claim}
+    published = {key: case.published for key, case in cases.items()}
+    levels = noise_levels(run.metrics.get("fit_gaussian", {}), published)
+    study = run.tables.get("wrench_study", pd.DataFrame(columns=["repeats"]))
+
+    def metric(file: str, key: str) -> str:
+        return _shown(run.metrics.get(file, {}).get(filled(key, names)))
+
+    def evidence(*keys: str, **named: str) -> str:
+        return _shown(Reference(*keys, **named).look_up(rows, names))
+
+    def claim(case: str, name: str = "published") -> str:
+        if name in FACTORS and published.get(case) is not None:
+            return _shown(FACTORS[name] * sqrt(published[case]))
+        return _shown(getattr(cases.get(case), name, None))
+
+    return {
+        "metric": metric,
+        "evidence": evidence,
+        "level": lambda name: _shown(levels.get(name)),
+        "repeats": _shown(next(iter(study["repeats"]), None)),
+        "claim": claim,
+    }
+
+
+def numbers_of_runs(runs: Sequence[Run]) -> dict[str, object]:
+    """Return what the prose of the errata may name of several ``runs``: a metric of the recordings
+    under each of the ``causes`` of the paper's arm, and a quantity of the recorded motion of the
+    ``real`` arm of the paper's kind (dataset REAL), by joint; "" without such runs.
+    """
+
+    def causes(key: str) -> str:
+        texts = []
+        for run in runs:
+            value = run.metrics.get("recordings", {}).get(filled(key, run.arm.numbered))
+            if run.cause and value is not None:
+                texts.append(f"{number(value, 3)} ({run.cause})")
+        return ", ".join(texts)
+
+    def real(quantity: str) -> str:
+        texts = []
+        for run in (run for run in runs if run.dataset == REAL):
+            rows = index_evidence(run.evidence)
+            for joint in run.joints:
+                place = Reference(quantity, model="recorded", joint=joint)
+                value = place.look_up(rows, {})
+                texts += [] if value is None else [f"{number(value, 3)} ({joint})"]
+        return ", ".join(texts)
+
+    return {"causes": causes, "real": real}
+
+
+def _shown(value: float | None) -> str:
+    return MISSING if value is None else number(value)
 
 
 def noise_levels(

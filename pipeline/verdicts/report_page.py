@@ -4,34 +4,40 @@ import re
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import pandas as pd
 
 from pipeline.core.errors import ContractError
 from pipeline.core.options.dataset import UNSEEN
-from pipeline.verdicts import decision as d
 from pipeline.verdicts import scores, wording
 from pipeline.verdicts.claims import PROJECT, Claim
-from pipeline.verdicts.decision import Decided, Verdict
-from pipeline.verdicts.model_card import few_takes
-from pipeline.verdicts.paper import Erratum, Item, Source, noise_levels
+from pipeline.verdicts.decision import Decided
+from pipeline.verdicts.estimates import published_and_ours
+from pipeline.verdicts.finding import finding
+from pipeline.verdicts.paper import Erratum, Item, Source
 from pipeline.verdicts.rules import LEVEL
-from pipeline.verdicts.run import Run, index_evidence
-from pipeline.verdicts.wording import (
-    MISSING,
-    WORDS,
-    interval,
-    number,
-    render,
-    say,
-    table,
+from pipeline.verdicts.run import Run
+from pipeline.verdicts.tally import (
+    COUNTED,
+    DEPENDS,
+    FAILS,
+    FORCED,
+    OUTCOMES,
+    Group,
+    Joined,
+    Row,
+    case_count,
+    joined_text,
+    joined_verdicts,
+    shared_takes,
 )
+from pipeline.verdicts.wording import WORDS, render, say, table
 
-ROBOTS: dict[str, str] = WORDS["robots"]
-SMOKE = "smoke"  # the scale of a trial run, whose numbers decide nothing
 WIDTHS = "joint_std"  # figure whose caption names the joints that the models miss
 FIGURE = re.compile(r"Fig\. (\w+)|$")  # label of the figure that shows a claim
 COMPARE = "Compare"  # first word of the caption's sentence that the report prints
+SENTENCE_END = re.compile(r"(?<=[.!?]) (?=[A-Z(])")
 UNKNOWN = "no evidence"  # value in the table ``readings``
 # name in summary.json → model and name of its estimate
 SUMMARY = {
@@ -43,378 +49,379 @@ LOST = re.compile(r"lost|clipped|without|outside|_on_the_bound|end_of_its_interv
 BLOCK = re.compile(r"(?<=<!-- results -->\n).*?(?=<!-- /results -->)", re.DOTALL)
 
 
+class Drawn(NamedTuple):
+    """Figures of the run by name with their captions, the items of the paper, and the code that
+    draws each item (:func:`pipeline.verdicts.paper.citations`).
+    """
+
+    captions: Mapping[str, Mapping]
+    items: Sequence[Item]
+    sources: Mapping[str, Sequence[Source]]
+
+
+class Edition(NamedTuple):
+    """Version of the project, and seed of the run's random numbers."""
+
+    version: str
+    seed: int
+
+
+class Figure(NamedTuple):
+    """A figure of the paper: ``drawn`` name, title and sentence to look at; ``lines`` of claims."""
+
+    item: Item
+    drawn: list[tuple[str, str, str]]
+    lines: list[tuple[Claim, str]]
+
+
 def with_plain_names(run: Run) -> Run:
     """Return ``run`` for its pages: Markdown shows all names and texts from files as they are."""
-    plain, numbers, tables = (
-        wording.escape_markup,
-        run.metrics.items(),
-        run.tables.items(),
-    )
-    metrics = {
-        stem: dict(zip(map(plain, own), own.values(), strict=True))
-        for stem, own in numbers
-    }
-    tables = {stem: rows.map(plain) for stem, rows in tables}
-    return replace(
-        run, joints=[*map(plain, run.joints)], metrics=metrics, tables=tables
-    )
+    plain = wording.escape_markup
+    metrics = {}
+    for stem, numbers in run.metrics.items():
+        metrics[stem] = {plain(name): value for name, value in numbers.items()}
+    tables = {stem: rows.map(plain) for stem, rows in run.tables.items()}
+    joints = [plain(joint) for joint in run.joints]
+    return replace(run, joints=joints, metrics=metrics, tables=tables)
 
 
 def with_plain_cases(decided: Decided) -> Decided:
     """Return ``decided`` with the names of its cases as :func:`with_plain_names` has them."""
-    plain = wording.escape_markup
-    verdicts = [
-        each._replace(
-            cases=tuple(case._replace(case=plain(case.case)) for case in each.cases)
-        )
-        for each in decided.verdicts
-    ]
+    verdicts = []
+    for verdict in decided.verdicts:
+        cases = [
+            case._replace(case=wording.escape_markup(case.case))
+            for case in verdict.cases
+        ]
+        verdicts.append(verdict._replace(cases=tuple(cases)))
     return decided._replace(verdicts=verdicts)
 
 
 def report_page(
     here: Run,
-    runs: Sequence[Run],
-    decided: Sequence[Decided],
-    captions: Mapping[str, Mapping],
-    items: Sequence[Item],
-    sources: Mapping[str, Sequence[Source]],
+    groups: Sequence[Group],
+    rows: Sequence[Row],
+    drawn: Drawn,
     errata: Sequence[Erratum],
+    edition: Edition,
 ) -> str:
-    """Return ``report.md`` of ``here``; no verdicts if smoke. ``captions`` are of the figures by
-    name, ``sources`` of :func:`pipeline.verdicts.paper.citations`.
-    """
-    columns = _columns(here, decided)
-    words = _own(here, decided).words
-    parts = figures(here, columns, captions, items, sources)
-    parts |= {
-        "trial": here.scale == SMOKE,
-        "counts": _counts(columns),
-        "errata": errata,
-    }
-    undecided = [
-        words.count(verdict) for verdict in (d.SYNTHETIC_PASSES, d.SYNTHETIC_FAILS)
-    ]
-    parts |= {
-        "undecided": undecided if any(undecided) else [],
-        "result": scores.result(here),
-    }
-    parts |= {"estimates": estimates(here, decided), "speeds": speeds(here)}
-    parts |= {"note": scores.spread_note(here), "predictors": scores.predictors(here)}
-    parts["filter_verdict"] = scores.filter_verdict(here)
-    parts["filters"] = parts["filter_verdict"] and scores.filters(here)
-    parts |= {
-        "published": published_and_ours(here, decided),
-        "failures": failures(columns),
-    }
-    parts["readings"] = readings(
-        [run for run in runs if run is here or run.dataset in ROBOTS]
-    )
+    """Return ``report.md`` of ``here`` with the verdicts of all ``groups`` and their tally."""
+    lines = claim_lines(groups)
     by_id = {erratum.id: erratum for erratum in errata}
-    parts["gravest"] = [by_id[name] for name in WORDS["gravest"] if name in by_id]
-    return render("report.md", here=here, **parts)
+    parts = figures(here, lines, drawn)
+    parts |= {
+        "finding": finding(groups, rows),
+        "tally": tally_table(rows),
+        "speeds": speeds(here),
+        "published": published_and_ours(here, groups),
+        "note": scores.spread_note(here),
+        "result": " ".join(scores.result(here)),
+        "filter_verdict": scores.filter_verdict(here),
+        "readings": readings([here, *_other_robots(here, groups)]),
+        "errata": errata,
+        "gravest": [by_id[name] for name in WORDS["gravest"] if name in by_id],
+    }
+    parts["filters"] = scores.filters(here) if parts["filter_verdict"] else ""
+    return render("report.md", here=here, edition=edition, **parts)
 
 
-def readme_with_results(text: str, here: Run, decided: Sequence[Decided]) -> str:
+def trial_page(here: Run, drawn: Drawn) -> str:
+    """Return ``report.md`` of a trial: its figures, and no verdict."""
+    parts = figures(here, {}, drawn)
+    return render("trial.md", here=here, **parts)
+
+
+def _other_robots(here: Run, groups: Sequence[Group]) -> list[Run]:
+    """Return the first run of each group without ``here``."""
+    others = [group for group in groups if here.dataset not in group.verdicts]
+    return [group.runs[0] for group in others if group.runs]
+
+
+def readme_with_results(text: str, groups: Sequence[Group], rows: Sequence[Row]) -> str:
     """Return the README's ``text`` with the results between its marks, or raise ContractError."""
     if not BLOCK.search(text):
         message = "the lines <!-- results --> and <!-- /results --> are missing; put them back"
         raise ContractError(message, file="README.md")
-    lines = [say("readme", here=here, counts=_counts(_columns(here, decided)))]
-    lines += [*filter(None, [estimates(here, decided)]), *scores.result(here)[:2]]
-    return BLOCK.sub(lambda _: "\n".join([*lines, ""]), text)
+    block = f"{' '.join(finding(groups, rows))}\n\n{tally_table(rows)}\n"
+    return BLOCK.sub(lambda _: block, text)
+
+
+def tally_table(rows: Sequence[Row]) -> str:
+    """Return the count of the paper's claims by group of datasets."""
+    cells = []
+    for row in rows:
+        counts = [str(len(row.claims[word])) for word in COUNTED]
+        for place, word in enumerate(COUNTED):
+            if word == FAILS and row.decides and row.claims[word]:
+                counts[place] += f": {_named(row.group, row.claims[word])}"
+        cells.append([_row_name(row), *counts])
+    return table(["recordings", *COUNTED], cells)
+
+
+def _row_name(row: Row) -> str:
+    """Return robot and datasets of a row of the tally."""
+    group = row.group
+    if not group.runs:
+        return "computations without a recording"
+    if group.synthetic and not row.decides:
+        return f"{group.name}: claims about robots, which it does not decide"
+    datasets = [run.dataset for run in group.runs]
+    if len(datasets) == 1:
+        return f"{group.name} (`{datasets[0]}`)"
+    note = shared_takes(group)
+    names = ", ".join(f"`{dataset}`" for dataset in datasets)
+    return f"{group.name} ({names}{'; ' + note if note else ''})"
+
+
+def _named(group: Group, failing: Sequence[Joined]) -> str:
+    """Return the ids of ``failing`` claims with the datasets in which they fail."""
+    texts = []
+    for joined in failing:
+        place = f" ({', '.join(joined.datasets(FAILS))})"
+        texts.append(joined.claim.id + (place if len(group.verdicts) > 1 else ""))
+    return ", ".join(texts)
 
 
 def speeds(here: Run) -> str:
-    """Return a sentence on the speeds of the true joint angles, "" if they are not known."""
+    """Return a sentence on true joint angles beyond the robot's speed limits, "" for none and if
+    they are not known.
+    """
     known = here.metrics.get("recordings", {})
-    reached = {
-        joint: known.get(f"true_{joint}_greatest_speed_rad_per_s")
-        for joint in here.joints
-    }
-    if None in reached.values() or not reached:
+    reached = {}
+    for joint in here.joints:
+        speed = known.get(f"true_{joint}_greatest_speed_rad_per_s")
+        limit = known.get(f"true_{joint}_speed_limit_rad_per_s")
+        if speed is not None and limit is not None and speed > limit:
+            reached[joint] = speed
+    if not reached:
         return ""
     joint = max(reached, key=reached.get)
     return say("speeds", joint=joint, known=known)
 
 
-def _counts(columns: Sequence[Decided]) -> str:
-    return "; ".join(
-        f"{_robot(whose)}: {' / '.join(map(str, whose.counts))}" for whose in columns
-    )
-
-
-def summary_numbers(here: Run, decided: Sequence[Decided]) -> dict[str, float]:
-    """Return at most seven numbers that compare experiments: claims, σ̂_B, L, log scores."""
-    numbers = {}
-    if here.scale != SMOKE:
-        numbers |= zip(("hold", "fail"), _own(here, decided).counts, strict=True)
+def summary_numbers(here: Run, rows: Sequence[Row]) -> dict[str, float]:
+    """Return at most seven numbers that compare experiments: claims that hold and fail on the
+    dataset's group, σ̂_B, L, log scores.
+    """
+    numbers: dict[str, float] = {}
+    for row in rows:
+        if here.dataset in row.group.verdicts and row.decides:
+            numbers["fail"] = len(row.claims[FAILS]) + len(row.claims[DEPENDS])
+            numbers["hold"] = sum(map(len, row.claims.values())) - numbers["fail"]
     for name, (model, key) in SUMMARY.items():
         if key in here.metrics.get(f"fit_{model}", {}):
             numbers[name] = here.metrics[f"fit_{model}"][key]
     means = scores.log_scores(here)["mean"] if "predictions" in here.tables else {}
-    return numbers | {
-        f"log_{name}": means[name] for name in [*here.models][:3] if name in means
-    }
+    for name in [*here.models][:3]:
+        if name in means:
+            numbers[f"log_{name}"] = means[name]
+    return numbers
 
 
-def _own(here: Run, decided: Sequence[Decided]) -> Decided:
-    return next(whose for whose in decided if whose.dataset == here.dataset)
-
-
-def _columns(here: Run, decided: Sequence[Decided]) -> list[Decided]:
-    """Return the verdicts without a recording, then on ``here``, then on the other robots."""
-    by_name = {whose.dataset: whose for whose in decided}
-    names = dict.fromkeys([d.WITHOUT_RECORDING, here.dataset, *ROBOTS])
-    return [by_name[name] for name in names if name in by_name]
-
-
-def _robot(whose: Decided) -> str:
-    return ROBOTS.get(whose.dataset, whose.dataset)
-
-
-def verdict_cell(verdict: Verdict) -> str:
-    """Return a verdict's words with the value of its case or the number of cases that hold; "" if
-    there is no evidence.
+def claim_lines(groups: Sequence[Group]) -> dict[str, list[tuple[Claim, str]]]:
+    """Return each claim with its verdicts in all ``groups``, "" without evidence, by the label of
+    the figure that shows it ("" without one); the paper's first.
     """
-    held = [case for case in verdict.cases if case.holds is not None]
-    if verdict.verdict in (d.NO_RECORDING, d.NO_EVIDENCE):
-        return ""
-    if verdict.verdict == d.FORCED or not held:
-        return WORDS["marks"][d.FORCED]
-    mark = WORDS["marks"].get(verdict.verdict, verdict.verdict)
-    if len(verdict.cases) == 1:
-        return f"{mark} {number(held[0].value)}"
-    return f"{mark} {sum(case.holds for case in held)} of {len(verdict.cases)}"
-
-
-def failures(columns: Sequence[Decided]) -> list[str]:
-    """Return a line for each claim that fails: quantity, first failing case, reason."""
-    lines = []
-    for row in zip(*(whose.verdicts for whose in columns), strict=True):
-        for whose, (claim, verdict, cases) in zip(columns, row, strict=True):
-            if verdict == d.NOT_REPRODUCED:
-                failing = [d.case_text(case) for case in cases if case.holds is False]
-                lines.append(
-                    say("failure", claim=claim, dataset=whose.dataset, failing=failing)
-                )
+    by_group = [joined_verdicts(group) for group in groups]
+    ordered = sorted(
+        zip(*by_group, strict=True), key=lambda of: of[0].claim.source == PROJECT
+    )
+    lines: dict[str, list[tuple[Claim, str]]] = defaultdict(list)
+    for of_claim in ordered:
+        claim = of_claim[0].claim
+        cells = []
+        for group, verdict in zip(groups, of_claim, strict=True):
+            text = joined_text(group, verdict)
+            if text:
+                cells.append(f"{group.robot} {text}")
+        label = FIGURE.search(claim.where)[1] or ""
+        if claim.by == "construction":
+            cells = cells[:1]
+        lines[label].append((claim, " · ".join(cells)))
     return lines
 
 
 def readings(runs: Sequence[Run]) -> str:
     """Return by run the claims whose verdict depends on the reading of "LU or QR" (Eq. LUDecom)."""
     rows, notes = [], []
-    for run in (run for run in runs if len(run.tables.get("readings", ()))):
-        own = run.tables["readings"]
-        ruled = own.pivot(index="claim", columns="reading", values="holds")
-        ruled = ruled[own["reading"].unique()]  # the run's own first
-        first = ruled.iloc[:, 0]
-        changes = (ruled.ne(first, axis=0) & ruled.ne(UNKNOWN)).any(axis=1) & first.ne(
-            UNKNOWN
-        )
-        for claim, words in ruled[changes].iterrows():
-            signs = words.map(WORDS["signs"])
-            signs.iloc[0] = f"**{signs.iloc[0]}**"
-            rows.append({"claim": claim, "dataset": run.dataset, **signs})
-        lacking = own[
-            own["holds"].eq(UNKNOWN) & own["refused"].astype(object).fillna("").ne("")
-        ]
-        for reading, claims in lacking.groupby("reading", sort=False)["refused"]:
-            why = re.split(r" \[|;", claims.iloc[0])[0]
-            notes.append(
-                f"- {run.dataset}, {reading}: {len(claims)} claims lack numbers ({why})."
-            )
+    for run in runs:
+        readings_of = run.tables.get("readings", pd.DataFrame())
+        if len(readings_of):
+            rows += _changed_by_reading(run, readings_of)
+            notes += _lacking_numbers(run, readings_of)
     if not rows:
         return say("default")
     changed = pd.DataFrame(rows).fillna("")
     header = ["claim (the run's own reading in bold)", *changed.columns[1:]]
-    rows = table(header, changed.to_numpy())
-    return "\n\n".join(
-        [f"{say('default')} {say('again')}", rows, "\n".join(notes)]
-    ).rstrip()
+    parts = [f"{say('default')} {say('again')}", table(header, changed.to_numpy())]
+    return "\n\n".join([*parts, "\n".join(notes)]).rstrip()
+
+
+def _changed_by_reading(run: Run, readings_of: pd.DataFrame) -> list[dict[str, str]]:
+    """Return a row of signs for each claim that another reading decides otherwise."""
+    verdicts = readings_of.pivot(index="claim", columns="reading", values="holds")
+    verdicts = verdicts[readings_of["reading"].unique()]  # the run's own first
+    first = verdicts.iloc[:, 0]
+    differs = verdicts.ne(first, axis=0) & verdicts.ne(UNKNOWN)
+    changes = differs.any(axis=1) & first.ne(UNKNOWN)
+    rows = []
+    for claim, words in verdicts[changes].iterrows():
+        signs = words.map(WORDS["signs"])
+        signs.iloc[0] = f"**{signs.iloc[0]}**"
+        rows.append({"claim": claim, "dataset": run.dataset, **signs})
+    return rows
+
+
+def _lacking_numbers(run: Run, readings_of: pd.DataFrame) -> list[str]:
+    """Return a note for each reading under which claims lack numbers."""
+    refused = readings_of["refused"].astype(object).fillna("")
+    lacking = readings_of[readings_of["holds"].eq(UNKNOWN) & refused.ne("")]
+    notes = []
+    for reading, claims in lacking.groupby("reading", sort=False)["refused"]:
+        reason = re.split(r" \[|;", claims.iloc[0])[0]
+        count = f"{len(claims)} claims lack numbers ({reason})."
+        notes.append(f"- {run.dataset}, {reading}: {count}")
+    return notes
 
 
 def figures(
-    here: Run,
-    columns: Sequence[Decided],
-    captions: Mapping[str, Mapping],
-    items: Sequence[Item],
-    sources: Mapping[str, Sequence[Source]],
+    here: Run, lines: Mapping[str, list[tuple[Claim, str]]], drawn: Drawn
 ) -> dict[str, object]:
-    """Return the paper's ``figures`` in order: ``item``, ``drawn`` figures with ``title`` and one
-    sentence of the caption as ``look`` (the COMPARE sentence, else the first), and ``lines``, the
-    claims that it shows with their verdicts, the paper's first; lines of ``unplaced`` claims;
-    claims that are ``unseen``, without evidence or figure; ``further`` captions.
+    """Return the ``figures`` of the paper in order with the claims that each shows; ``unplaced``
+    claims with evidence and without a figure; ``unseen`` claims, without evidence or without the
+    figure; ``further`` captions, of figures that are not in the paper.
     """
-    lines: dict[str, list[tuple[Claim, str]]] = defaultdict(list)
-    without: dict[str, list[Claim]] = defaultdict(list)
-    rows = zip(*(whose.verdicts for whose in columns), strict=True)
-    for row in sorted(rows, key=lambda row: row[0].claim.source == PROJECT):
-        claim, robots = (
-            row[0].claim,
-            [_robot(whose).partition(",")[0] for whose in columns],
-        )
-        cells = zip(robots, map(verdict_cell, row), strict=True)
-        shown = " · ".join(f"{robot} {cell}" for robot, cell in cells if cell)
-        label = FIGURE.search(claim.where)[1]
-        if shown:
-            lines[label].append((claim, shown))
+    further = dict(drawn.captions)
+    shown, unplaced, unseen = [], [], []
+    for item in (item for item in drawn.items if item.kind == "figure"):
+        pictures = []
+        for source in drawn.sources[item.cited_as]:
+            name = source.name.rpartition(".")[2]
+            caption = further.pop(name, None)
+            if caption:
+                pictures.append((name, caption["title"], _look(here, name, caption)))
+        own = lines.get(item.label, [])
+        with_verdict = [line for line in own if line[1]] if pictures else []
+        unseen += [claim for claim, text in own if (claim, text) not in with_verdict]
+        shown.append(Figure(item, pictures, with_verdict))
+    for claim, text in lines.get("", []):
+        if text:
+            unplaced.append((claim, text))
         else:
-            without[label].append(claim)
-    further, found, unseen = dict(captions), [], []
-    for item in (item for item in items if item.kind == "figure"):
-        drawn = []
-        for name in (
-            source.name.rpartition(".")[2] for source in sources[item.cited_as]
-        ):
-            if caption := further.pop(name, None):
-                sentences = re.split(r"(?<=[.!?]) (?=[A-Z(])", caption["caption"])
-                look = next(
-                    (s for s in sentences if s.startswith(COMPARE)), sentences[0]
-                )
-                look = " ".join(
-                    [look, *(scores.widths(here) if name == WIDTHS else ())]
-                )
-                drawn.append((name, {"title": caption["title"], "look": look}))
-        unseen += without[item.label]
-        unseen += [] if drawn else [claim for claim, _ in lines[item.label]]
-        found.append({"item": item, "drawn": drawn, "lines": lines[item.label]})
-    known = {
-        "unplaced": lines[None],
-        "unseen": unseen + without[None],
+            unseen.append(claim)
+    return {
+        "figures": shown,
+        "unplaced": unplaced,
+        "unseen": unseen,
         "further": further,
     }
-    return {"figures": found, **known}
 
 
-def estimates(here: Run, decided: Sequence[Decided]) -> str:
-    """Return a sentence on σ̂_B by each estimator beside the published value, if it was fitted."""
-    fitted, few = here.metrics.get("fit_wishart", {}), few_takes(here)
-    cells = [
-        f"{_estimate(fitted, 'sigma_b', estimator, few)} by {name}"
-        for estimator, name in WORDS["estimators"].items()
-        if f"sigma_b_{estimator}" in fitted
-    ]
-    published = [
-        v.claim.published for v in decided[0].verdicts if v.claim.id == "sigma-b"
-    ]
-    return (
-        say("dispersion", run=here, cells=cells, published=published[0])
-        if cells
-        else ""
-    )
+def _look(here: Run, name: str, caption: Mapping[str, str]) -> str:
+    """Return the sentence of a caption to look at: the COMPARE sentence, else the first."""
+    sentences = SENTENCE_END.split(caption["caption"])
+    compare = [text for text in sentences if text.startswith(COMPARE)] or sentences
+    widths = scores.widths(here) if name == WIDTHS else []
+    return " ".join([compare[0], *widths])
 
 
-def published_and_ours(here: Run, decided: Sequence[Decided]) -> str:
-    """Return the fitted parameters by estimator, then the other published numbers and ours."""
-    few, without, estimators = few_takes(here), decided[-1], WORDS["estimators"]
-    own = _own(here, decided)
-    published = {verdict.claim.id: verdict.claim.published for verdict in own.verdicts}
-    rows, others = [], []
-    for name, (file, key, claim) in WORDS["parameters"].items():
-        fitted = here.metrics.get(file, {})
-        cells = [_estimate(fitted, key, estimator, few) for estimator in estimators]
-        if {*cells} != {MISSING}:
-            rows.append([name, published.get(claim, MISSING), *cells])
-    fitted = here.metrics.get("fit_gaussian", {}) if here.arm.numbered else {}
-    if levels := noise_levels(fitted, published):
-        rows[-1][1] = f"{number(levels['published'])} (of û and α̂)"
-    for pair in zip(own.verdicts, without.verdicts, strict=True):
-        claim, _, cases = next(each for each in pair if each.verdict != d.NO_RECORDING)
-        cases = [case for case in cases if case.value is not None]
-        shown = claim.id in {each for *_, each in WORDS["parameters"].values()}
-        if claim.parameter and cases and not shown:
-            unit = f" ({claim.unit})" if claim.unit else ""
-            names = " / ".join(filter(None, (case.case for case in cases)))
-            name = ", ".join(filter(None, [claim.parameter, names])) + unit
-            printed = " / ".join(number(case.published) for case in cases)
-            ends = [
-                "" if few or c.low is None else " " + interval(c.low, c.high)
-                for c in cases
-            ]
-            ours = [
-                number(case.value) + end for case, end in zip(cases, ends, strict=True)
-            ]
-            others.append([name, printed, " / ".join(ours) + _errors(here, claim)])
-    parts = [say("published", few=few, levels=levels)]
-    parts += (
-        [table(["parameter", "published", *estimators.values()], rows)] if rows else []
-    )
-    parts += [table(["number", "published", here.dataset], others)] if others else []
-    return "\n\n".join(parts)
-
-
-def _errors(here: Run, claim: Claim) -> str:
-    """Return the greatest of each of the errors that add in squares, if there are several."""
-    rows, errors = index_evidence(here.evidence), []
-    for error in claim.standard_error if len(claim.standard_error) > 1 else ():
-        found = [error.look_up(rows, case) for case in claim.cases(here.arm)]
-        errors.append(number(max(filter(None, found), default=float("nan")), 3))
-    words = " (standard errors up to: sampling {}, which decides, and quadrature {})"
-    return words.format(*errors) if errors else ""
-
-
-def _estimate(fitted: Mapping[str, float], key: str, estimator: str, few: bool) -> str:
-    """Return an estimate with its interval, or "unbounded" at the end of the searched interval; the
-    mean of a Wishart step ends at σ_B = 1 for every number of joints, its covariance before.
+def datasets_page(
+    groups: Sequence[Group], rows: Sequence[Row], unfit: Sequence[str] = ()
+) -> str:
+    """Return ``reports/datasets.md``: the tally, the claims by cause and arm with a sentence where
+    they differ, the verdict of every dataset, and sentences ``unfit`` on evidence of other files.
     """
-    name = f"{key}_{estimator}"
-    if fitted.get(f"{name}_unbounded"):
-        return "unbounded"
-    if name not in fitted:
-        return MISSING
-    ends = [fitted.get(f"{name}_interval_{end}") for end in ("low", "high")]
-    text = number(fitted[name])
-    text = text if few or None in ends else f"{text} {interval(*ends)}"
-    limit = fitted.get("sigma_b_limit_of_the_covariance", float("inf"))
-    lacks = "mean" if fitted[name] >= 1 else "covariance"
-    return (
-        f"{text} (no {lacks})" if "sigma_b" in key and fitted[name] >= limit else text
-    )
-
-
-def datasets_page(decided: Sequence[Decided], unfit: Sequence[str] = ()) -> str:
-    """Return ``reports/datasets.md``, with the sign of every verdict by claim and dataset, and the
-    sentences ``unfit`` on evidence of other recordings.
-    """
-    decided = sorted(
-        decided, key=lambda whose: (whose.recordings == "none", whose.dataset)
-    )
-    verdicts = zip(*(whose.verdicts for whose in decided), strict=True)
-    rows = [[row[0].claim.id, *map(verdict_cell, row)] for row in verdicts]
+    datasets = [(group, name) for group in groups for name in group.verdicts]
+    claims = [verdict.claim for verdict in next(iter(groups[0].verdicts.values()))]
+    every = []
+    for place, claim in enumerate(claims):
+        cells = [_cell(group, name, place) for group, name in datasets]
+        every.append([claim.id, *cells])
     words = {
-        "decided": decided,
-        "forced": d.FORCED,
+        "tally": tally_table(rows),
+        "arms": _arms_table(groups),
+        "header": ["claim", *(name for _, name in datasets)],
+        "every": every,
         "level": LEVEL,
-        "rows": rows,
         "unfit": unfit,
     }
     return render("datasets.md", **words)
 
 
+def _cell(group: Group, dataset: str, place: int) -> str:
+    """Return word and number of cases of the claim at ``place`` on one dataset."""
+    verdict = group.verdicts[dataset][place]
+    word = OUTCOMES.get(verdict.verdict, "")
+    if word in ("", FORCED):
+        return WORDS["marks"].get(word, "")
+    return f"{WORDS['marks'][word]} {case_count(verdict)}"
+
+
+def _arms_table(groups: Sequence[Group]) -> str:
+    """Return the claims by cause and arm, with a sentence where their verdicts differ."""
+    columns = [(group, cause) for group in groups for cause in _causes(group)]
+    header = [
+        f"{group.robot}: {cause}" if cause else group.robot for group, cause in columns
+    ]
+    rows = []
+    for of_claim in zip(*map(joined_verdicts, groups), strict=True):
+        by_name = dict(zip([group.name for group in groups], of_claim, strict=True))
+        words = [_word(by_name[group.name], cause) for group, cause in columns]
+        if any(word in COUNTED for word in words):
+            signs = [WORDS["marks"].get(word, "") for word in words]
+            sentence = _difference(dict(zip(header, words, strict=True)), of_claim)
+            rows.append([of_claim[0].claim.id, *signs, sentence])
+    return table(["claim", *header, "where they differ"], rows)
+
+
+def _causes(group: Group) -> list[str]:
+    """Return the causes of a synthetic arm; "" for a real one."""
+    return [*dict.fromkeys(group.cause_of.values())] or [""]
+
+
+def _word(joined: Joined, cause: str) -> str:
+    return joined.by_cause.get(cause, "" if cause else joined.word)
+
+
+def _difference(words: Mapping[str, str], of_claim: Sequence[Joined]) -> str:
+    """Return the sentence on a claim that holds in some columns and fails in others, with the
+    reasons that the claim states for datasets in which it fails.
+    """
+    holding = [name for name, word in words.items() if word in COUNTED[:2]]
+    failing = [name for name, word in words.items() if word == FAILS]
+    if not holding or not failing:
+        return ""
+    reasons = {}
+    for joined in of_claim:
+        for dataset in joined.datasets(FAILS):
+            if dataset in joined.claim.why:
+                reasons[dataset] = joined.claim.why[dataset]
+    return say("difference", holding=holding, failing=failing, reasons=reasons)
+
+
 def recordings_page(run: Run) -> str:
     """Return ``recordings.md``, with recordings kept and left out, and nonzero totals of losses."""
-    kept, totals = run.tables.get("kept", pd.DataFrame()), {}
+    totals: dict[str, Mapping[str, float]] = {}
     if "recording_quality" in run.tables:
         lossy = run.tables["recording_quality"].query("total > 0").set_index("quantity")
-        totals |= {name: own["total"] for name, own in lossy.groupby("instrument")}
+        for instrument, rows in lossy.groupby("instrument"):
+            totals[instrument] = rows["total"]
     for stem, values in run.metrics.items():
-        lost = {
-            n: v
-            for n, v in values.items()
-            if v and LOST.search(n) and float(v).is_integer()
-        }
+        lost = {name: n for name, n in values.items() if _is_loss(name, n)}
         if lost and stem != "recordings":
             totals[stem.replace("_", " of ", 1)] = lost
-    lost = [
-        (
-            name,
-            ", ".join(
-                f"{n.replace('_', ' ')} {number(total)}" for n, total in own.items()
-            ),
-        )
-        for name, own in totals.items()
-    ]
+    counted = []
+    for name, counts in totals.items():
+        texts = [
+            f"{n.replace('_', ' ')} {wording.number(x)}" for n, x in counts.items()
+        ]
+        counted.append((name, ", ".join(texts)))
+    kept = run.tables.get("kept", pd.DataFrame())
     kept = kept.astype(object).fillna("").astype(str).to_numpy().tolist()
-    words = {"run": run, "kept": kept, "lost": lost, "unseen": UNSEEN}
+    words = {"run": run, "kept": kept, "lost": counted, "unseen": UNSEEN}
     return render("recordings.md", **words)
+
+
+def _is_loss(name: str, value: float) -> bool:
+    """Return True for a nonzero whole number whose name counts losses."""
+    return bool(value) and bool(LOST.search(name)) and float(value).is_integer()

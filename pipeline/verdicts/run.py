@@ -137,6 +137,13 @@ class Run:
         return ArmNames(tuple(self.joints), tuple(self.task))
 
     @property
+    def raw_hashes(self) -> list[str]:
+        """Hashes of the raw files by file or folder of the recordings, without licences."""
+        files = self.tables.get("raw_files", pd.DataFrame(columns=["place", "sha256"]))
+        licences = files["place"].astype(str).str.upper().str.startswith("LICEN")
+        return [*files.loc[~licences, "sha256"]]
+
+    @property
     def evidence(self) -> pd.DataFrame:
         """The table ``evidence``."""
         return self.tables.get("evidence", pd.DataFrame(columns=[*DECLARED]))
@@ -162,17 +169,16 @@ def _content_hash(values: Mapping[str, object]) -> str:
     return hashlib.sha256(content.encode()).hexdigest()
 
 
-def read_runs(folder: Path, first: str) -> list[Run]:
-    """Return the runs in ``folder``, the dataset ``first`` before the others by file name; raises
-    ContractError if ``first`` is missing or a file is not of :meth:`Run.to_json`.
+def read_runs(folder: Path, first: Path) -> list[Run]:
+    """Return the run of the file ``first``, then the runs of other datasets in ``folder`` by file
+    name; raises ContractError if ``first`` is missing or a file is not of :meth:`Run.to_json`.
     """
-    runs = {run.dataset: run for run in map(read_run, sorted(folder.glob("*.json")))}
-    if first not in runs:
-        message = (
-            f"there is no evidence of the dataset {first}; run the stage score with it"
-        )
-        raise ContractError(message, file=folder / f"{first}.json")
-    return [runs.pop(first), *runs.values()]
+    if not first.is_file():
+        dataset = first.stem
+        message = f"there is no evidence of the dataset {dataset}; run the stage score with it"
+        raise ContractError(message, file=first)
+    files = [file for file in sorted(folder.glob("*.json")) if file.name != first.name]
+    return [read_run(file) for file in (first, *files)]
 
 
 def read_run(file: Path) -> Run:

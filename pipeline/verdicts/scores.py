@@ -30,7 +30,7 @@ def log_scores(run: Run) -> pd.DataFrame:
     return rows[rows["mean"].notna()].set_index("model")
 
 
-def _pairs(run: Run) -> pd.DataFrame:
+def pairs_of(run: Run) -> pd.DataFrame:
     """Return the differences in log score over all steps by model and rival."""
     return (
         run.tables["prediction_pairs"]
@@ -46,7 +46,7 @@ def result(run: Run) -> list[str]:
     sentences = []
     if "predictions" in run.tables:
         means = log_scores(run)["mean"].sort_values(ascending=False, kind="stable")
-        best, pairs = means.index[0], _pairs(run)
+        best, pairs = means.index[0], pairs_of(run)
         matrix, known = _is_matrix(run, best), pairs.index[pairs["difference"].notna()]
         others = [
             pairs.loc[best, n] for n in means.index if _is_matrix(run, n) != matrix
@@ -102,7 +102,7 @@ def spread_note(run: Run) -> str:
 
 def choice(run: Run) -> str:
     """Return sentences: matrix model with a log score above all baselines; highest log score."""
-    means, low = log_scores(run)["mean"], _pairs(run)["low"]
+    means, low = log_scores(run)["mean"], pairs_of(run)["low"]
 
     def not_below(model: str, rivals: Iterable[str]) -> list[str]:
         return [plain_name(n) for n in rivals if n != model and not low[model, n] > 0]

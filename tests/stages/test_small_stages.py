@@ -157,3 +157,14 @@ def test_figures_without_tables_are_left_out_and_publish_replaces_earlier_files(
     assert json.loads(Path("reports/youbot/captions.json").read_text()) == captions
     assert "synthetic" in json.loads(Path("reports/datasets/youbot.json").read_text())
     assert not (Path("reports/youbot/figures") / publish.CAPTIONS).exists()
+    # a trial does not replace the results of another scale
+    evidence = Path("reports/datasets/youbot.json")
+    evidence.write_text('{"scale": "paper"}')
+    choose(overrides={"dataset": {"force": None}}, scale="smoke")
+    publish.run()
+    assert evidence.read_text() == '{"scale": "paper"}'
+    assert Path("reports/trials/youbot/metrics/new.csv").read_text() == "metrics"
+    # it replaces those of an earlier trial
+    evidence.write_text('{"scale": "smoke"}')
+    publish.run()
+    assert "synthetic" in json.loads(evidence.read_text())

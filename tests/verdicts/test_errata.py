@@ -10,6 +10,7 @@ import pytest
 from planning_arms import LAWS, law_cost, path_problem
 from rectangle_clouds import CHAIN, cloud
 from sample_options import made
+from scipy.stats import wishart
 
 from pipeline.arm.chain import PlanarChain
 from pipeline.configuration import config
@@ -28,8 +29,18 @@ from pipeline.planning.self_motion import grid, spacing_of
 from pipeline.recordings.commands import speed_scores
 from pipeline.statistics.takes import lag_one_correlation
 from pipeline.verdicts.paper import RATE, noise_levels
-from pipeline.wrench.models import Bounds, draw_systems, matrix_model
-from pipeline.wrench.study import averaged_sigma_s, expected_sigma_s, run_study
+from pipeline.wrench.models import (
+    Bounds,
+    draw_systems,
+    matrix_model,
+    wrench_covariance,
+)
+from pipeline.wrench.study import (
+    averaged_sigma_s,
+    expected_sigma_s,
+    run_study,
+    variance_errors,
+)
 
 ROOT = Path(__file__).parents[2]
 
@@ -342,6 +353,58 @@ def test_of_the_published_sigma_s_the_second_entry_of_c2_alone_is_doubtful_and_o
     assert np.argwhere(np.abs(distance) > 1.96).tolist() == [[1, 1]]
     assert distance[1, 1] == pytest.approx(2.638, rel=0.03)
     assert np.abs(control).max() < 1.96
+
+
+def test_a_smaller_theta_meets_the_printed_constraints_with_a_greater_entropy():
+    n, gamma = 3, 2
+    entropies = {}
+    for theta in (3, 2 * gamma):
+        d = theta + n + 1
+        law = wishart(d, np.eye(n) / d)
+        np.testing.assert_allclose(law.mean(), np.eye(n))
+        # E ‖B⁻¹‖² is finite for more than n + 3 degrees of freedom
+        assert d > n + 3
+        entropies[theta] = law.entropy()
+
+    assert entropies[3] == pytest.approx(2.786, abs=5e-4)
+    assert entropies[2 * gamma] == pytest.approx(2.521, abs=5e-4)
+
+
+@pytest.mark.parametrize("scale", [1.0, 10.0])
+def test_the_distance_of_the_variances_grows_with_the_forces_and_its_share_does_not(
+    scale,
+):
+    bounds = Bounds(
+        (3.0 * scale, 5.0 * scale),
+        (np.pi / 4, np.pi),
+        (0.5 * scale, 1.0 * scale),
+        (100.0, 800.0),
+    )
+    systems = draw_systems(bounds, 500, 3, np.random.default_rng(3))
+    covariance = wrench_covariance(systems)
+    modelled = matrix_model(systems).actuation_part()
+
+    difference = np.diagonal(modelled - covariance, axis1=-2, axis2=-1)
+    distance = np.linalg.norm(difference, axis=-1).mean()
+
+    assert distance / scale**2 == pytest.approx(0.1185, rel=1e-3)
+    share = variance_errors(modelled, covariance).mean()
+    assert share == pytest.approx(0.0823, rel=1e-2)
+
+
+@pytest.mark.parametrize(("second", "representable"), [(np.pi / 2, False), (0.0, True)])
+def test_the_covariances_of_two_columns_are_no_multiples_of_one_matrix(
+    second, representable
+):
+    rng, kappa = np.random.default_rng(5), 400.0
+    covariances = []
+    for angle in (0.0, second):
+        angles = rng.vonmises(angle, kappa, 20_000)
+        covariances.append(np.cov(np.cos(angles), np.sin(angles)))
+
+    first, other = (each / np.trace(each) for each in covariances)
+
+    assert (np.abs(first - other).max() < 0.02) == representable
 
 
 def test_the_greatest_error_varies_over_repeats_far_more_than_the_mean(bounds):

@@ -12,14 +12,18 @@ from pipeline.core.errors import ContractError
 from pipeline.evidence.table import evidence_row, evidence_table
 from pipeline.verdicts import paper, report_page
 from pipeline.verdicts.claims import parse_claims
-from pipeline.verdicts.decision import WITHOUT_RECORDING, decide_each
+from pipeline.verdicts.decision import decide_each
+from pipeline.verdicts.estimates import published_and_ours
 from pipeline.verdicts.report_page import (
+    Drawn,
+    Edition,
     datasets_page,
-    published_and_ours,
     recordings_page,
+    speeds,
 )
 from pipeline.verdicts.run import Run
 from pipeline.verdicts.scores import filter_verdict, filters, result, widths
+from pipeline.verdicts.tally import Group, groups_of, tally
 from pipeline.verdicts.wording import say
 
 STATED = {key: f"the {key}" for key in ("where", "statement", "quantity", "reason")}
@@ -63,9 +67,13 @@ def a_run(dataset: str, *stds: float, scale: str = "paper") -> Run:
 RUNS = [a_run("youbot", 0.25, 0.75, 0.1), a_run("ur5", 0.6, 0.7), a_run("mine", 0.1)]
 
 
+def groups(*runs: Run, claims=CLAIMS) -> list[Group]:
+    return groups_of(runs, decide_each(claims, runs, []))
+
+
 @pytest.fixture(scope="module")
-def decided():
-    return decide_each(CLAIMS, RUNS, [])
+def grouped() -> list[Group]:
+    return groups(*RUNS)
 
 
 FIGURES = paper.parse_items(
@@ -92,80 +100,76 @@ CAPTIONS = {
 }
 
 
-def test_claims_are_under_their_figure_with_a_verdict_a_robot_and_no_tried_out_dataset(
-    decided,
-):
-    sources = {"Shown": [paper.Source("m.own", Path("m.py"))], "Photo": []}
+SOURCES = {"Shown": [paper.Source("m.own", Path("m.py"))], "Photo": []}
+DRAWN = Drawn(CAPTIONS, FIGURES, SOURCES)
+
+
+def test_claims_are_under_their_figure_with_the_verdict_of_every_group(grouped):
     page = report_page.report_page(
-        RUNS[0], RUNS, decided, CAPTIONS, FIGURES, sources, []
+        RUNS[0], grouped, tally(grouped), DRAWN, [], Edition("1.2", 2017)
     )
-    assert page.startswith("# Results: dataset youbot, scale paper\n")
-    figure, _, others = page.partition(
-        "### Fig. 1 (Shown)\n![The own](figures/own.png)\nCompare.\n"
-    )
-    assert "Fig. 2 (Photo): a photo." in figure
-    first, _, others = others.partition("### Without a figure")
-    assert first.startswith("- the statement<br>**youBot ✗ 2 of 3 · UR5 ✗ 0 of 2**\n")
-    assert "- the statement<br>**no recording ✓ 0.2**\n" in others
-    assert (
-        "*(the paper's own arm)*<br>**youBot synthetic: rule passes 0.2877**" in others
-    )
+
+    assert page.startswith("# Matrix-Based Characterization")
+    assert "Dataset youbot, scale paper, version 1.2, seed 2017." in page
+    title = "### The own (Fig. 1)\n![Fig. 1](figures/own.png)\nCompare.\n"
+    before, _, others = page.partition(title)
+    assert "Fig. 2: a photo." in before
+    first, _, others = others.partition("### Claims without a figure")
+    verdicts = [
+        "youBot synthetic ✗ fails (2 of 3); reason: it mixes units (youbot)",
+        "UR5 ✗ fails (0 of 2)",
+        "mine ✓ holds (0.1)",
+    ]
+    assert first.startswith(f"- the statement<br>**{' · '.join(verdicts)}**\n")
+    assert "- the statement<br>**no recording ✓ holds (0.2)**\n" in others
+    own = "*(the paper's own arm)*<br>**youBot synthetic holds (0.2877)**"
+    assert own in others
     assert "<summary>1 claims without evidence" in others
     assert "[The more](figures/more.png)" in others
-    assert (
-        "hold/fail: no recording: 1/0; youBot, synthetic: 0/1; UR5, real: 0/1. Syn"
-        in page
-    )
-    assert "cannot decide 1 claims; the rule passes 1 and fails 0." in page
-    assert (
-        "mine ✓" not in page
-        and "## Filters" not in page
-        and "## Predictors" not in page
-    )
-    _, _, failures = page.partition("## Claims that fail\n")
-    failures = failures.partition("\n\n")[0].splitlines()
-    assert failures[0].endswith("b: 0.75. Reason: it mixes units.")
-    assert "a: 0.6 and 1 more cases" in failures[1] and len(failures) == 2
-    page = datasets_page(decided)
-    assert f"| claim | mine | ur5 | youbot | {WITHOUT_RECORDING} |" in page
-    assert "| std | ✓ 0.1 | ✗ 0 of 2 | ✗ 2 of 3 |  |" in page
-    assert "| study |  |  |  | ✓ 0.2 |" in page
+    assert "| youBot, synthetic (`youbot`) | 0 | 0 | 1: std | 0 |" in page
+    assert "| UR5, real (`ur5`) | 0 | 0 | 1: std | 0 |" in page
+    assert "## Predictors" not in page
 
 
-def test_the_results_of_the_readme_are_between_its_marks(decided):
+def test_the_page_of_datasets_has_each_verdict_and_a_sentence_where_they_differ(
+    grouped,
+):
+    page = datasets_page(grouped, tally(grouped))
+    assert "| claim | no recording | youbot | ur5 | mine |" in page
+    assert "| std |  | ✗ 2 of 3 | ✗ 0 of 2 | ✓ 0.1 |" in page
+    assert "| study | ✓ 0.2 |  |  |  |" in page
+    sentence = "Holds: mine; fails: youBot synthetic, UR5. youbot: it mixes units."
+    assert f"| std |  | ✗ | ✗ | ✓ | {sentence} |" in page
+
+
+def test_the_results_of_the_readme_are_between_its_marks(grouped):
     before, after = "A.\n\n<!-- results -->\n", "<!-- /results -->\n\nB.\n"
-    text = report_page.readme_with_results(
-        f"{before}earlier\n{after}", RUNS[0], decided
-    )
+    rows = tally(grouped)
+    text = report_page.readme_with_results(f"{before}earlier\n{after}", grouped, rows)
     assert text.startswith(before) and text.endswith(after) and "earlier" not in text
-    estimates = "0.2877 by the paper's estimator and 0.227 [0.22, 0.235] by moments"
-    assert (
-        f"On youbot the Wishart model's σ̂_B is {estimates}; the paper prints 0.25.\n"
-        in text
-    )
+    assert "all 1 claims that need no recording hold" in text
+    assert "| computations without a recording | 1 | 0 | 0 | 0 |" in text
     with pytest.raises(ContractError, match="put them back"):
-        report_page.readme_with_results(before, RUNS[0], decided)
-    # a dataset without a robot has no estimates
-    text = report_page.readme_with_results(
-        before + after, replace(RUNS[0], metrics={}), decided
-    )
-    assert "σ̂_B" not in text
+        report_page.readme_with_results(before, grouped, rows)
 
 
 def test_a_trial_run_prints_no_verdict():
-    runs = [a_run("youbot", 0.75, scale="smoke")]
-    decided = decide_each(CLAIMS, runs, [])
-    sources = {"Shown": [paper.Source("m.own", Path("m.py"))], "Photo": []}
-    page = report_page.report_page(
-        runs[0], runs, decided, CAPTIONS, FIGURES, sources, []
-    )
+    page = report_page.trial_page(a_run("youbot", 0.75, scale="smoke"), DRAWN)
     assert page.startswith("# Trial run of dataset youbot on the scale smoke")
-    assert (
-        "figures/own.png" in page
-        and "hold/fail" not in page
-        and "Published" not in page
-    )
+    assert "figures/own.png" in page and "Published" not in page
     assert not {"✓", "✗", "fails"} & {*re.split(r"\W+", page), *page}
+
+
+@pytest.mark.parametrize(("greatest", "beyond"), [(15.2, True), (1.5, False)])
+def test_speeds_beyond_the_limits_are_stated(greatest, beyond):
+    known = {"true_moving_steps_beyond_a_speed_limit_share": 0.476}
+    for joint in "abc":
+        known[f"true_{joint}_greatest_speed_rad_per_s"] = greatest
+        known[f"true_{joint}_speed_limit_rad_per_s"] = 1.57
+        known[f"true_{joint}_fast_steps_backwards_share"] = 0.231
+    text = speeds(replace(RUNS[0], metrics={"recordings": known}))
+    assert ("a reaches 15.2 rad/s (limit 1.57), 47.6% of" in text) == beyond
+    assert (text == "") != beyond and speeds(RUNS[0]) == ""
 
 
 def test_a_claim_that_another_reading_changes_has_a_row_and_missing_numbers_a_note():
@@ -188,28 +192,70 @@ def test_a_claim_that_another_reading_changes_has_a_row_and_missing_numbers_a_no
     assert report_page.readings([RUNS[0]]) == say("default")
 
 
-def test_three_estimators_are_side_by_side_and_an_unbounded_one_has_no_number(decided):
-    text = published_and_ours(RUNS[0], decided)
+def test_three_estimators_are_side_by_side_and_an_unbounded_one_has_no_number(grouped):
+    text = published_and_ours(RUNS[0], grouped)
     assert "| σ̂_B | 0.25 | 0.2877 | 0.227 [0.22, 0.235] | – |" in text
     assert "| û | – | 18 | unbounded | – |" in text
-    assert "| error | 0.25 | 0.2 |" in text and "(no covariance)" not in text
+    assert "| error | 0.25 | no | 0.2 |" in text and "(no covariance)" not in text
     beyond = {"fit_wishart": FIT | {"sigma_b_limit_of_the_covariance": 0.25}}
     beyond["fit_wishart"]["sigma_b_likelihood"] = 1.02
     run = replace(RUNS[0], metrics=RUNS[0].metrics | beyond)
-    text = published_and_ours(run, decided)
+    text = published_and_ours(run, grouped)
     assert "αu = " not in text
     assert "| 0.2877 (no covariance) | 0.227 [0.22, 0.235] | 1.02 (no mean) |" in text
 
 
-def test_the_level_of_the_published_pair_is_beside_the_fitted_level():
-    claims = [
-        SIGMA | {"id": name, "published": n}
-        for name, n in (("u", 18.0), ("alpha", 0.1))
-    ]
-    known = {"fit_gaussian": GAUSSIAN | LEVEL}
-    run = replace(RUNS[0], joints=["a", "b", "c"], metrics=RUNS[0].metrics | known)
-    text = published_and_ours(run, decide_each(parse_claims(claims), [run], []))
+def test_sigma_b_over_the_bound_and_the_weight_is_a_table(grouped):
+    floors = {"floor": [0.01, 0.5] * 2, "ratio": [1e-3, 1e-3, 2e-3, 2e-3]}
+    floors["sigma_b"] = [11.978, 0.22633, 11.06, 0.195]
+    known = {"sigma_b_about_the_sample_mean": 0.4085}
+    known |= {"fitted_mean_of_b_11": 1.433, "fitted_mean_of_b_22": 1.0166}
+    tables = RUNS[0].tables | {"sigma_b_floors": pd.DataFrame(floors)}
+    run = replace(RUNS[0], metrics={"fit_wishart": FIT | known}, tables=tables)
+
+    text = published_and_ours(run, grouped)
+
+    assert "| weight α₂/α₁ (rad) | ε = 0.5 | ε = 0.01 |" in text
+    assert "| 0.001 | 0.226 | 12 |\n| 0.002 | 0.195 | 11.1 |" in text
+    assert "is diag(1.43, 1.02), and" in text and "σ̂_B is 0.41." in text
+
+
+def test_numbers_that_were_inputs_and_other_causes_of_the_arm_are_named():
+    claims = parse_claims([SIGMA | {"id": "correlation-omega"}])
+    first = replace(a_run("youbot", 0.1, 0.2, 0.3), cause="sway")
+    causes = [first, replace(first, dataset="other", cause="timing")]
+    causes.append(replace(first, dataset="arm", cause="", synthetic=False))
+
+    text = published_and_ours(first, groups(*causes, claims=claims))
+
+    columns = "youbot (sway) | other (timing) | arm (real)"
+    assert f"| number | published | was it an input? | {columns} |" in text
+    assert "| σ̂ | 0.25 | yes: the path and the size" in text
+    assert text.endswith("| 0.2877 | 0.288 | 0.288 |")
+
+
+@pytest.mark.parametrize(
+    ("ends", "words"),
+    [
+        ({"u_moments_unbounded": 1}, "By moments only the noise level L is determined"),
+        ({"u_likelihood_unbounded": 0}, "By likelihood u and α are determined too"),
+    ],
+)
+def test_the_level_of_the_published_pair_is_beside_the_fitted_level(ends, words):
+    claims = parse_claims(
+        [
+            SIGMA | {"id": name, "published": n}
+            for name, n in (("u", 18.0), ("alpha", 0.1))
+        ]
+    )
+    fitted = {"noise_level_moments": 3.36} | LEVEL | ends
+    metrics = RUNS[0].metrics | {"fit_gaussian": fitted}
+    run = replace(RUNS[0], joints=["a", "b", "c"], metrics=metrics)
+
+    text = published_and_ours(run, groups(run, claims=claims))
+
     assert "| L = α√(u² − ⟨‖J⁻¹‖²⟩) | 1.066 (of û and α̂) | – | 3.36 | – |" in text
+    assert words in text
     assert "is 3.16 times the L" in text and "α = 0.316 and αu = 5.68." in text
 
 
@@ -328,6 +374,6 @@ def test_the_errors_of_a_sum_of_errors_are_printed_apart():
     rows = [evidence_row("sigma_s", 0.25, standard_error=3e-8)]
     rows.append(evidence_row("mean_of_sigma_s", 0.26, standard_error=0.02))
     run = replace(RUNS[1], tables={"evidence": evidence_table(rows)})
-    text = published_and_ours(run, decide_each(parse_claims([claim]), [run], []))
+    text = published_and_ours(run, groups(run, claims=parse_claims([claim])))
     expected = "| 0.25 [0.1972, 0.3028] (standard errors up to: sampling 0.02, which decides, and"
     assert f"{expected} quadrature 3e-08) |" in text

@@ -1,0 +1,196 @@
+"""Published numbers beside the run's: parameters by estimator, and other numbers by dataset."""
+
+from collections.abc import Mapping, Sequence
+
+import pandas as pd
+
+from pipeline.verdicts import decision as d
+from pipeline.verdicts.claims import Claim
+from pipeline.verdicts.decision import Case, Verdict
+from pipeline.verdicts.model_card import few_takes
+from pipeline.verdicts.paper import noise_levels
+from pipeline.verdicts.run import Run, index_evidence
+from pipeline.verdicts.tally import Group
+from pipeline.verdicts.wording import (
+    MISSING,
+    WORDS,
+    interval,
+    number,
+    say,
+    table,
+)
+
+FLOORS = "sigma_b_floors"
+ESTIMATORS: dict[str, str] = WORDS["estimators"]
+PARAMETERS: dict[str, list[str]] = WORDS["parameters"]
+INPUTS: dict[str, str] = WORDS["inputs"]
+
+
+def published_and_ours(here: Run, groups: Sequence[Group]) -> str:
+    """Return the fitted parameters of ``here`` by estimator, σ̂_B over ε and weight, then the other
+    published numbers and those of each run of the same arm.
+    """
+    own = next(group for group in groups if here.dataset in group.verdicts)
+    verdicts = own.verdicts[here.dataset]
+    published = {verdict.claim.id: verdict.claim.published for verdict in verdicts}
+    fitted = here.metrics.get("fit_gaussian", {}) if here.arm.numbered else {}
+    levels = noise_levels(fitted, published)
+    few = few_takes(here)
+    if levels:
+        levels = levels | _determination(fitted)
+    parts = [say("published", few=few, levels=levels)]
+    rows = _parameter_rows(here, published, levels, few)
+    if rows:
+        parts.append(table(["parameter", "published", *ESTIMATORS.values()], rows))
+    parts.append(floors(here))
+    parts.append(_numbers(here, groups))
+    return "\n\n".join(part for part in parts if part)
+
+
+def _determination(fitted: Mapping[str, float]) -> dict[str, list[str]]:
+    """Return the names of the estimators whose û is ``unbounded`` and ``bounded``."""
+    sides: dict[str, list[str]] = {"unbounded": [], "bounded": []}
+    for estimator, name in ESTIMATORS.items():
+        ends = fitted.get(f"u_{estimator}_unbounded")
+        if ends is not None:
+            sides["unbounded" if ends else "bounded"].append(name)
+    return sides
+
+
+def _parameter_rows(
+    here: Run, published: Mapping[str, object], levels: Mapping[str, float], few: bool
+) -> list[list[object]]:
+    """Return name, published value and estimates of each fitted parameter."""
+    rows = []
+    for name, (file, key, claim) in PARAMETERS.items():
+        fitted = here.metrics.get(file, {})
+        cells = [_estimate(fitted, key, estimator, few) for estimator in ESTIMATORS]
+        if {*cells} == {MISSING}:
+            continue
+        stated = published.get(claim, MISSING)
+        if key == "noise_level" and levels:
+            stated = f"{number(levels['published'])} (of û and α̂)"
+        rows.append([name, stated, *cells])
+    return rows
+
+
+def _estimate(fitted: Mapping[str, float], key: str, estimator: str, few: bool) -> str:
+    """Return an estimate with its interval, or "unbounded" at the end of the searched interval; the
+    mean of a Wishart step ends at σ_B = 1 for every number of joints, its covariance before.
+    """
+    name = f"{key}_{estimator}"
+    if fitted.get(f"{name}_unbounded"):
+        return "unbounded"
+    if name not in fitted:
+        return MISSING
+    text = number(fitted[name])
+    ends = [fitted.get(f"{name}_interval_{end}") for end in ("low", "high")]
+    if not few and None not in ends:
+        text += f" {interval(*ends)}"
+    limit = fitted.get("sigma_b_limit_of_the_covariance", float("inf"))
+    if "sigma_b" not in key or fitted[name] < limit:
+        return text
+    lacks = "mean" if fitted[name] >= 1 else "covariance"
+    return f"{text} (no {lacks})"
+
+
+def floors(here: Run) -> str:
+    """Return σ̂_B of the printed problem over the bound ε and the weight, "" without its table."""
+    rows = here.tables.get(FLOORS, pd.DataFrame())
+    if not len(rows):
+        return ""
+    fitted = here.metrics["fit_wishart"]
+    by_floor = rows.pivot(index="ratio", columns="floor", values="sigma_b")
+    by_floor = by_floor[sorted(by_floor, reverse=True)]
+    header = ["weight α₂/α₁ (rad)", *(f"ε = {floor:g}" for floor in by_floor)]
+    cells = [
+        [number(ratio, 3), *(number(sigma_b, 3) for sigma_b in row)]
+        for ratio, row in by_floor.iterrows()
+    ]
+    means = [
+        value for key, value in fitted.items() if key.startswith("fitted_mean_of_b")
+    ]
+    words = {"means": [number(mean, 3) for mean in means]}
+    words["sample"] = number(fitted["sigma_b_about_the_sample_mean"], 2)
+    return f"{say('floors', **words)}\n\n{table(header, cells)}"
+
+
+def _numbers(here: Run, groups: Sequence[Group]) -> str:
+    """Return the table of the published numbers that are no parameters of a law, for each run of
+    the arm of ``here``, with a word on the numbers that were inputs.
+    """
+    in_parameters = {claim for *_, claim in PARAMETERS.values()}
+    independent = groups[0].verdicts[d.WITHOUT_RECORDING]
+    columns = _columns(here, groups)
+    rows = []
+    for place, verdict in enumerate(independent):
+        claim = verdict.claim
+        if not claim.parameter or claim.id in in_parameters:
+            continue
+        by_run = [verdicts[place] for verdicts in columns.values()]
+        if verdict.verdict != d.NO_RECORDING:  # it is of no dataset
+            by_run = [verdict, *([None] * (len(by_run) - 1))]
+        if not _cases(by_run[0]):
+            continue
+        first, *others = by_run
+        cells = [_values(here, claim, _cases(first), few_takes(here))]
+        cells += [
+            " / ".join(number(case.value, 3) for case in _cases(v)) for v in others
+        ]
+        is_input = INPUTS.get(claim.id, "no") if here.synthetic else "no"
+        rows.append([*_name_and_published(claim, _cases(first)), is_input, *cells])
+    if not rows:
+        return ""
+    return table(["number", "published", "was it an input?", *columns], rows)
+
+
+def _columns(here: Run, groups: Sequence[Group]) -> dict[str, Sequence[Verdict]]:
+    """Return the verdicts of ``here`` and of the other runs of its arm, by heading."""
+    columns = {}
+    for group in groups:
+        for run in group.runs:
+            if run.arm == here.arm:
+                cause = (
+                    f" ({run.cause})" if run.cause else " (real)" * (not run.synthetic)
+                )
+                columns[f"{run.dataset}{cause}"] = group.verdicts[run.dataset]
+    own = next(name for name in columns if name.split(" ")[0] == here.dataset)
+    return {own: columns.pop(own)} | columns
+
+
+def _cases(verdict: Verdict | None) -> list[Case]:
+    """Return the cases of a verdict that have a value."""
+    if verdict is None or verdict.verdict == d.NO_RECORDING:
+        return []
+    return [case for case in verdict.cases if case.value is not None]
+
+
+def _name_and_published(claim: Claim, cases: Sequence[Case]) -> tuple[str, str]:
+    unit = f" ({claim.unit})" if claim.unit else ""
+    names = " / ".join(case.case for case in cases if case.case)
+    name = ", ".join(part for part in (claim.parameter, names) if part)
+    return name + unit, " / ".join(number(case.published) for case in cases)
+
+
+def _values(here: Run, claim: Claim, cases: Sequence[Case], few: bool) -> str:
+    """Return the values of the ``cases`` with their intervals, then the errors that add up."""
+    texts = []
+    for case in cases:
+        text = number(case.value)
+        if not few and case.low is not None:
+            text += f" {interval(case.low, case.high)}"
+        texts.append(text)
+    return " / ".join(texts) + _errors(here, claim)
+
+
+def _errors(here: Run, claim: Claim) -> str:
+    """Return the greatest of each of the errors that add in squares, if there are several."""
+    if len(claim.standard_error) < 2:
+        return ""
+    rows, errors = index_evidence(here.evidence), []
+    for error in claim.standard_error:
+        values = [error.look_up(rows, case) for case in claim.cases(here.arm)]
+        present = [value for value in values if value]
+        errors.append(number(max(present, default=float("nan")), 3))
+    words = " (standard errors up to: sampling {}, which decides, and quadrature {})"
+    return words.format(*errors)

@@ -1,0 +1,175 @@
+"""Every dataset counts once: shared takes and causes of the noise are joined, and each failure is
+named.
+"""
+
+import pandas as pd
+import pytest
+
+from pipeline.core.columns import PLANE
+from pipeline.evidence.table import evidence_row, evidence_table
+from pipeline.verdicts.claims import parse_claims
+from pipeline.verdicts.decision import decide_each
+from pipeline.verdicts.finding import finding
+from pipeline.verdicts.run import Run
+from pipeline.verdicts.tally import (
+    COUNTED,
+    DEPENDS,
+    FAILS,
+    HOLDS,
+    Group,
+    groups_of,
+    joined_text,
+    joined_verdicts,
+    tally,
+)
+
+STATED = {key: f"the {key}" for key in ("where", "statement", "quantity", "reason")}
+VALUE = {"quantity": "std", "joint": "{joint}"}
+BELOW = STATED | {"rule": "below", "limit": 0.5, "each": {"joint": "every"}}
+BELOW |= {"value": VALUE}
+STUDY = STATED | {"rule": "below", "limit": 0.5, "recording": "none"}
+STUDY |= {"value": {"quantity": "greatest_error_of_variances"}}
+CLAIMS = parse_claims(
+    [
+        BELOW | {"id": "of-method", "about": "method", "why": {"c": "it mixes units"}},
+        BELOW | {"id": "of-robots", "about": "robots"},
+        STUDY | {"id": "study", "about": "method"},
+    ]
+)
+ARM, OTHER = ("a", "b"), ("a", "b", "c")
+
+
+def a_run(
+    dataset: str, std: float, *, joints=ARM, cause="", files=(), synthetic=None
+) -> Run:
+    rows = [evidence_row("std", std, joint=joint) for joint in joints]
+    rows.append(evidence_row("greatest_error_of_variances", 0.2))
+    raw = pd.DataFrame({"place": ["LICENSE", *files], "sha256": ["licence", *files]})
+    tables = {"evidence": evidence_table(rows), "raw_files": raw}
+    kind = cause != "" if synthetic is None else synthetic
+    return Run(dataset, "paper", kind, [*joints], PLANE, {}, {}, tables, cause=cause)
+
+
+def groups(*runs: Run) -> list[Group]:
+    return groups_of(runs, decide_each(CLAIMS, runs, []))
+
+
+def words(group: Group) -> dict[str, str]:
+    return {joined.claim.id: joined.word for joined in joined_verdicts(group)}
+
+
+def texts(group: Group) -> dict[str, str]:
+    verdicts = joined_verdicts(group)
+    return {joined.claim.id: joined_text(group, joined) for joined in verdicts}
+
+
+def test_datasets_that_share_takes_are_one_group_but_not_those_that_share_a_licence():
+    _, *found = groups(
+        a_run("a", 0.1, files=["1", "2"]),
+        a_run("b", 0.1, files=["3"]),
+        a_run("c", 0.7, files=["2"], joints=OTHER),
+    )
+
+    joined = [[run.dataset for run in group.runs] for group in found]
+    assert joined == [["a", "c"], ["b"]]
+    assert words(found[0])["of-robots"] == FAILS
+    assert words(found[1])["of-robots"] == HOLDS
+    assert texts(found[0])["of-robots"] == "✗ fails in c (0 of 3); holds in a (2 of 2)"
+    assert texts(found[0])["of-method"].endswith("; reason: it mixes units (c)")
+    assert texts(found[1])["of-robots"] == "✓ holds (2 of 2)"
+
+
+@pytest.mark.parametrize(
+    ("stds", "word", "text"),
+    [
+        ((0.1, 0.2, 0.3), HOLDS, "holds under 3 of 3 causes (2 of 2)"),
+        ((0.7, 0.8, 0.9), FAILS, "fails under 3 of 3 causes (0 of 2)"),
+        (
+            (0.1, 0.7, 0.2),
+            DEPENDS,
+            "depends on the cause (holds: sway, poses; fails: timing)",
+        ),
+    ],
+)
+def test_a_claim_about_robots_is_stated_over_the_causes_of_one_arm(stds, word, text):
+    causes = ("sway", "timing", "poses")
+    runs = [
+        a_run(f"lab_{cause}", std, cause=cause, files=[cause])
+        for cause, std in zip(causes, stds, strict=True)
+    ]
+
+    independent, group = groups(*runs)
+
+    assert words(group)["of-robots"] == word and texts(group)["of-robots"] == text
+    assert words(independent) == {
+        "of-method": "no evidence",
+        "of-robots": "no evidence",
+        "study": HOLDS,
+    }
+    rows = tally([independent, group])
+    assert [row.decides for row in rows] == [True, True, False]
+    counts = [{w: len(row.claims[w]) for w in COUNTED} for row in rows]
+    assert counts[2] == dict.fromkeys(COUNTED, 0) | {word: 1}
+
+
+def test_another_task_with_the_same_takes_is_no_cause():
+    runs = [
+        a_run("lab", 0.1, cause="sway", files=["1"]),
+        a_run("lab_timing", 0.1, cause="timing", files=["2"]),
+        a_run("lab_task", 0.7, cause="sway", files=["1"], joints=OTHER),
+    ]
+
+    _, group = groups(*runs)
+
+    assert words(group)["of-method"] == FAILS
+    expected = "✗ holds under 2 of 2 causes (2 of 2); fails in lab_task (0 of 3)"
+    assert texts(group)["of-method"] == expected
+
+
+def test_synthetic_datasets_of_another_arm_or_without_a_cause_are_not_joined():
+    _, *found = groups(
+        a_run("lab", 0.1, cause="sway"),
+        a_run("arm", 0.1, cause="timing", joints=OTHER),
+        a_run("unnamed", 0.1, synthetic=True),
+        a_run("real", 0.1),
+    )
+    assert [len(group.runs) for group in found] == [1, 1, 1, 1]
+
+
+def a_scored_run(dataset: str, wishart: float, speed: float) -> Run:
+    """Return a real run whose Wishart model is ``wishart`` nats above constant noise."""
+    run = a_run(dataset, 0.1)
+    means = {"additive": 0.0, "wishart": wishart, "speed": speed}
+    rows = [
+        {"steps": "all", "model": model, "score": "log_score", "mean": mean}
+        for model, mean in means.items()
+    ]
+    pair = {"steps": "all", "model": "wishart", "rival": "additive"}
+    pair |= {"difference": wishart, "low": wishart - 1, "high": wishart + 1}
+    run.tables["predictions"] = pd.DataFrame(rows)
+    run.tables["prediction_pairs"] = pd.DataFrame([pair])
+    run.models["wishart"] = "wishart"
+    return run
+
+
+@pytest.mark.parametrize(
+    ("wishart", "words"),
+    [
+        (-27604.7, "neither matrix model predicts"),
+        (0.5, "neither matrix model predicts"),
+        (3.21, "only the Wishart matrix model predicts"),
+    ],
+)
+def test_the_finding_states_real_robots_by_the_sign_of_the_interval(wishart, words):
+    runs = [a_scored_run("own", wishart, speed=5.0)]
+    found = groups(*runs)
+
+    sentences = finding(found, tally(found))
+
+    (real,) = [text for text in sentences if "real arms" in text]
+    assert words in real
+    size = {-27604.7: "lower by 27,600 (own)", 3.21: "higher by 3.21 (own)"}
+    assert size.get(wishart, "not significantly different on own") in real
+    assert real.endswith("is above both on own.")
+    assert "all 1 claims that need no recording hold" in sentences[0]
+    assert not any("printed problem" in text for text in sentences)
