@@ -1,6 +1,7 @@
 """The page holds its Markdown files whole, with links that lead somewhere and figures inside."""
 
 import io
+import os
 import re
 from base64 import b64decode
 from pathlib import Path
@@ -129,9 +130,35 @@ def test_figures_are_beside_each_other_with_their_text_and_a_card_is_folded(repo
     assert folded == [["2", "more"], ["Why"], ["More"]]
 
 
+def test_anchors_of_errata_lead_to_their_headings_and_studies_to_their_page(reports):
+    (reports / "errata.md").write_text(
+        '# Errata\n\n<a id="sign"></a>\n\n## 1. A sign\n\nWrong.\n'
+    )
+    (reports / "report.md").write_text(
+        "# R\n\n[why](errata.md#sign), [study](studies/pose.md#answer)\n"
+    )
+
+    html = page("", [reports / "report.md", reports / "errata.md"], reports)
+
+    tree = parsed(html)
+    (heading,) = [h2 for h2 in tree.iter("h2") if "A sign" in "".join(h2.itertext())]
+    assert heading.find("span").get("id") == "errata--sign"
+    addresses = [link.get("href") for link in tree.findall(".//main//a[@href]")]
+    assert addresses == ["#errata--sign", "studies.html#pose--answer"]
+    contents = [link.text for link in tree.find(".//nav").iter("a")]
+    assert contents == ["R", "Errata"]
+
+
+def test_no_table_or_figure_is_a_tab_stop_and_folded_sections_are_printed(reports):
+    html = page("", [reports / "report.md"], reports)
+    assert "tabindex" not in html and "wide content" not in html
+    assert "beforeprint" in html and "::details-content" in html
+
+
 def test_the_committed_report_reads_as_a_page():
     folder = ROOT / "reports/youbot"
-    html = page("Results", [folder / file for file in RESULTS], folder)
+    files = [Path(os.path.normpath(folder / file)) for file in RESULTS]
+    html = page("Results", files, folder)
     tree = parsed(html)
     assert not MARKDOWN.search(text(tree))
     addresses = [each.get("href") for each in tree.iter("a")]

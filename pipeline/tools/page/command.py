@@ -1,5 +1,5 @@
-"""``python -m pipeline page [studies]``: HTML page of the report and the model card, or of the
-studies, with styles and figures inside.
+"""``python -m pipeline page [studies]``: HTML page of the report, the model card, errata, datasets,
+recordings, equations and glossary, or of the studies, with styles and figures inside.
 """
 
 import io
@@ -12,46 +12,64 @@ from pathlib import Path
 
 from jinja2 import Template
 from markdown_it import MarkdownIt
+from markdown_it.token import Token
 from PIL import Image
 
 from pipeline.configuration import config
 from pipeline.core.contracts import write_text
 from pipeline.core.errors import ContractError
 
-REPORTS, RESULTS = Path("reports"), ("report.md", "model_card.md")
+REPORTS = Path("reports")
+STUDIES = REPORTS / "studies"
+# sections of the page of results, by path from the dataset's folder
+RESULTS = (
+    "report.md",
+    "model_card.md",
+    "errata.md",
+    "../datasets.md",
+    "recordings.md",
+    "../equations.md",
+    "../glossary.md",
+)
+PAPER = "Motion and wrench uncertainties of robotic manipulators, reproduced"
 TEMPLATE = Path(__file__).with_name("page.html")
 COLOURS = 64  # of a figure on the page, enough for its lines and shades
-WIDE = (
-    900  # px, least width of a figure of two columns, which scrolls on a narrow screen
-)
-# attributes of a frame that scrolls and can be focused by keyboard
-FRAME = {"role": "region", "aria-label": "wide content", "tabindex": 0}
-TABLE = '<div role="region" aria-label="wide content" tabindex="0" class="table">'
-FOLDED = "model_card"  # page whose sections are folded
+# px, least width of a figure of two columns, which scrolls on a narrow screen
+WIDE = 900
+TABLE = '<div class="table">'
+FOLDED = ("model_card", "errata")  # pages whose sections are folded
+IN_CARDS = "report"  # page whose parts under headings of level 3 are beside each other
 FOLD = r"<details><summary>\1</summary>\2</details>\n"
 UNSEEN = re.compile(  # a folded paragraph
     r"<p>&lt;details&gt;&lt;summary&gt;(.*?)&lt;/summary&gt;(.*?)&lt;/details&gt;</p>"
 )
 FOLDS = re.compile(r"(<h2 .*?</h2>)(.*?)(?=<h2 |\Z)", re.DOTALL)
+# an anchor before a heading, as the Markdown of the errata states it
+ANCHOR = re.compile(
+    r"<p>&lt;a id=&quot;([\w-]+)&quot;&gt;&lt;/a&gt;</p>\s*(<h\d [^>]*>)"
+)
 CARD = re.compile(r"<h3 .*?(?=<h3 |\Z)", re.DOTALL)
 CARDS = re.compile(r"(?:<h3 .*?(?=<h[1-3] |\Z))+", re.DOTALL)
 ONE_CARD = r'<div class="card">\n\g<0></div>\n'
 CARD_GROUP = '<div class="cards">\n{}</div>\n'
 FIGURE = re.compile(r'(<p [^>]*class="figure"[^>]*><img [^>]*>)\s+(.+?)</p>', re.DOTALL)
-DEPTH = 2  # levels of headings in the table of contents
+DEPTH = 2  # levels of headings in the table of contents, of a page that is not folded
+Heading = tuple[int, str, str]  # level (1: title), anchor and text
 
 
 def run(part: str = "results") -> None:
     """Write reports/DATASET/index.html, or reports/studies.html for the studies."""
     if part == "results":
-        title, folder = "Results", REPORTS / config.sections("page").dataset.name
-        files, out = [folder / name for name in RESULTS], folder / "index.html"
+        dataset = config.sections("page").dataset.name
+        folder = REPORTS / dataset
+        title, out = f"{PAPER}: dataset {dataset}", folder / "index.html"
+        files = [Path(os.path.normpath(folder / name)) for name in RESULTS]
     else:
-        title, out = "Studies beyond the paper", REPORTS / "studies.html"
-        files = sorted((REPORTS / "studies").glob("*.md"))
+        title, out = f"{PAPER}: studies beyond the paper", REPORTS / "studies.html"
+        files = sorted(STUDIES.glob("*.md"))
         if not files:
             message = "no study has run; run `dvc repro -P`"
-            raise ContractError(message, folder=REPORTS / "studies")
+            raise ContractError(message, folder=STUDIES)
     write_text(page(title, files, out.parent), out)
     print(f"page: wrote {out}")
 
@@ -69,8 +87,8 @@ def page(title: str, files: Sequence[Path], folder: Path) -> str:
 
 def _section(
     file: Path, files: Sequence[Path], folder: Path
-) -> tuple[str, list[tuple[int, str, str]]]:
-    """Return the HTML of a Markdown file, and level (1: title), anchor and text of its headings."""
+) -> tuple[str, list[Heading]]:
+    """Return the HTML of a Markdown file, and its headings for the table of contents."""
     try:
         content = file.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError):
@@ -79,48 +97,61 @@ def _section(
         ) from None
     parser = MarkdownIt("commonmark", {"html": False}).enable("table")
     tokens = parser.parse(content)
-    headings: list[tuple[int, str, str]] = []
+    headings: list[Heading] = []
     for place, token in enumerate(tokens):
         if token.type == "heading_open":
-            text = "".join(child.content for child in tokens[place + 1].children or [])
-            slug = re.sub(r"[^\w\- ]", "", text.lower()).replace(" ", "-")
-            # an anchor is the file's name and GitHub's slug; the title's is the file's name only
-            anchor = _anchor(file, slug if headings or token.tag != "h1" else "")
-            twins = [
-                name
-                for _, name, _ in headings
-                if re.fullmatch(rf"{anchor}(-\d+)?", name)
-            ]
-            token.attrs["id"] = f"{anchor}-{len(twins) + 1}" if twins else anchor
-            headings.append((int(token.tag[1]), token.attrs["id"], escape(text)))
-        elif (
-            token.type == "inline"
-            and token.children
-            and token.children[0].type == "image"
-        ):
-            tokens[place - 1].attrs |= FRAME | {"class": "figure"}
+            heading = _heading(token, tokens[place + 1], file, headings)
+            token.attrs["id"] = heading[1]
+            headings.append(heading)
         for child in token.children or []:
             if child.type == "image":
-                child.attrs |= _figure_attributes(file.parent / str(child.attrs["src"]))
+                picture = file.parent / str(child.attrs["src"])
+                child.attrs |= _figure_attributes(picture)
             elif child.type == "link_open":
-                child.attrs["href"] = _address(
-                    str(child.attrs["href"]), file, files, folder
-                )
-    html = parser.renderer.render(tokens, parser.options, {})
-    html = html.replace("<table>", f"{TABLE}\n<table>").replace(
-        "</table>", "</table>\n</div>"
-    )
-    html = UNSEEN.sub(
-        FOLD, html.replace("&lt;br&gt;", "<br>")
-    )  # line ends in a table's cells
-    html = FIGURE.sub(r"\1</p>\n<p>\2</p>", html)
-    if file.stem == FOLDED:
-        html = FOLDS.sub(FOLD, html)
-    else:  # parts under headings of level 3 are beside each other
-        html = CARDS.sub(
-            lambda found: CARD_GROUP.format(CARD.sub(ONE_CARD, found[0])), html
-        )
+                link = str(child.attrs["href"])
+                child.attrs["href"] = _address(link, file, files, folder)
+        if token.children and token.children[0].type == "image":
+            tokens[place - 1].attrs["class"] = "figure"
+    html = _arranged(parser.renderer.render(tokens, parser.options, {}), file)
+    if file.stem in FOLDED:
+        headings = headings[:1]
     return html, headings or [(1, "", file.stem)]
+
+
+def _heading(
+    token: Token, content: Token, file: Path, headings: Sequence[Heading]
+) -> Heading:
+    """Return level, anchor and text of a heading after the earlier ``headings``: the anchor is the
+    file's name and GitHub's slug, the title's the file's name only.
+    """
+    text = "".join(child.content for child in content.children or [])
+    slug = re.sub(r"[^\w\- ]", "", text.lower()).replace(" ", "-")
+    is_title = not headings and token.tag == "h1"
+    anchor = _anchor(file, "" if is_title else slug)
+    twin = re.compile(rf"{re.escape(anchor)}(-\d+)?")
+    twins = [name for _, name, _ in headings if twin.fullmatch(name)]
+    if twins:
+        anchor = f"{anchor}-{len(twins) + 1}"
+    return int(token.tag[1]), anchor, escape(text)
+
+
+def _arranged(html: str, file: Path) -> str:
+    """Return the ``html`` of a file with frames around tables, sections folded or beside each
+    other, and the anchors that the Markdown states.
+    """
+    html = html.replace("<table>", f"{TABLE}\n<table>")
+    html = html.replace("</table>", "</table>\n</div>")
+    html = html.replace("&lt;br&gt;", "<br>")  # line ends in a table's cells
+    html = UNSEEN.sub(FOLD, html)
+    html = ANCHOR.sub(rf'\2<span id="{file.stem}--\1"></span>', html)
+    html = FIGURE.sub(r"\1</p>\n<p>\2</p>", html)
+    if file.stem in FOLDED:
+        return FOLDS.sub(FOLD, html)
+    if file.stem == IN_CARDS:
+        return CARDS.sub(
+            lambda cards: CARD_GROUP.format(CARD.sub(ONE_CARD, cards[0])), html
+        )
+    return html
 
 
 def _anchor(file: Path, slug: str) -> str:
@@ -135,6 +166,9 @@ def _address(href: str, file: Path, files: Sequence[Path], folder: Path) -> str:
     target = Path(os.path.normpath(file.parent / path)) if path else file
     if target in files:
         return f"#{_anchor(target, slug)}"
+    if target.suffix == ".md" and target.parent.name == STUDIES.name:
+        studies = os.path.relpath(target.parent.with_suffix(".html"), folder)
+        return f"{Path(studies).as_posix()}#{_anchor(target, slug)}"
     return Path(os.path.relpath(target, folder)).as_posix() + mark + slug
 
 
