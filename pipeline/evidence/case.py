@@ -15,7 +15,6 @@ from pipeline.core.columns import PLANE, columns
 from pipeline.core.options.analysis import Filter
 from pipeline.core.options.dataset import Motion, Robot
 from pipeline.filtering.measurement import Measurements, measurements
-from pipeline.filtering.particle_filter import Start
 from pipeline.models.steps import Options, Recorded
 from pipeline.models.wishart.decomposition import COMPUTED, decomposition_of
 from pipeline.perception.depth_noise import errors_of, leave_one_out
@@ -37,7 +36,7 @@ class Choices:
     """Options of the models, the filter and the comparison in one case."""
 
     models: dict[str, Options]  # by name; the paper's models by their kind
-    filter: Filter
+    filter: Filter | None  # None if the posteriors are read
     mode: str  # mode of the realisations: one_step or free_running
     clock: str = "aligned"  # key of the camera in Recordings.cameras
     measurement: float = (
@@ -72,7 +71,7 @@ class Choices:
 
     def model_case(self, name: str) -> "Choices":
         """Return this case with only the model ``name``, and default choices for the filter."""
-        defaults = {"filter": Filter("none", 0.0, 1), "clock": "", "batch": 0}
+        defaults = {"filter": None, "clock": "", "batch": 0}
         closed = self.closed and self.models[name].kind in KINDS
         return replace(
             self, models={name: self.models[name]}, closed=closed, **defaults
@@ -100,18 +99,13 @@ class Takes:
     poses: np.ndarray  # (takes, M+1, n) rad, of the training takes
     test: dict[str, np.ndarray]  # take → (M+1, n) rad
 
-    @property
-    def start(self) -> Start:
-        """Normal law of the first pose of the training takes."""
-        first = self.poses[:, 0]
-        return Start(first.mean(axis=0), np.cov(first.T))
-
 
 class Camera(NamedTuple):
     """Measurements of the test takes with the instrument's frames on one clock, and its noise."""
 
     noise: pd.DataFrame | None  # of leave_one_out; None if other instruments measure
     takes: dict[str, Measurements]
+    slopes: pd.DataFrame | None = None  # of error_slopes near a sample
 
 
 @dataclass(frozen=True)
@@ -129,12 +123,8 @@ class Recordings:
     )
 
     def generator(self, name: str, *trial: int, draw: int = 0) -> np.random.Generator:
-        """Return the random stream ``name`` of a stage and ``trial``, with the run's numbers for
-        the ``draw`` 0.
-        """
-        if draw == 0:
-            return rng.stream(self.seed, name, *trial)
-        return rng.stream(self.seed, name, draw, *trial)
+        """Return :func:`pipeline.core.rng.drawn_stream` of these recordings' seed."""
+        return rng.drawn_stream(self.seed, name, *trial, draw=draw)
 
     @cached_property
     def variation_limits(self) -> np.ndarray | None:

@@ -5,6 +5,7 @@ evaluated once.
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -22,95 +23,114 @@ from pipeline.evidence.instruments import camera_evidence
 from pipeline.evidence.motion import Outcome, motion_evidence, noise_tests
 from pipeline.filtering.linear import autocorrelated_filter
 from pipeline.filtering.measurement import Measurements
-from pipeline.filtering.particle_filter import Posterior, particle_filter
+from pipeline.filtering.particle_filter import FilterTrial, take_posterior
 from pipeline.models import kinds
-from pipeline.models.closed_loop import FOLDER, closed_loop_of, mean_path
-from pipeline.models.draws import realize, realized_moments
-from pipeline.models.model import Commands, MotionModel, open_loop
-from pipeline.models.steps import Estimate, Recorded, measurement_covariance
+from pipeline.models.closed_loop import Loop, closed_loop_of, loops_of
+from pipeline.models.draws import realize_recorded
+from pipeline.models.model import MotionModel
+from pipeline.models.steps import Estimate, Options, Recorded, measurement_covariance
 from pipeline.recordings.commands import constant_speed
 from pipeline.statistics.scores import Filtered, training_mean
 
-Loop = tuple[MotionModel, Commands]  # a fitted model and its commands
-# number of the take, its part of the case, the loop, the take's measurements
-Trial = tuple[int, Choices, Loop, Measurements]
 Run = Callable[
     [Callable, Sequence], Iterable
 ]  # like the built-in map, with results in order
 PAPERS_ESTIMATE = "{}_paper"  # names of the estimates of the paper's estimator
 
 
+class PosteriorMoments(NamedTuple):
+    """Moments of the joint angles at the M+1 poses of a take, given its measurements."""
+
+    mean: np.ndarray  # (M+1, n) rad
+    covariance: np.ndarray  # (M+1, n, n) rad²
+
+
+# by filter (a name of pipeline.core.filters) and take; a reason in place of a missing posterior
+Posteriors = Mapping[str, Mapping[str, PosteriorMoments | str]]
+
+
+class CaseEvidence(NamedTuple):
+    """Evidence of a case, and what it is computed from."""
+
+    evidence: pd.DataFrame
+    refusals: list[str]  # reasons for missing fits, comparisons and filters
+    filters: dict[str, Filtered]  # all compared filters; empty without a posterior
+    against_mean: pd.DataFrame | None  # table filter_against_none
+
+
 def evaluate(
     cases: Sequence[Choices], recordings: Recordings, run: Run
-) -> list[tuple[pd.DataFrame, list[str]]]:
-    """Return the evidence and refusals of every case; only the paper's models are filtered."""
-    cameras, count = recordings.cameras, recordings.filtered
-    takes = list(next(iter(cameras.values())).takes) if cameras else []
+) -> list[CaseEvidence]:
+    """Return the evidence of every case; only models of the paper's kinds are filtered."""
 
     def map_trials(function: Callable, trials: Mapping[str, object]) -> dict:
         results = run(partial(function, recordings=recordings), list(trials.values()))
         return dict(zip(trials, results, strict=True))
 
     # options are not hashable; equal options have equal representations
-    models = {
-        repr(part): part for case in cases for part in map(case.model_case, case.models)
-    }
-    outcomes = map_trials(outcome, models)
-    loops = {key: _loops(result, recordings) for key, result in outcomes.items()}
-    trials: dict[str, Trial] = {}
-    keys: list[
-        dict[str, dict[str, str]]
-    ] = []  # filter → take → key of its trial, for each case
-    for case in cases:
-        keys.append({})
-        batch = takes[case.batch * count : (case.batch + 1) * count]
-        if len(batch) < count:
-            continue
-        for name in case.models:
-            if case.models[name].kind not in KINDS:
-                continue
-            for closed, loop in loops[repr(case.model_case(name))].items():
-                part = case.filter_case(name, closed)
-                own = keys[-1][names.closed(name) if closed else name] = {}
-                for take in batch:
-                    own[take] = f"{take} {part!r}"
-                    measured = cameras[case.clock].takes[take]
-                    trials[own[take]] = (takes.index(take), part, loop, measured)
-    posteriors = map_trials(_posterior, trials)
+    parts = [case.model_case(name) for case in cases for name in case.models]
+    outcomes = map_trials(outcome, {repr(part): part for part in parts})
+    trials_of_cases = [_filter_trials(case, recordings, outcomes) for case in cases]
+    trials = {}
+    for by_filter in trials_of_cases:
+        for by_take in by_filter.values():
+            trials |= by_take
+    moments = map_trials(_posterior_moments, trials)
     results = []
-    for case, filters in zip(cases, keys, strict=True):
+    for case, by_filter in zip(cases, trials_of_cases, strict=True):
         of_case = {name: outcomes[repr(case.model_case(name))] for name in case.models}
-        found = {
-            name: {take: posteriors[key] for take, key in own.items()}
-            for name, own in filters.items()
-        }
-        results.append(case_evidence(case, recordings, of_case, found))
+        posteriors = {}
+        for name, by_take in by_filter.items():
+            takes = {trial.measurements.take: key for key, trial in by_take.items()}
+            posteriors[name] = {take: moments[key] for take, key in takes.items()}
+        results.append(case_evidence(case, recordings, of_case, posteriors))
     return results
 
 
+def _filter_trials(
+    case: Choices, recordings: Recordings, outcomes: Mapping[str, Outcome]
+) -> dict[str, dict[str, FilterTrial]]:
+    """Return by filter the trials of ``case``, by a key that equal trials of all cases share."""
+    camera = recordings.cameras.get(case.clock)
+    takes = [] if camera is None else list(enumerate(camera.takes.values()))
+    count = recordings.filtered
+    batch = takes[case.batch * count : (case.batch + 1) * count]
+    trials: dict[str, dict[str, FilterTrial]] = {}
+    if len(batch) < count:
+        return trials
+    for name, options in case.models.items():
+        if options.kind not in KINDS:
+            continue
+        result = outcomes[repr(case.model_case(name))]
+        for closed, loop in _loops(result, recordings).items():
+            part = repr(case.filter_case(name, closed))
+            trials[names.closed(name) if closed else name] = {
+                f"{measured.take} {part}": FilterTrial(
+                    name, loop, closed, measured, number, case.filter, case.draw
+                )
+                for number, measured in batch
+            }
+    return trials
+
+
 def _loops(result: Outcome, recordings: Recordings) -> dict[bool, Loop]:
-    """Return the loops in which a model is filtered, with the key True for the closed loop."""
-    recorded, loops = recordings.takes.training, {}
-    if result.model is not None:
-        loops[False] = (result.model, open_loop(recorded.v))
+    """Return the loops in which the fitted model of ``result`` is filtered."""
+    closed = None
     if result.closed is not None:
-        commands = mean_path(recorded).commands(result.closed.share)
-        loops[True] = (result.closed.estimate.model, commands)
-    return loops
+        closed = result.closed.estimate.model, result.closed.share
+    return loops_of(recordings.takes.training, result.model, closed)
 
 
-def _posterior(trial: Trial, recordings: Recordings) -> Posterior | str:
-    """Return the filter's posterior on one take, or the reason why there is none."""
-    (number, case, (model, commands), measured), takes = trial, recordings.takes
-    name = f"filter.{case.name}"
-    if case.closed:
-        name += f".{FOLDER}"
-    stream = recordings.generator(name, number, draw=case.draw)
-    loop = (model, takes.training.chain, commands, 1 / recordings.rate)
+def _posterior_moments(
+    trial: FilterTrial, recordings: Recordings
+) -> PosteriorMoments | str:
+    """Return the posterior's moments of one take, or the reason why there are none."""
+    training, rate, seed = recordings.takes.training, recordings.rate, recordings.seed
     try:
-        return particle_filter(*loop, takes.start, measured, case.filter, stream)
+        posterior = take_posterior(trial, training, rate, seed)
     except (DegenerateFilterError, ModelDomainError, SingularJacobianError) as error:
         return str(error)
+    return PosteriorMoments(posterior.mean, posterior.covariance)
 
 
 def outcome(case: Choices, recordings: Recordings) -> Outcome:
@@ -122,52 +142,59 @@ def outcome(case: Choices, recordings: Recordings) -> Outcome:
     try:
         fit = kinds.estimate(training, case.options)
         result.model = fit.model
-        result.estimates = fit.determined | _papers_estimates(case, training, fit)
+        papers = _papers_estimate(case.options, training, fit)
+        result.estimates = dict(fit.determined)
+        if papers is not None:
+            result.estimates |= papers.named(PAPERS_ESTIMATE, {})
         if case.closed:
             result.closed, refused = closed_loop_of(training, case.options, fit)
-            result.refusals += [f"no closed loop: {refused}"] if refused else []
+            if refused:
+                result.refusals.append(f"no closed loop: {refused}")
         result.log_score = _log_scores(case, fit, takes)
-        starts = np.resize(
-            takes.poses, (recordings.realizations, *takes.poses.shape[1:])
-        )
-        course = (result.model, training.chain, starts, training.v, case.mode)
         drawn = recordings.generator(f"simulate.{case.name}", draw=case.draw)
-        realized, _, _ = realize(*course, drawn)
-        result.mean, result.deviation, refused = realized_moments(*course, realized)
-        result.refusals += [refused] if refused else []
-        if case.mode == "one_step":
-            name = f"score.following.{case.name}"
-            drawn = recordings.generator(name, draw=case.draw)
-            tests = noise_tests(result.model, training, takes.poses, drawn)
-            result.modelled, result.following = tests
+        realized = realize_recorded(
+            result.model, training, case.mode, recordings.realizations, drawn
+        )
+        result.mean, result.deviation = realized.mean, realized.deviation
+        if realized.refused:
+            result.refusals.append(realized.refused)
     except (ModelDomainError, SingularJacobianError, SolverError) as error:
         result.refusals.append(str(error))
+        return result
+    if case.mode == "one_step":
+        compare_noise(case.name, result, recordings, case.draw)
     return result
 
 
-def _papers_estimates(
-    case: Choices, recorded: Recorded, fit: Estimate
-) -> dict[str, float]:
-    """Return the paper's estimates, for comparison with the published parameters."""
-    if (
-        requested := kinds.estimator_options(case.options).get(PAPERS_ESTIMATE)
-    ) is None:
-        return {}
+def compare_noise(
+    model: str, result: Outcome, recordings: Recordings, draw: int = 0
+) -> None:
+    """Add to ``result`` the noise of its ``model`` at the recorded total variance and its tests
+    against the recordings, or the reason why there are none.
+    """
+    drawn = recordings.generator(f"score.following.{model}", draw=draw)
+    takes = recordings.takes
     try:
-        papers = (
-            fit if requested == case.options else kinds.estimate(recorded, requested)
-        )
+        tests = noise_tests(result.model, takes.training, takes.poses, drawn)
+    except (ModelDomainError, SingularJacobianError, SolverError) as error:
+        result.refusals.append(f"not at the recorded total variance: {error}")
+        return
+    result.modelled, result.following = tests
+
+
+def _papers_estimate(
+    options: Options, recorded: Recorded, fit: Estimate
+) -> Estimate | None:
+    """Return the estimate of the paper's estimator, for comparison with the published parameters;
+    None if the model has no such estimator or it fails.
+    """
+    requested = kinds.estimator_options(options).get(PAPERS_ESTIMATE)
+    if requested is None or requested == options:
+        return None if requested is None else fit
+    try:
+        return kinds.estimate(recorded, requested)
     except (ModelDomainError, SolverError):
-        return {}
-    estimates = {
-        PAPERS_ESTIMATE.format(name): value for name, value in papers.determined.items()
-    }
-    unbounded = papers.diagnostics.get(
-        "u_unbounded"
-    )  # 1 where û is at the end of its search
-    return (
-        estimates if unbounded is None else estimates | {"u_paper_unbounded": unbounded}
-    )
+        return None
 
 
 def _log_scores(case: Choices, fit: Estimate, takes: Takes) -> dict[str, np.ndarray]:
@@ -207,50 +234,61 @@ def case_evidence(
     case: Choices,
     recordings: Recordings,
     outcomes: Mapping[str, Outcome],
-    posteriors: Mapping[str, Mapping[str, Posterior | str]],
-) -> tuple[pd.DataFrame, list[str]]:
-    """Return all evidence of ``case``, and the refusals of its models and filters.
-
-    ``outcomes`` by model; ``posteriors`` by filter (a name of :mod:`pipeline.core.filters`) and
-    take, or the reason why there is none. A filter without a posterior on one take has no evidence.
+    posteriors: Posteriors,
+) -> CaseEvidence:
+    """Return all evidence of ``case`` from the ``outcomes`` by model and the ``posteriors``. A
+    filter without a posterior on one take has no evidence.
     """
     takes, limits = recordings.takes, recordings.variation_limits
-    tables = [motion_evidence(outcomes, takes, case.mode, limits)]
+    parts = [motion_evidence(outcomes, takes, case.mode, limits)]
     refusals = {
         f"{model}: {why}"
         for model, result in outcomes.items()
         for why in result.refusals
     }
-    if (camera := recordings.cameras.get(case.clock)) is None:
-        return tables[0], sorted(refusals)
-    tables += [] if camera.noise is None else [camera_evidence(camera.noise)]
-    complete, tested = {}, []
-    for model, by_take in posteriors.items():
-        lost = {
-            f"{model}: {reason}"
-            for reason in by_take.values()
-            if isinstance(reason, str)
-        }
-        refusals |= lost
-        if by_take and not lost:
-            moments = ((own.mean, own.covariance) for own in by_take.values())
-            complete[model], tested = (
-                tuple(map(np.stack, zip(*moments, strict=True))),
-                [*by_take],
-            )
-    if names.models_of(complete):
-        measured = [camera.takes[take] for take in tested] if case.closed else None
-        truth = np.stack([takes.test[take] for take in tested])
-        filters = all_filters(
-            takes, truth, complete, measured, recordings.rate, case.measurement
+    complete = {}
+    for name, by_take in posteriors.items():
+        reasons = {why for why in by_take.values() if isinstance(why, str)}
+        refusals |= {f"{name}: {why}" for why in reasons}
+        if by_take and not reasons:
+            complete[name] = by_take
+    camera = recordings.cameras.get(case.clock)
+    filters, against_mean = {}, None
+    if camera is not None and names.models_of(complete):
+        filters = _compared_filters(case, recordings, complete)
+        evidence, against_mean, unscored = filter_evidence(
+            filters,
+            takes.training.joints,
+            constant_speed(takes.poses),
+            partial(recordings.generator, draw=case.draw),
         )
-        steady = constant_speed(takes.poses)
-        generator = partial(recordings.generator, draw=case.draw)
-        evidence, _, _ = filter_evidence(
-            filters, takes.training.joints, steady, generator
-        )
-        tables.append(evidence)
-    return pd.concat(tables, ignore_index=True), sorted(refusals)
+        parts.append(evidence)
+        refusals |= {*unscored}
+    if camera is not None and camera.noise is not None:
+        parts.append(camera_evidence(camera.noise, camera.slopes))
+    table = pd.concat(parts, ignore_index=True)
+    return CaseEvidence(table, sorted(refusals), filters, against_mean)
+
+
+def _compared_filters(
+    case: Choices,
+    recordings: Recordings,
+    posteriors: Mapping[str, Mapping[str, PosteriorMoments]],
+) -> dict[str, Filtered]:
+    """Return :func:`all_filters` of the takes that all ``posteriors`` have."""
+    tested = list(next(iter(posteriors.values())))
+    truth = np.stack([recordings.takes.test[take] for take in tested])
+    stacked = {}
+    for name, by_take in posteriors.items():
+        moments = [by_take[take] for take in tested]
+        means = np.stack([of_take.mean for of_take in moments])
+        covariances = np.stack([of_take.covariance for of_take in moments])
+        stacked[name] = (means, covariances)
+    measured = None
+    if case.closed:
+        measured = [recordings.cameras[case.clock].takes[take] for take in tested]
+    rate, factor = recordings.rate, case.measurement
+    return all_filters(recordings.takes, truth, stacked, measured, rate, factor)
 
 
 def all_filters(

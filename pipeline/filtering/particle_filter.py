@@ -14,12 +14,15 @@ from numpy.random import Generator
 
 from pipeline.arm.chain import SINGULAR_SINE, PlanarChain
 from pipeline.arm.interface import Chain
+from pipeline.core import rng as streams
 from pipeline.core.errors import DegenerateFilterError, ModelDomainError
 from pipeline.core.options.analysis import Filter
 from pipeline.filtering import sampling
 from pipeline.filtering.measurement import Measurements
+from pipeline.models.closed_loop import FOLDER, Loop
 from pipeline.models.draws import compiled_arm
 from pipeline.models.model import Commands, MotionModel, corrected_command
+from pipeline.models.steps import Recorded
 
 
 @dataclass(frozen=True)
@@ -28,6 +31,12 @@ class Start:
 
     mean: ndarray  # (n,) rad
     covariance: ndarray  # (n, n) rad², singular allowed
+
+    @classmethod
+    def of_takes(cls, recorded: Recorded) -> "Start":
+        """Return the law of the first measured pose of the takes of ``recorded``."""
+        first = recorded.q[:, 0]
+        return cls(first.mean(axis=0), np.cov(first.T))
 
 
 @dataclass(frozen=True)
@@ -46,6 +55,41 @@ class Posterior:
     left_out: int  # measurements before the start or after the end of the motion
     log_evidence: (
         float  # log of the unbiased estimate of p(all measurements, path within D_q)
+    )
+
+
+@dataclass(frozen=True)
+class FilterTrial:
+    """One take for the filter of a model in an open or a closed loop."""
+
+    name: str  # of the model
+    loop: Loop
+    closed: bool
+    measurements: Measurements
+    number: int  # of the take
+    options: Filter
+    draw: int = 0  # number of the random numbers; 0 for the run's
+
+
+def take_posterior(
+    trial: FilterTrial, recorded: Recorded, rate: float, seed: int
+) -> Posterior:
+    """Return the posterior of one take from the starts of the takes of ``recorded``, whose steps
+    have the ``rate`` in 1/s. The random stream belongs to model, loop, draw and take.
+    """
+    stage = f"filter.{trial.name}"
+    if trial.closed:
+        stage += f".{FOLDER}"
+    stream = streams.drawn_stream(seed, stage, trial.number, draw=trial.draw)
+    return particle_filter(
+        trial.loop.model,
+        recorded.chain,
+        trial.loop.commands,
+        1 / rate,
+        Start.of_takes(recorded),
+        trial.measurements,
+        trial.options,
+        stream,
     )
 
 

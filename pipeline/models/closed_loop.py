@@ -34,6 +34,7 @@ from pipeline.models.model import (
     Commands,
     MotionModel,
     corrected_command,
+    open_loop,
     without_measurement,
 )
 from pipeline.models.steps import Estimate, Options, Recorded
@@ -111,6 +112,30 @@ def fitted_closed_loop(folder: Path) -> tuple[MotionModel, float] | None:
     return kinds.fitted_model(closed), json.loads(
         (closed / "parameters.json").read_text()
     )[SHARE]
+
+
+class Loop(NamedTuple):
+    """Fitted model and its commands."""
+
+    model: MotionModel
+    commands: Commands
+
+
+def loops_of(
+    recorded: Recorded,
+    model: MotionModel | None,
+    closed: tuple[MotionModel, float] | None,
+) -> dict[bool, Loop]:
+    """Return the loops in which a model is filtered: False has the open loop of ``model``, True the
+    loop of the ``closed`` model and its κ. A loop without a model is left out.
+    """
+    loops = {}
+    if model is not None:
+        loops[False] = Loop(model, open_loop(recorded.v))
+    if closed is not None:
+        corrected, share = closed
+        loops[True] = Loop(corrected, mean_path(recorded).commands(share))
+    return loops
 
 
 class ClosedLoopFit(NamedTuple):

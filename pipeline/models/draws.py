@@ -2,6 +2,8 @@
 realisations along the desired trajectory, step by step or free-running.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy import ndarray
 from numpy.random import Generator
@@ -12,6 +14,7 @@ from pipeline.arm.rows import WIDTH, block_rows
 from pipeline.core.errors import ModelDomainError
 from pipeline.models.kernel import move
 from pipeline.models.model import MotionModel
+from pipeline.models.steps import Recorded
 
 
 def compiled_arm(chain: Chain) -> tuple[ArmConstants, int | None, ndarray]:
@@ -92,19 +95,43 @@ def mean_bias(model: MotionModel, chain: Chain, q: ndarray, v: ndarray) -> ndarr
     return np.append(0.0, np.linalg.norm(bias.mean(axis=0), axis=-1))
 
 
-def realized_moments(
-    model: MotionModel,
-    chain: Chain,
-    q: ndarray,
-    v: ndarray,
-    mode: str,
-    realized: ndarray,
-) -> tuple[ndarray, ndarray, str | None]:
-    """Mean and standard deviation (M+1, n) in rad of the ``realized`` angles (N, M+1, n). Without a
-    covariance the standard deviation is NaN and the third value is the reason, else None.
+class RealizedMoments(NamedTuple):
+    """Moments of the realisations of a model."""
 
-    In mode ``one_step`` it is the standard deviation of the process noise, zero at k = 0; in
-    ``free_running`` of the joint angles. Raises ModelDomainError if fewer than two remain.
+    mean: ndarray  # (M+1, n) rad
+    # (M+1, n) rad, of the process noise in mode one_step, with zero at k = 0; of the joint angles
+    # in free_running; NaN for a model without a covariance
+    deviation: ndarray
+    clipped: int  # steps with a noise covariance clipped at zero
+    lost: int  # realisations that end at a singular pose
+    refused: str  # reason for a missing deviation
+
+
+def realize_recorded(
+    model: MotionModel, recorded: Recorded, mode: str, count: int, rng: Generator
+) -> RealizedMoments:
+    """Return the moments of ``count`` realisations by :func:`realize` that start at the poses of
+    the takes of ``recorded`` in turn; raises as :func:`realize` and :func:`realized_moments`.
+    """
+    chain, v = recorded.chain, recorded.v
+    poses = recorded.poses
+    starts = np.resize(poses, (count, *poses.shape[1:]))
+    realized, clipped, lost = realize(model, chain, starts, v, mode, rng)
+    mean, deviation = realized_moments(chain, starts, v, mode, realized)
+    try:
+        model.covariance(chain, starts[0, :-1], v)
+    except ModelDomainError as error:
+        gaps = np.full_like(deviation, np.nan)
+        return RealizedMoments(mean, gaps, clipped, lost, str(error))
+    return RealizedMoments(mean, deviation, clipped, lost, "")
+
+
+def realized_moments(
+    chain: Chain, q: ndarray, v: ndarray, mode: str, realized: ndarray
+) -> tuple[ndarray, ndarray]:
+    """Return mean and standard deviation (M+1, n) in rad of the ``realized`` angles (N, M+1, n)
+    from the poses ``q`` (N, M+1, n) in rad, as in :class:`RealizedMoments`. Raises ModelDomainError
+    if fewer than two realisations remain.
     """
     surviving = np.isfinite(realized[..., 0]).sum(axis=0)
     if surviving.min() < 2:
@@ -118,9 +145,4 @@ def realized_moments(
         noise = np.concatenate(
             [np.zeros_like(q[:, :1]), realized[:, 1:] - nominal], axis=1
         )
-    mean, deviation = np.nanmean(realized, axis=0), np.nanstd(noise, axis=0, ddof=1)
-    try:
-        model.covariance(chain, q[0, :-1], v)
-    except ModelDomainError as error:
-        return mean, np.full_like(deviation, np.nan), str(error)
-    return mean, deviation, None
+    return np.nanmean(realized, axis=0), np.nanstd(noise, axis=0, ddof=1)

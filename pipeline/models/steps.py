@@ -5,7 +5,7 @@ less total noise would have the smaller error. ``with_trace`` solves for the par
 model's noise level (σ_B; α at a fixed u; a factor on a covariance).
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -19,6 +19,8 @@ from pipeline.core.errors import ModelDomainError
 from pipeline.models.kinds import build_model
 from pipeline.models.model import MotionModel
 from pipeline.statistics.takes import takes_moments
+
+UNBOUNDED_KEY = "u_unbounded"  # diagnostic: 1 where û is at the end of its search
 
 
 @validation.options()
@@ -86,11 +88,22 @@ class Estimate:
     @property
     def determined(self) -> dict[str, float]:
         """Estimates without the undetermined ones, which have no number."""
-        return {
-            n: value
-            for n, value in self.estimates.items()
-            if n not in self.undetermined
-        }
+        numbers = self.estimates.items()
+        return {name: n for name, n in numbers if name not in self.undetermined}
+
+    def named(self, pattern: str, errors: Mapping[str, float]) -> dict[str, float]:
+        """Return the determined estimates, their standard ``errors`` and the mark of an unbounded
+        one, each parameter named by the estimator's ``pattern``: ``u_unbounded`` becomes
+        ``u_paper_unbounded`` by ``{}_paper``.
+        """
+        numbers = self.determined | dict(errors)
+        if UNBOUNDED_KEY in self.diagnostics:
+            numbers[UNBOUNDED_KEY] = self.diagnostics[UNBOUNDED_KEY]
+        named = {}
+        for name, number in numbers.items():
+            parameter = next(base for base in self.estimates if name.startswith(base))
+            named[pattern.format(parameter) + name.removeprefix(parameter)] = number
+        return named
 
     @property
     def model(self) -> MotionModel:

@@ -3,8 +3,7 @@
 import json
 from functools import partial
 from pathlib import Path
-
-import numpy as np
+from typing import NamedTuple
 
 from pipeline.configuration import config
 from pipeline.core import contracts, rng
@@ -13,14 +12,13 @@ from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ModelDomainError
 from pipeline.models import bootstrap, kinds
 from pipeline.models.closed_loop import FOLDER, SHARE, closed_loop_of
-from pipeline.models.draws import mean_bias, realize, realized_moments
+from pipeline.models.draws import mean_bias, realize_recorded
 from pipeline.models.model import MotionModel
 from pipeline.models.steps import Estimate, Options, Recorded
 from pipeline.recordings.steps import training_steps
 from pipeline.statistics.takes import NORMAL_QUANTILE
 
-MOTION, TRACK, OUT = Path("data/ingest/motion"), Path("data/track"), Path("data/fit")
-UNBOUNDED = "u_unbounded"  # diagnostic that is written for every estimator
+MOTION, OUT = Path("data/ingest/motion"), Path("data/fit")
 Metrics = dict[str, float]
 
 
@@ -35,83 +33,97 @@ def run(model: str) -> None:
         contracts.write_metrics(metrics, folder / "fit.json")
 
 
+class Fitted(NamedTuple):
+    """Result of one estimator, None with the reason if it has none; estimates from resamplings of
+    the takes, and the standard errors and intervals.
+    """
+
+    estimate: Estimate | None
+    refused: str
+    replicates: list[Metrics | None]
+    errors: Metrics
+
+
 def _fit(model: str, settings, folder: Path) -> Metrics:
     """Write parameters and tables to ``folder``; return numbers of fit and realisations."""
     options = vars(settings.models)[model]
     recorded = training_steps(settings.dataset.robot, settings.dataset.motion)
-    estimated, metrics = partial(_estimated, model, recorded, settings), {}
-    estimate, reason, replicates, uncertainty = estimated(options, build=True)
+    fitted = _with_model(_fitted(model, recorded, settings, options))
     stream = rng.stream(settings.seed, f"fit.{model}")
     checks = settings.scale.convex_checks
-    numbers, tables = kinds.diagnose(recorded, options, estimate, checks, stream)
+    diagnosed, tables = kinds.diagnose(
+        recorded, options, fitted.estimate, checks, stream
+    )
+    metrics = {}
     for pattern, variant in kinds.estimator_options(options).items():
-        result, refused, errors = estimate, reason, uncertainty
+        by_estimator = fitted
         if variant != options:
-            result, refused, _, errors = estimated(variant)
-        if result is None:
-            print(f"fit: {model}: no {pattern.format('estimate')}: {refused}")
+            by_estimator = _fitted(model, recorded, settings, variant)
+        if by_estimator.estimate is None:
+            name = pattern.format("estimate")
+            print(f"fit: {model}: no {name}: {by_estimator.refused}")
             continue
-        if pattern.startswith(
-            "{}"
-        ):  # else a control, of which only the estimates are written
-            metrics |= result.diagnostics
-        unbounded = {
-            name: n for name, n in result.diagnostics.items() if name == UNBOUNDED
-        }
-        for name, value in (result.determined | errors | unbounded).items():
-            stem = next(
-                base for base in (*result.estimates, UNBOUNDED) if name.startswith(base)
-            )
-            metrics[pattern.format(stem) + name.removeprefix(stem)] = value
+        if pattern.startswith("{}"):  # of a control only the estimates are written
+            metrics |= by_estimator.estimate.diagnostics
+        metrics |= by_estimator.estimate.named(pattern, by_estimator.errors)
     metrics["takes"] = len(recorded.q)
     for name, table in tables.items():
         contracts.write(table, name, folder)
-    names, covariance = bootstrap.joint_covariance(replicates)
-    _write_json(
-        {"estimates": names, "covariance": covariance}, folder / "covariance.json"
-    )
-    if estimate is None:
-        print(f"fit: no model {model}: {reason}")
-        _write_json(
-            {"kind": options.kind, kinds.NO_MODEL: reason}, folder / "parameters.json"
-        )
-        return metrics | numbers
-    _write_json(estimate.parameters, folder / "parameters.json")
-    counts = {"bootstrap_replicates": len(replicates)}
-    counts["bootstrap_replicates_without_an_estimate"] = replicates.count(None)
-    metrics |= (
-        estimate.determined | uncertainty | counts | estimate.diagnostics | numbers
-    )
-    metrics |= _closed_loop(model, recorded, options, estimate, folder)
-    return metrics | _realise(model, estimate.model, recorded, settings, folder)
+    names, covariance = bootstrap.joint_covariance(fitted.replicates)
+    of_estimates = {"estimates": names, "covariance": covariance}
+    _write_json(of_estimates, folder / "covariance.json")
+    if fitted.estimate is None:
+        print(f"fit: no model {model}: {fitted.refused}")
+        reason = {"kind": options.kind, kinds.NO_MODEL: fitted.refused}
+        _write_json(reason, folder / "parameters.json")
+        return metrics | diagnosed
+    _write_json(fitted.estimate.parameters, folder / "parameters.json")
+    metrics |= _own_numbers(fitted) | diagnosed
+    metrics |= _closed_loop(model, recorded, options, fitted.estimate, folder)
+    return metrics | _realise(model, fitted.estimate.model, recorded, settings, folder)
 
 
-def _estimated(
-    model: str, recorded: Recorded, settings, options: Options, *, build: bool = False
-) -> tuple[Estimate | None, str, list[Metrics | None], Metrics]:
-    """Return the estimate by ``options``, or None and the reason; then estimates from resamplings
-    of the takes, and the standard errors and intervals. ``build`` requires a model too.
-    """
+def _own_numbers(fitted: Fitted) -> Metrics:
+    """Return estimates, errors, counts of resamplings and diagnostics of the model's estimator."""
+    replicates = fitted.replicates
+    counts = {
+        "bootstrap_replicates": len(replicates),
+        "bootstrap_replicates_without_an_estimate": replicates.count(None),
+    }
+    estimate = fitted.estimate
+    return estimate.determined | fitted.errors | counts | estimate.diagnostics
+
+
+def _with_model(fitted: Fitted) -> Fitted:
+    """Return ``fitted``, or the reason if its estimate is out of the model's range."""
+    try:
+        if fitted.estimate is not None:
+            _ = fitted.estimate.model
+    except ModelDomainError as error:
+        return Fitted(None, str(error), [], {})
+    return fitted
+
+
+def _fitted(model: str, recorded: Recorded, settings, options: Options) -> Fitted:
+    """Return the estimate by ``options`` with the spread of resampled takes."""
     try:
         estimate = kinds.estimate(recorded, options)
-        _ = build and estimate.model
     except ModelDomainError as error:
-        return None, str(error), [], {}
+        return Fitted(None, str(error), [], {})
     takes, scale = len(recorded.q), settings.scale
     stream = (settings.seed, f"fit.{model}.bootstrap")
-    trial = partial(
-        _replicate, fit=(recorded, options, estimate.from_takes), stream=stream
-    )
+    fit = (recorded, options, estimate.from_takes)
+    trial = partial(_replicate, fit=fit, stream=stream)
     if estimate.from_takes is not None:  # too quick for workers
-        replicates = [*map(trial, range(scale.bootstrap_replicates))]
+        replicates = [trial(number) for number in range(scale.bootstrap_replicates)]
     else:
         workers = {"compute": settings.compute, "label": f"fit {model}: resamplings"}
         replicates = [*run_trials(trial, range(scale.bootstrap_refits), **workers)]
     spreads = bootstrap.spreads(replicates, estimate.estimates, takes)
-    known = {
-        name: own for name, own in spreads.items() if name not in estimate.undetermined
-    }
-    return estimate, "", replicates, _uncertainty(known, takes >= bootstrap.LEAST_TAKES)
+    for name in estimate.undetermined:
+        spreads.pop(name, None)
+    errors = _uncertainty(spreads, takes >= bootstrap.LEAST_TAKES)
+    return Fitted(estimate, "", replicates, errors)
 
 
 def _replicate(number: int, fit: tuple, stream: tuple[int, str]) -> Metrics | None:
@@ -162,28 +174,23 @@ def _realise(
     model: str, fitted: MotionModel, recorded: Recorded, settings, folder: Path
 ) -> Metrics:
     """Write the moments of realisations that start at the training takes' poses in turn."""
-    options, joints = settings.simulation, contracts.read("joints", TRACK)
-    _, q = contracts.stacked(joints[joints.part == "training"], "q")
-    starts = np.resize(q, (options.realizations, *q.shape[1:]))
-    course = (fitted, recorded.chain, starts, recorded.v, options.mode)
-    simulated, clipped, lost = realize(
-        *course, rng.stream(settings.seed, f"simulate.{model}")
-    )
+    options = settings.simulation
+    stream = rng.stream(settings.seed, f"simulate.{model}")
     try:
-        mean, deviation, refused = realized_moments(*course, simulated)
+        realized = realize_recorded(
+            fitted, recorded, options.mode, options.realizations, stream
+        )
     except ModelDomainError as error:
-        raise ModelDomainError(
-            error.message, **{"model": model} | error.evidence
-        ) from None
-    if refused:
-        print(f"fit: {model} has no standard deviation: {refused}")
-    moments = spread("m", recorded.joints, mean) | spread(
-        "s", recorded.joints, deviation
-    )
-    moments["bias"] = mean_bias(fitted, recorded.chain, q, recorded.v)
+        evidence = {"model": model} | error.evidence
+        raise ModelDomainError(error.message, **evidence) from None
+    if realized.refused:
+        print(f"fit: {model} has no standard deviation: {realized.refused}")
+    moments = spread("m", recorded.joints, realized.mean)
+    moments |= spread("s", recorded.joints, realized.deviation)
+    moments["bias"] = mean_bias(fitted, recorded.chain, recorded.poses, recorded.v)
     grid = contracts.read("trajectory", MOTION)[["k", "t"]]
     contracts.write(grid.assign(**moments), "moments", folder)
     return {
-        "simulated_steps_with_clipped_noise": clipped,
-        "realizations_lost_at_a_singular_pose": lost,
+        "simulated_steps_with_clipped_noise": realized.clipped,
+        "realizations_lost_at_a_singular_pose": realized.lost,
     }

@@ -50,10 +50,11 @@ def run() -> None:
         own, *others = cases
         results = evaluate([cases[name] for name in others], recordings, trials)
         parts, reasons = [], [{"reading": own, "refused": ""}]
-        for name, (evidence, refusals) in zip(others, results, strict=True):
-            for refusal in refusals:
+        for name, result in zip(others, results, strict=True):
+            evidence = result.evidence
+            for refusal in result.refusals:
                 print(f"readings: {name}: {refusal}")
             parts.append(evidence[depends_on(evidence, WISHART)].assign(reading=name))
-            reasons.append({"reading": name, "refused": "; ".join(refusals)})
+            reasons.append({"reading": name, "refused": "; ".join(result.refusals)})
         contracts.write(pd.concat(parts, ignore_index=True), "readings", folder)
         contracts.write(pd.DataFrame(reasons), "reading_refusals", folder)

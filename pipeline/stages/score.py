@@ -1,32 +1,36 @@
 """score: recordings compared with every model: tables behind the figures, numbers of the run."""
 
 import json
-from functools import partial
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 from pipeline.configuration import config
-from pipeline.core import contracts, rng
+from pipeline.core import contracts
 from pipeline.core.columns import matrices, members, spread, values
-from pipeline.core.errors import ModelDomainError
 from pipeline.core.filters import closed
-from pipeline.evidence.case import Takes, recorded_takes
-from pipeline.evidence.filters import filter_evidence
-from pipeline.evidence.instruments import camera_evidence, wrench_evidence
-from pipeline.evidence.motion import Outcome, motion_evidence, noise_tests
-from pipeline.evidence.outcomes import all_filters, pose_covariances
+from pipeline.core.options.dataset import Dataset
+from pipeline.evidence.case import Camera, Choices, Recordings, Takes, recorded_takes
+from pipeline.evidence.instruments import wrench_evidence
+from pipeline.evidence.motion import Outcome
+from pipeline.evidence.outcomes import (
+    PosteriorMoments,
+    case_evidence,
+    compare_noise,
+    pose_covariances,
+)
 from pipeline.filtering.measurement import measured_takes
 from pipeline.models.closed_loop import FOLDER
 from pipeline.models.kinds import fitted_model
 from pipeline.models.steps import recorded_deviation
 from pipeline.perception import depth_noise
 from pipeline.recordings import quality
-from pipeline.recordings.commands import constant_speed, speed_scores
+from pipeline.recordings.commands import speed_scores
 from pipeline.recordings.inventory import by_place
 from pipeline.recordings.steps import truth_of
-from pipeline.statistics.curves import variation_limits
+from pipeline.statistics.scores import Filtered
 from pipeline.statistics.takes import wrench_summary
 from pipeline.verdicts.run import Run
 
@@ -122,145 +126,174 @@ def _score_robot(settings, folder: Path) -> dict[str, Scored]:
     ]
     for model in settings.models.keys() - {*models}:
         print(f"score: {model} is left out: it has no fit to the recordings")
-    for name, together in FITTED.items():
-        fitted = [
-            model for model in settings.models if contracts.exists(name, FIT / model)
-        ]
-        parts = [
-            contracts.read(name, FIT / model).assign(model=model) for model in fitted
-        ]
-        if parts:
-            contracts.write(pd.concat(parts, ignore_index=True), together, folder)
-    takes = recorded_takes(settings.dataset.robot, settings.dataset.motion)
-    return {
-        "motion": _score_motion(models, takes, settings, folder),
-        "filter": _score_filters(models, takes, settings, folder),
-        "recordings": _score_recordings(takes, settings.dataset),
-    }
-
-
-def _score_motion(models: list[str], takes: Takes, settings, folder: Path) -> Scored:
-    """Score mean and standard deviation over time of every model against the recordings."""
-    recorded, mode = takes.training, settings.simulation.mode
-    std = {"recorded": recorded_deviation(takes.poses, recorded.noise, mode)}
-    outcomes, off, bias = {}, {}, {}
+    _write_fitted(list(settings.models), folder)
+    mode = settings.simulation.mode
+    recordings, metrics = _recordings(settings)
+    takes = recordings.takes
+    moments = {model: contracts.read("moments", FIT / model) for model in models}
+    outcomes = {}
     for model in models:
-        moments = contracts.read("moments", FIT / model)
-        (mean, std[model]), bias[model] = (
-            (values(moments, x) for x in "ms"),
-            moments["bias"],
-        )
-        estimates = json.loads((FIT / model / "fit.json").read_text())
-        own = outcomes[model] = Outcome(
-            estimates=estimates, mean=mean, deviation=std[model]
-        )
-        off[model] = np.linalg.norm(mean - takes.poses.mean(axis=0), axis=1)
+        outcomes[model] = _fitted_outcome(model, moments[model])
         if mode == "one_step":
-            stream = rng.stream(settings.seed, f"score.following.{model}")
-            try:
-                tested = noise_tests(
-                    fitted_model(FIT / model), recorded, takes.poses, stream
-                )
-                own.modelled, own.following = tested
-            except ModelDomainError as error:
-                print(
-                    f"score: {model} cannot have the recorded total variance: {error}"
-                )
-    grid = contracts.read("trajectory", MOTION)[["k", "t"]]
-    rows = []
-    for source, own in std.items():
-        named = {
-            "source": source,
-            "error": off.get(source, 0.0),
-            "bias": bias.get(source, 0.0),
-        }
-        rows.append(grid.assign(**named, **spread("s", recorded.joints, own)))
-    contracts.write(pd.concat(rows, ignore_index=True), "deviation", folder)
-    limits = variation_limits(
-        recorded.noise, rng.stream(settings.seed, "score.variation")
-    )
-    metrics = {f"{model}_greatest_bias_rad": own.max() for model, own in bias.items()}
-    return metrics, {EVIDENCE: motion_evidence(outcomes, takes, mode, limits)}
-
-
-def _score_filters(models: list[str], takes: Takes, settings, folder: Path) -> Scored:
-    """Score errors, bounds and posteriors of all filters, the training mean and a linear filter."""
-    names, posteriors = takes.training.joints, {}
-    places = {model: FILTER / model for model in models}
-    for name, place in (
-        places | {closed(n): p / FOLDER for n, p in places.items()}
-    ).items():
-        if contracts.exists("posterior", place):
-            posteriors[name] = contracts.read("posterior", place)
-    if not posteriors:
-        return {}, {}
-    steps = next(iter(posteriors.values()))[["take", "part", "k", "t"]]
-    tested = list(dict.fromkeys(steps["take"]))
-    truth = np.stack([takes.test[take] for take in tested])
-    frames = {take.take: take for take in measured_takes(settings.dataset)}
-    moments = {
-        name: (
-            values(own, "m").reshape(truth.shape),
-            matrices(own, "c", names).reshape(*truth.shape, len(names)),
-        )
-        for name, own in posteriors.items()
-    }
-    measured, rate = [frames[take] for take in tested], settings.dataset.motion.rate
-    filters = all_filters(takes, truth, moments, measured, rate)
-    errors = [
-        steps.assign(
-            model=name, **spread("e", names, f.error), **spread("s", names, f.bound)
-        )
-        for name, f in filters.items()
-    ]
-    contracts.write(pd.concat(errors, ignore_index=True), "filter_error", folder)
-    steady, generator = (
-        constant_speed(takes.poses),
-        partial(rng.stream, settings.seed),
-    )
-    evidence, against, refusals = filter_evidence(filters, names, steady, generator)
-    for refusal in refusals:
+            compare_noise(model, outcomes[model], recordings)
+    case = Choices(settings.models, None, mode, closed=True)
+    posteriors = _posteriors(models, takes.training.joints)
+    result = case_evidence(case, recordings, outcomes, posteriors)
+    for refusal in result.refusals:
         print(f"score: {refusal}")
-    return {}, {EVIDENCE: evidence, "filter_against_none": against}
+    deviation = _deviation(takes, outcomes, moments, mode)
+    contracts.write(deviation, "deviation", folder)
+    if result.filters:
+        tested = next(iter(posteriors.values()))
+        errors = _filter_errors(result.filters, [*tested], recordings)
+        contracts.write(errors, "filter_error", folder)
+    bias = {
+        f"{model}_greatest_bias_rad": table["bias"].max()
+        for model, table in moments.items()
+    }
+    tables = {EVIDENCE: result.evidence}
+    if result.against_mean is not None:
+        tables["filter_against_none"] = result.against_mean
+    return {
+        "motion": (bias, {}),
+        "filter": ({}, tables),
+        "recordings": (metrics, _recording_tables()),
+    }
 
 
-def _score_recordings(takes: Takes, dataset) -> Scored:
-    """Score losses, repairs, depth noise and the speeds of the truth."""
-    metrics, tables, recorded, rate = (
-        {},
-        _quality(),
-        takes.training,
-        dataset.motion.rate,
-    )
-    if contracts.exists("true_joints", truth_of(dataset)):
-        _, q = contracts.stacked(contracts.read("true_joints", truth_of(dataset)), "q")
-        nominal = recorded.chain.nominal_step(q[:, :-1], recorded.v)
-        steps, still = np.diff(q, axis=1), ~np.any(recorded.v, axis=-1)
-        known = recorded.chain.max_speed, rate, recorded.joints
-        metrics |= speed_scores(steps, nominal, *known)
-        if still.any():
-            variances = steps[:, still].var(axis=0, ddof=1).mean(axis=0)
-            metrics["true_motion_at_rest_rms_rad"] = float(np.sqrt(variances.sum()))
-    kept, counts = contracts.read("takes", TRACK), contracts.read("quality", MOTION)
-    tables["takes"] = quality.side_by_side(kept)
-    tables["kept"] = quality.account(
-        map(pd.read_csv, sorted(FILES.glob("*.csv"))), counts, kept
-    )
+def _write_fitted(models: list[str], folder: Path) -> None:
+    """Write the tables FITTED of all ``models`` that have them."""
+    for name, together in FITTED.items():
+        tables = [
+            contracts.read(name, FIT / model).assign(model=model)
+            for model in models
+            if contracts.exists(name, FIT / model)
+        ]
+        if tables:
+            contracts.write(pd.concat(tables, ignore_index=True), together, folder)
+
+
+def _recordings(settings) -> tuple[Recordings, dict[str, float]]:
+    """Return takes and measurements of the run, and numbers of the camera and of the truth."""
+    dataset = settings.dataset
+    takes = recorded_takes(dataset.robot, dataset.motion)
+    measured = {take.take: take for take in measured_takes(dataset)}
+    metrics = _true_speeds(takes, dataset)
+    noise, slopes = None, None
     if contracts.exists("kinect_noise", ARTICULATE):
-        joints, (pose, _) = (
-            contracts.read("joints", TRACK),
-            pose_covariances(recorded, takes.poses),
-        )
-        errors = depth_noise.errors_of(contracts.read("angles", ARTICULATE), joints)
-        mean = values(errors, "e").mean(axis=0)
-        metrics["depth_camera_greatest_mean_error_rad"] = float(np.abs(mean).max())
-        moving = depth_noise.deviations(errors, joints)
-        slopes = depth_noise.error_slopes(moving, 1 / rate, pose)
-        near = slopes[slopes["frames"] == depth_noise.NEAR_A_SAMPLE]
-        tables[EVIDENCE] = camera_evidence(
-            contracts.read("kinect_noise", ARTICULATE), near
-        )
-    return metrics, tables
+        noise = contracts.read("kinect_noise", ARTICULATE)
+        greatest, slopes = _camera_errors(takes, dataset.motion.rate)
+        metrics["depth_camera_greatest_mean_error_rad"] = greatest
+    cameras = {}
+    if measured or noise is not None:
+        cameras[Choices.clock] = Camera(noise, measured, slopes)
+    sizes = (dataset.motion.rate, len(measured), settings.simulation.realizations)
+    return Recordings(takes, cameras, *sizes, settings.seed), metrics
+
+
+def _fitted_outcome(model: str, moments: pd.DataFrame) -> Outcome:
+    """Return what the stage fit wrote of ``model``, with its table ``moments``."""
+    return Outcome(
+        model=fitted_model(FIT / model),
+        estimates=json.loads((FIT / model / "fit.json").read_text()),
+        mean=values(moments, "m"),
+        deviation=values(moments, "s"),
+    )
+
+
+def _deviation(
+    takes: Takes,
+    outcomes: dict[str, Outcome],
+    moments: dict[str, pd.DataFrame],
+    mode: str,
+) -> pd.DataFrame:
+    """Return the table ``deviation`` of the recordings and of every model."""
+    recorded = takes.training
+    grid = contracts.read("trajectory", MOTION)[["k", "t"]]
+    std = recorded_deviation(takes.poses, recorded.noise, mode)
+    curves = spread("s", recorded.joints, std)
+    rows = [grid.assign(source="recorded", error=0.0, bias=0.0, **curves)]
+    for model, result in outcomes.items():
+        off = np.linalg.norm(result.mean - takes.poses.mean(axis=0), axis=1)
+        curves = spread("s", recorded.joints, result.deviation)
+        bias = moments[model]["bias"]
+        rows.append(grid.assign(source=model, error=off, bias=bias, **curves))
+    return pd.concat(rows, ignore_index=True)
+
+
+def _posteriors(
+    models: list[str], joints: Sequence[str]
+) -> dict[str, dict[str, PosteriorMoments]]:
+    """Return the posteriors of the stage filter, by filter and take."""
+    places = {model: FILTER / model for model in models}
+    places |= {closed(model): FILTER / model / FOLDER for model in models}
+    posteriors = {}
+    for name, place in places.items():
+        if not contracts.exists("posterior", place):
+            continue
+        posteriors[name] = {}
+        table = contracts.read("posterior", place)
+        for take, rows in table.groupby("take", sort=False):
+            covariance = matrices(rows, "c", joints)
+            posteriors[name][take] = PosteriorMoments(values(rows, "m"), covariance)
+    return posteriors
+
+
+def _filter_errors(
+    filters: dict[str, Filtered], tested: list[str], recordings: Recordings
+) -> pd.DataFrame:
+    """Return the table ``filter_error`` of the takes ``tested``."""
+    joints = recordings.takes.training.joints
+    grid = recordings.takes.poses.shape[1]
+    k = np.tile(np.arange(grid), len(tested))
+    steps = {"take": np.repeat(tested, grid), "part": "test", "k": k}
+    steps = pd.DataFrame(steps | {"t": k / recordings.rate})
+    tables = []
+    for name, compared in filters.items():
+        curves = spread("e", joints, compared.error)
+        curves |= spread("s", joints, compared.bound)
+        tables.append(steps.assign(model=name, **curves))
+    return pd.concat(tables, ignore_index=True)
+
+
+def _true_speeds(takes: Takes, dataset: Dataset) -> dict[str, float]:
+    """Return scores of the speeds of the truth; {} for a dataset without a truth."""
+    if not contracts.exists("true_joints", truth_of(dataset)):
+        return {}
+    recorded, rate = takes.training, dataset.motion.rate
+    _, q = contracts.stacked(contracts.read("true_joints", truth_of(dataset)), "q")
+    nominal = recorded.chain.nominal_step(q[:, :-1], recorded.v)
+    steps, still = np.diff(q, axis=1), ~np.any(recorded.v, axis=-1)
+    limits = recorded.chain.max_speed
+    metrics = speed_scores(steps, nominal, limits, rate, recorded.joints)
+    if still.any():
+        variances = steps[:, still].var(axis=0, ddof=1).mean(axis=0)
+        metrics["true_motion_at_rest_rms_rad"] = float(np.sqrt(variances.sum()))
+    return metrics
+
+
+def _camera_errors(takes: Takes, rate: float) -> tuple[float, pd.DataFrame]:
+    """Return the greatest mean error of the depth camera in rad, and the slopes of its error over
+    the joint speed near a sample.
+    """
+    joints = contracts.read("joints", TRACK)
+    errors = depth_noise.errors_of(contracts.read("angles", ARTICULATE), joints)
+    mean = values(errors, "e").mean(axis=0)
+    pose, _ = pose_covariances(takes.training, takes.poses)
+    moving = depth_noise.deviations(errors, joints)
+    slopes = depth_noise.error_slopes(moving, 1 / rate, pose)
+    near = slopes[slopes["frames"] == depth_noise.NEAR_A_SAMPLE]
+    return float(np.abs(mean).max()), near
+
+
+def _recording_tables() -> Tables:
+    """Return the tables of losses and repairs, of the takes and of what is left out."""
+    takes, counts = contracts.read("takes", TRACK), contracts.read("quality", MOTION)
+    listed = [pd.read_csv(file) for file in sorted(FILES.glob("*.csv"))]
+    return _quality() | {
+        "takes": quality.side_by_side(takes),
+        "kept": quality.account(listed, counts, takes),
+    }
 
 
 def _read_all(folder: Path) -> Tables:

@@ -17,6 +17,7 @@ from pipeline.core.filters import NONE, closed
 from pipeline.evidence.case import KINDS, Camera, Choices, Recordings, Takes, readings
 from pipeline.evidence.motion import motion_evidence
 from pipeline.evidence.outcomes import (
+    PosteriorMoments,
     all_filters,
     case_evidence,
     evaluate,
@@ -25,7 +26,7 @@ from pipeline.evidence.outcomes import (
 )
 from pipeline.evidence.table import KEYS, evidence_row, evidence_table
 from pipeline.filtering.measurement import Measurements
-from pipeline.filtering.particle_filter import Posterior
+from pipeline.filtering.particle_filter import Start
 from pipeline.models.kinds import options_type
 from pipeline.models.steps import Recorded, mean_covariance, process_noise
 from pipeline.verdicts.claims import parse_claims
@@ -55,7 +56,7 @@ def takes(chain) -> Takes:
     v[REST:-REST] = [0.002, -0.001, 0.02]
     moving = np.any(v, axis=1)
     poses = np.empty((16, STEPS + 1, 3))
-    poses[:, 0] = [0.3, 1.5, 0.2]
+    poses[:, 0] = rng.normal([0.3, 1.5, 0.2], 0.1 * STD, (16, 3))
     for k in range(STEPS):
         noise = rng.normal(0.0, STD * (1.0 if moving[k] else 0.1), (16, 3))
         poses[:, k + 1] = (
@@ -79,24 +80,17 @@ def base() -> Choices:
     return Choices(models, filter_options(60), "one_step")
 
 
-def posterior(mean: np.ndarray, covariance: np.ndarray) -> Posterior:
-    none = np.zeros(len(mean), dtype=int)
-    return Posterior(
-        mean, covariance, none + 1.0, none > 0, none > 0, none, none, 0, 0.0
-    )
-
-
 def outcome_of(case, kind: str, takes):
     return outcome(case.model_case(kind), recordings_of(takes, Camera(None, {})))
 
 
 @pytest.fixture
-def posteriors(base, takes) -> dict[str, dict[str, Posterior | str]]:
+def posteriors(base, takes) -> dict[str, dict[str, PosteriorMoments | str]]:
     rng = np.random.default_rng(2)
     spread_of_step = 1e-4 * np.exp(rng.standard_normal((STEPS + 1, 1, 1))) * np.eye(3)
     return {
         kind: {
-            name: posterior(
+            name: PosteriorMoments(
                 take + 0.01 * rng.standard_normal(take.shape), spread_of_step
             )
             for name, take in takes.test.items()
@@ -137,7 +131,8 @@ def test_a_filter_has_the_noise_of_a_pose_by_its_loop_and_the_training_mean_its_
     np.testing.assert_array_equal(
         pose_covariances(known, takes.poses), [np.eye(3) / 2] * 2
     )
-    np.testing.assert_allclose(takes.start.covariance, np.cov(takes.poses[:, 0].T))
+    start = Start.of_takes(takes.training)
+    np.testing.assert_allclose(start.covariance, np.cov(takes.poses[:, 0].T))
 
 
 def test_claims_have_the_numbers_of_the_outcomes_and_a_difference_is_value_minus_rival(
@@ -145,7 +140,7 @@ def test_claims_have_the_numbers_of_the_outcomes_and_a_difference_is_value_minus
 ):
     outcomes = {kind: outcome_of(base, kind, takes) for kind in base.models}
     camera = Camera(camera_noise(np.repeat(["none", "a", "b"], 5)), {})
-    evidence, refusals = case_evidence(
+    evidence, refusals, *_ = case_evidence(
         base, recordings_of(takes, camera), outcomes, posteriors
     )
     claims = [
@@ -201,7 +196,7 @@ def test_a_model_or_filter_without_outcome_leaves_the_others_theirs_and_says_why
     assert len(refused.refusals) == 1 and "rest" in refused.refusals[0]
     outcomes = {"additive": outcome_of(base, "additive", takes), "wishart": refused}
     camera = Camera(camera_noise(["none", "a"]), {})
-    evidence, refusals = case_evidence(
+    evidence, refusals, *_ = case_evidence(
         base, recordings_of(takes, camera), outcomes, posteriors
     )
     assert {"gaussian: all weights vanished"} < {*refusals}
@@ -224,9 +219,9 @@ def measured(takes) -> Camera:
 
 
 def evidence_by_keys(case: Choices, recordings: Recordings) -> pd.DataFrame:
-    ((evidence, refusals),) = evaluate([case], recordings, map)
-    assert refusals == []
-    return evidence.set_index([*KEYS]).sort_index()
+    (result,) = evaluate([case], recordings, map)
+    assert result.refusals == []
+    return result.evidence.set_index([*KEYS]).sort_index()
 
 
 @pytest.fixture(scope="module")

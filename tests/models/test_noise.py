@@ -167,10 +167,10 @@ def test_without_noise_single_steps_start_where_the_recording_was_and_a_free_run
     assert single[1:] == run[1:] == (0, 0)
     assert np.array_equal(run[0][:, 0], q[:, 0]) and np.array_equal(q, recorded)
     # recorded poses that differ do not count as spread of single steps
-    _, deviation, _ = realized_moments(SILENT, chain, q, v, "one_step", single[0])
+    _, deviation = realized_moments(chain, q, v, "one_step", single[0])
     assert deviation.max() < 1e-12 < single[0].std(axis=0).min()
     # of a free run the angles are compared, whatever the recorded ones do meanwhile
-    _, deviation, _ = realized_moments(SILENT, chain, q, v, "free_running", run[0])
+    _, deviation = realized_moments(chain, q, v, "free_running", run[0])
     np.testing.assert_allclose(deviation, run[0].std(axis=0, ddof=1))
 
 

@@ -75,12 +75,12 @@ def test_noise_of_the_measurement_alone_gives_no_model_and_later_stages_leave_it
 ):
     """The reason is in the place of the parameters, and every stage that needs them prints it."""
     choose(models=["additive", "gaussian", "wishart"])
-    noise = contracts.read("process_noise", fit.TRACK)
+    noise = contracts.read("process_noise", predict.TRACK)
     trajectory = contracts.read("trajectory", fit.MOTION)
     moving = trajectory.loc[trajectory.filter(like="v:").any(axis=1), "k"]
     quiet = noise["k"].isin(moving + 1)
     noise.loc[quiet, noise.filter(like="w:").columns] *= 1e-3
-    contracts.write(noise, "process_noise", fit.TRACK)
+    contracts.write(noise, "process_noise", predict.TRACK)
     for model in ("additive", "gaussian", "wishart"):
         fit.run(model)
     printed = capsys.readouterr().out
@@ -177,17 +177,17 @@ def test_the_true_model_predicts_best_and_its_coverage_is_a_normal_ones(
 @pytest.mark.slow
 def test_without_test_takes_each_is_predicted_by_the_others(project, choose):
     joints, noise = (
-        contracts.read(name, fit.TRACK) for name in ("joints", "process_noise")
+        contracts.read(name, predict.TRACK) for name in ("joints", "process_noise")
     )
     training = joints[joints["part"] == "training"]
-    contracts.write(training, "joints", fit.TRACK)
+    contracts.write(training, "joints", predict.TRACK)
     choose(models=["additive"])
     predict.run()
     held_out = log_scores().loc["none", "mean"]
     # the control: where every take is there twice it is predicted by itself, and far better
     for name, rows in (("joints", training), ("process_noise", noise)):
         contracts.write(
-            pd.concat([rows, rows.assign(take=rows["take"] + "_")]), name, fit.TRACK
+            pd.concat([rows, rows.assign(take=rows["take"] + "_")]), name, predict.TRACK
         )
     predict.run()
     assert log_scores().loc["none", "mean"] > held_out + 0.3

@@ -67,11 +67,12 @@ def test_a_case_with_the_choices_of_the_run_has_the_runs_evidence_and_verdicts(
         fit.run(model)
         filter.run(model)
     settings = config.sections("score")
-    takes = recorded_takes(settings.dataset.robot, settings.dataset.motion)
-    known = (list(settings.models), takes, settings, tmp_path)
-    scored = [score._score_motion(*known), score._score_filters(*known)]
-    run = pd.concat([own[score.EVIDENCE] for _, own in scored], ignore_index=True)
+    scored = score._score_robot(settings, tmp_path)
+    _, tables = scored["filter"]
+    run = tables[score.EVIDENCE]
+    run = run[~run["quantity"].str.startswith(("camera", "depth"))].copy()
     settings = config.sections("readings")
+    takes = recorded_takes(settings.dataset.robot, settings.dataset.motion)
     measured = {take.take: take for take in measured_takes(settings.dataset)}
     base = replace(Choices.of_run(settings), closed=True)
     sizes = (
@@ -81,7 +82,8 @@ def test_a_case_with_the_choices_of_the_run_has_the_runs_evidence_and_verdicts(
     )
     cameras = {base.clock: Camera(None, measured)}
     recordings = Recordings(takes, cameras, *sizes, settings.seed)
-    ((again, _),) = evaluate([base], recordings, map)
+    (result,) = evaluate([base], recordings, map)
+    again = result.evidence
     # only a case scores the models on the test takes; only the run resamples the estimates
     again = again[again["quantity"] != "step_log_score"].copy()
     for table in (run, again):
@@ -100,7 +102,8 @@ def test_a_case_with_the_choices_of_the_run_has_the_runs_evidence_and_verdicts(
     )
     assert own.tolist() == other.tolist() and {"holds", "fails"} < {*own}
     # control: other random numbers
-    ((drawn, _),) = evaluate([replace(base, draw=1)], recordings, map)
+    (other_draw,) = evaluate([replace(base, draw=1)], recordings, map)
+    drawn = other_draw.evidence
     places = ["quantity", "model"]
     means = [
         t.set_index(places).loc["greatest_mean_error", "value"] for t in (run, drawn)

@@ -185,8 +185,8 @@ def motion_evidence(
     recordings = Recordings(takes, {case.clock: camera}, *sizes, condition.seed)
     filtered = replace(case.filter, particles=max(1, round(particles)))
     case = replace(case, filter=filtered)
-    ((evidence, _),) = evaluate([case], recordings, map)
-    return evidence
+    (result,) = evaluate([case], recordings, map)
+    return result.evidence
 
 
 def wrench_evidence(condition: Condition, study: Wrench) -> pd.DataFrame:

@@ -89,10 +89,10 @@ def decision_verdicts(
     recordings = Recordings(takes, seen, *sizes, settings.seed)
     run = partial(run_trials, compute=settings.compute, label="robustness: decisions")
     evidence = outcomes.evaluate([case for _, _, case in cases], recordings, run)
-    for (factor, level, _), (of_case, refusals) in zip(cases, evidence, strict=True):
-        for refusal in refusals:
+    for (factor, level, _), result in zip(cases, evidence, strict=True):
+        for refusal in result.refusals:
             print(f"robustness: {factor} {level}: {refusal}")
-        rows = claim_verdicts(claims, of_case, arm)
+        rows = claim_verdicts(claims, result.evidence, arm)
         yield rows.assign(grid="decisions", factor=factor, level=level)
 
 
