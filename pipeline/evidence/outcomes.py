@@ -23,7 +23,7 @@ from pipeline.evidence.instruments import camera_evidence
 from pipeline.evidence.motion import Outcome, motion_evidence, noise_tests
 from pipeline.filtering.linear import autocorrelated_filter
 from pipeline.filtering.measurement import Measurements
-from pipeline.filtering.particle_filter import FilterTrial, take_posterior
+from pipeline.filtering.particle_filter import FilterTrial, Start, take_posterior
 from pipeline.models import kinds
 from pipeline.models.closed_loop import Loop, closed_loop_of, loops_of
 from pipeline.models.draws import realize_recorded
@@ -98,6 +98,7 @@ def _filter_trials(
     trials: dict[str, dict[str, FilterTrial]] = {}
     if len(batch) < count:
         return trials
+    start = Start.of_takes(recordings.takes.training)
     for name, options in case.models.items():
         if options.kind not in KINDS:
             continue
@@ -106,7 +107,7 @@ def _filter_trials(
             part = repr(case.filter_case(name, closed))
             trials[names.closed(name) if closed else name] = {
                 f"{measured.take} {part}": FilterTrial(
-                    name, loop, closed, measured, number, case.filter, case.draw
+                    name, loop, closed, measured, number, start, case.filter, case.draw
                 )
                 for number, measured in batch
             }
@@ -125,9 +126,13 @@ def _posterior_moments(
     trial: FilterTrial, recordings: Recordings
 ) -> PosteriorMoments | str:
     """Return the posterior's moments of one take, or the reason why there are none."""
-    training, rate, seed = recordings.takes.training, recordings.rate, recordings.seed
+    chain, rate, seed = (
+        recordings.takes.training.chain,
+        recordings.rate,
+        recordings.seed,
+    )
     try:
-        posterior = take_posterior(trial, training, rate, seed)
+        posterior = take_posterior(trial, chain, rate, seed)
     except (DegenerateFilterError, ModelDomainError, SingularJacobianError) as error:
         return str(error)
     return PosteriorMoments(posterior.mean, posterior.covariance)

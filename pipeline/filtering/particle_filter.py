@@ -67,15 +67,16 @@ class FilterTrial:
     closed: bool
     measurements: Measurements
     number: int  # of the take
+    start: Start
     options: Filter
     draw: int = 0  # number of the random numbers; 0 for the run's
 
 
 def take_posterior(
-    trial: FilterTrial, recorded: Recorded, rate: float, seed: int
+    trial: FilterTrial, chain: Chain, rate: float, seed: int
 ) -> Posterior:
-    """Return the posterior of one take from the starts of the takes of ``recorded``, whose steps
-    have the ``rate`` in 1/s. The random stream belongs to model, loop, draw and take.
+    """Return the posterior of one take of a motion at ``rate`` steps per second. The random stream
+    belongs to model, loop, draw and take.
     """
     stage = f"filter.{trial.name}"
     if trial.closed:
@@ -83,10 +84,10 @@ def take_posterior(
     stream = streams.drawn_stream(seed, stage, trial.number, draw=trial.draw)
     return particle_filter(
         trial.loop.model,
-        recorded.chain,
+        chain,
         trial.loop.commands,
         1 / rate,
-        Start.of_takes(recorded),
+        trial.start,
         trial.measurements,
         trial.options,
         stream,

@@ -11,7 +11,12 @@ from pipeline.core import contracts
 from pipeline.core.columns import spread, triangle
 from pipeline.core.compute.trials import run_trials
 from pipeline.filtering.measurement import Measurements, measured_takes
-from pipeline.filtering.particle_filter import FilterTrial, Posterior, take_posterior
+from pipeline.filtering.particle_filter import (
+    FilterTrial,
+    Posterior,
+    Start,
+    take_posterior,
+)
 from pipeline.models.closed_loop import FOLDER, fitted_closed_loop, loops_of
 from pipeline.models.kinds import fitted_models
 from pipeline.models.steps import Recorded
@@ -43,17 +48,18 @@ def _filter(model: str, takes: list[Measurements], settings, folder: Path) -> Me
     recorded = training_steps(settings.dataset.robot, motion)
     fitted = fitted_models([model], FIT, "filter")
     loops = loops_of(recorded, fitted.get(model), fitted_closed_loop(FIT / model))
+    start = Start.of_takes(recorded)
     metrics: Metrics = {}
     for closed, loop in loops.items():
         place = folder / FOLDER if closed else folder
         label = f"filter {model} {FOLDER}" if closed else f"filter {model}"
         prefix = "closed_loop_" if closed else ""
         trials = [
-            FilterTrial(model, loop, closed, take, number, settings.filter)
+            FilterTrial(model, loop, closed, take, number, start, settings.filter)
             for number, take in enumerate(takes)
         ]
         of_take = partial(
-            take_posterior, recorded=recorded, rate=motion.rate, seed=settings.seed
+            take_posterior, chain=recorded.chain, rate=motion.rate, seed=settings.seed
         )
         workers = {"compute": settings.compute, "label": f"{label}: takes"}
         posteriors = list(run_trials(of_take, trials, **workers))
