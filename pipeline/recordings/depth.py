@@ -159,12 +159,12 @@ def _of_bag(path: Path, depth: Depth, raw: Path) -> DepthTake:
                 raise ConfigError(
                     f"{message} be 1", key=f"{KEY}.units_per_metre", file=path
                 )
-            frame = (
-                cloud.PointCloud.measured(each)
-                if camera is None
-                else image.RawDepth(each)
-            )
-            yield frame, where | {"number": number}
+            evidence = where | {"number": number}
+            if camera is None:
+                cloud.require_near(each, **evidence)
+                yield cloud.PointCloud.measured(each), evidence
+            else:
+                yield image.RawDepth(each), evidence
 
     references = [f"{path.relative_to(raw)}#{number}" for number in range(len(time))]
     return time, references, camera, frames(), Counter()

@@ -17,7 +17,7 @@ import numpy as np
 
 from pipeline.core.bounds import MIB, require
 from pipeline.core.errors import RecordingError
-from pipeline.formats.delimited import numbers_of
+from pipeline.formats.delimited import GREATEST, numbers_of
 from pipeline.formats.format import Format, Head, Kind, compare_announced, file_content
 
 ENDINGS = (".pcd", ".ply")
@@ -82,9 +82,9 @@ def is_cloud(file: Path) -> bool:
 
 def read_cloud(file: Path) -> PointCloud:
     """Return the points of the cloud in ``file``, in the sensor's frame, without other fields.
-    Bytes behind the announced points are counted, since PCL pads files to whole pages. Raises
-    RecordingError for content that is truncated or of another format, has no x, y and z, or
-    contradicts the header.
+    Bytes behind the announced points are counted, since PCL pads files to whole pages by zeros.
+    Raises RecordingError for content that is truncated or of another format, has no x, y and z, or
+    contradicts the header, for other bytes behind binary points, and as :func:`require_near`.
     """
     content = file_content(file)
     try:
@@ -107,13 +107,33 @@ def read_cloud(file: Path) -> PointCloud:
         raise RecordingError(
             f"truncated or damaged: {error}; {AGAIN}", file=file
         ) from None
+    require_near(points, file=file)
     counts = {"surplus_bytes": surplus} if surplus and not header.more else {}
     stated = header.viewpoint, counts, header.version, header.organised
     return PointCloud.measured(points, *stated)
 
 
+def require_near(points: np.ndarray, **evidence: object) -> None:
+    """Raise RecordingError where a coordinate of ``points`` (N, 3) is beyond GREATEST."""
+    sizes = np.where(np.isfinite(points), np.abs(points), 0.0).max(axis=1, initial=0.0)
+    beyond = np.flatnonzero(sizes > GREATEST)
+    if len(beyond):
+        message = f"{len(beyond)} of {len(points)} points have coordinates beyond {GREATEST:g}, the"
+        message += f" first is point {beyond[0] + 1} ({sizes[beyond[0]]:.2g}): bytes were inserted"
+        raise RecordingError(f"{message} or lost before it; {AGAIN}", **evidence)
+
+
+def _require_padding(surplus: bytes, header: CloudHeader) -> None:
+    """Raise ValueError where the bytes behind the points are not zeros, nor other elements."""
+    if surplus.strip(b"\0") and not header.more:
+        message = f"{len(surplus)} bytes behind the {header.count} points, which are not zeros as a"
+        raise ValueError(
+            f"{message} padding: bytes were inserted, or points are not announced"
+        )
+
+
 def _is_ply(content: bytes) -> bool:
-    return content.startswith((b"ply\n", b"ply\r"))
+    return re.match(rb"ply[ \t]*[\r\n]", content) is not None
 
 
 def _pcd_header(content: bytes) -> CloudHeader:
@@ -206,9 +226,9 @@ def _binary_points(
     if len(data) < size or unpacked != count * point.itemsize:
         message = f"{len(data)} bytes of {size}, which decompress to {unpacked}, where the header "
         raise ValueError(f"{message}announces {count} points of {point.itemsize} bytes")
-    with np.errstate(
-        invalid="ignore", over="ignore"
-    ):  # damaged numbers may be huge or NaN
+    _require_padding(data[size:], header)
+    # damaged numbers may be huge or NaN
+    with np.errstate(invalid="ignore", over="ignore"):
         if not compressed:
             read = np.frombuffer(data[:size], point)
             return np.column_stack([read[axis].astype(float) for axis in "xyz"]), len(

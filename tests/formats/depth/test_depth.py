@@ -14,7 +14,7 @@ from ros_bags import camera_info as info
 from written_logs import refusal as reject
 
 from pipeline.core.errors import RecordingError
-from pipeline.formats.depth.cloud import UNTURNED, PointCloud, read_cloud
+from pipeline.formats.depth.cloud import FORMAT, UNTURNED, PointCloud, read_cloud
 from pipeline.formats.depth.image import (
     Encoding,
     RawDepth,
@@ -31,6 +31,7 @@ from pipeline.formats.depth.intrinsics import (
     read_intrinsics,
     write_intrinsics,
 )
+from pipeline.formats.format import Head
 from pipeline.formats.rosbag import camera_info, cloud_points, image_pixels
 
 
@@ -111,13 +112,48 @@ def test_points_are_read_with_any_fields_viewpoint_and_surplus_bytes(tmp_path, n
     moved = made.CLOUDS[name].replace(
         b"VIEWPOINT 0 0 0 1 0 0 0", b"VIEWPOINT 1 -2 0.5 0.8 0 0.6 0"
     )
-    for behind in (b"\0" * 4096, b"1 2 3 left of another cloud\n"):
+    text = b"1 2 3 left of another cloud\n"
+    is_text = b"DATA ascii" in moved
+    if not is_text:
+        (tmp_path / name).write_bytes(moved + text)
+        with pytest.raises(RecordingError, match="not zeros as a padding"):
+            read_cloud(tmp_path / name)
+    for behind in (b"\0" * 4096, *[text] * is_text):
         (tmp_path / name).write_bytes(moved + behind)
         cloud = read_cloud(tmp_path / name)
         # the points stay in the frame of the sensor
         np.testing.assert_array_equal(cloud.points, made.positions(made.records()))
         assert cloud.viewpoint == (1, -2, 0.5, 0.8, 0, 0.6, 0)
         assert cloud.counts == {"surplus_bytes": len(behind)}
+
+
+BINARY = [n for n in made.CLOUDS if "ascii" not in n and "crlf" not in n]
+
+
+@pytest.mark.parametrize("share", [0.0, 0.4, 0.8])  # of the points, before the byte
+@pytest.mark.parametrize("inserted", [b"\0", b"@", b"\n\r"])
+@pytest.mark.parametrize("name", BINARY)
+def test_bytes_inserted_in_binary_points_are_refused(tmp_path, name, inserted, share):
+    content, file = made.CLOUDS[name], tmp_path / name
+    mark = (
+        content.index(b"DATA") if name.endswith("pcd") else content.index(b"end_header")
+    )
+    start = content.index(b"\n", mark) + 1
+    place = start + int(share * (len(content) - start))
+    file.write_bytes(content[:place] + inserted + content[place:])
+    with pytest.raises(RecordingError, match=r"damaged|beyond 1e\+20") as refused:
+        read_cloud(file)
+    assert refused.value.evidence["file"] == file
+
+
+@pytest.mark.parametrize("mark", [b"ply \n", b"ply\t\r\n", b"ply  \r"])
+def test_blanks_behind_the_mark_of_a_ply_are_no_matter(tmp_path, mark):
+    content = made.CLOUDS["binary_little_endian.ply"].replace(b"ply\n", mark, 1)
+    (tmp_path / "cloud").write_bytes(content)
+    head = Head.read(tmp_path / "cloud")
+    assert FORMAT.recognises(head)
+    points = read_cloud(tmp_path / "cloud").points
+    np.testing.assert_array_equal(points, made.positions(made.records()))
 
 
 def test_indexes_read_back_and_blanks_comments_and_line_ends_are_no_matter(tmp_path):
