@@ -31,15 +31,14 @@ SINGULAR_VARIANCE = 1e-12  # least/greatest variance of R at which R counts as s
 
 class Frames(NamedTuple):
     """The F measurements in order of their steps; frames first[k] to first[k+1] are in step k. The
-    density of y is exp(log_norm − ‖whitening·(y − bias − q)‖²/2) for the pose q at ``share`` of the
-    step.
+    density of y is proportional to exp(−‖whitening·(y − bias − q)‖²/2) for the pose q at ``share``
+    of the step.
     """
 
     first: ndarray  # (M+2,)
     share: ndarray  # (F,)
     unbiased: ndarray  # (F, n) joint angles without bias, rad
     whitening: ndarray  # (F, n, n) lower triangular, 1/rad
-    log_norm: ndarray  # (F,)
 
 
 @dataclass(frozen=True)
@@ -66,15 +65,14 @@ class Measurements:
     def frames(self, steps: int, dt: float) -> Frames:
         """Return the frames of :meth:`schedule`; raises ModelDomainError as :attr:`whitening`."""
         frame, step, share = self.schedule(steps, dt)
-        whitening, log_norm = self.whitening
         first = np.searchsorted(step, np.arange(steps + 2))
         unbiased = self.y[frame] - self.bias[frame]
-        return Frames(first, share, unbiased, whitening[frame], log_norm[frame])
+        return Frames(first, share, unbiased, self.whitening[frame])
 
     @cached_property
-    def whitening(self) -> tuple[ndarray, ndarray]:
-        """(F, n, n) lower triangular inverses of the Cholesky factors of R, and (F,) logarithms of
-        the normal density's constant. Raises ModelDomainError where R is not positive definite.
+    def whitening(self) -> ndarray:
+        """Lower triangular inverses (F, n, n) of the Cholesky factors of R. Raises ModelDomainError
+        where R is not positive definite.
         """
         variances = np.linalg.eigvalsh(self.covariance)
         singular = variances[:, 0] <= SINGULAR_VARIANCE * variances[:, -1]
@@ -82,11 +80,7 @@ class Measurements:
             message = "the covariance of the measurement's noise is not positive definite; estimate"
             where = {"take": self.take, "frame": int(np.argmax(singular))}
             raise ModelDomainError(f"{message} it from more takes than joints", **where)
-        factor = np.linalg.cholesky(self.covariance)
-        log_determinant = np.log(np.diagonal(factor, axis1=1, axis2=2)).sum(axis=1)
-        return np.linalg.inv(factor), -log_determinant - 0.5 * factor.shape[
-            -1
-        ] * np.log(2 * np.pi)
+        return np.linalg.inv(np.linalg.cholesky(self.covariance))
 
 
 def measurements(angles: pd.DataFrame, noise: pd.DataFrame) -> list[Measurements]:

@@ -53,9 +53,6 @@ class Posterior:
     )
     measured: ndarray  # (M+1,) bool: at least one measurement entered
     left_out: int  # measurements before the start or after the end of the motion
-    log_evidence: (
-        float  # log of the unbiased estimate of p(all measurements, path within D_q)
-    )
 
 
 @dataclass(frozen=True)
@@ -147,9 +144,7 @@ def particle_filter(
         raise DegenerateFilterError(message, **where)
     record.outside[0] = rejected
     left_out = len(measurements.t) - len(frames.share)
-    return Posterior(
-        *record, np.diff(frames.first) > 0, left_out, float(particles.totals[1])
-    )
+    return Posterior(*record, np.diff(frames.first) > 0, left_out)
 
 
 def _filter_by_draws(

@@ -17,9 +17,8 @@ from pipeline.core.elementary import exponential, greatest, inner_product, total
 from pipeline.models.kernel import move
 
 VANISHED, KEPT, RESAMPLED = range(3)  # results of an update
-ROUNDING = 1e-9  # of P·w: tolerance for a whole number of copies
 # "none" is sequential importance sampling without resampling, in which the weights degenerate
-SCHEMES = ("systematic", "stratified", "residual", "multinomial", "none")
+SCHEMES = ("systematic", "multinomial", "none")
 
 
 @inner
@@ -60,23 +59,9 @@ def systematic(weights, chosen, scratch, rng):
 
 
 @inner
-def stratified(weights, chosen, scratch, rng):
-    """Draw one uniform in each of P strata of equal width (Kitagawa 1996)."""
-    points, below, count = scratch[0], scratch[1], len(weights)
-    for j in range(count):
-        points[j] = j + rng.random()
-    cumulate(weights, below)
-    for i in range(count):
-        place = count * below[i]
-        stratum = min(int(place), count - 1)
-        # all strata before this one, and this one if its point is below
-        below[i] = stratum + (points[stratum] < place)
-    repeat(below, chosen)
-
-
-@inner
-def independent(weights, chosen, points, cumulative, rng):
-    """Fill ``chosen`` with sorted independent draws, probabilities ∝ ``weights`` (P,)."""
+def multinomial(weights, chosen, scratch, rng):
+    """Draw sorted independent indices, probabilities ∝ ``weights`` (P,) (Gordon et al. 1993)."""
+    points, cumulative = scratch[0], scratch[1]
     count, arrival = len(chosen), 0.0
     # sorted uniforms: arrivals of a Poisson process divided by the next arrival
     for j in range(count):
@@ -96,40 +81,20 @@ def independent(weights, chosen, points, cumulative, rng):
 
 
 @inner
-def residual(weights, chosen, scratch, rng):
-    """Keep ⌊P·w_i⌋ copies and draw the others under the remaining weights (Liu & Chen 1998)."""
-    count, kept = len(weights), 0
-    left = scratch[0][:count]
-    for i in range(count):
-        expected = count * weights[i]
-        certain = np.floor(expected + ROUNDING)
-        left[i] = expected - certain if expected > certain else 0.0
-        for _ in range(int(certain)):
-            chosen[kept] = i
-            kept += 1
-    if kept < count:
-        independent(left, chosen[kept:], scratch[1], left, rng)
-
-
-@inner
 def resample(scheme, weights, chosen, scratch, rng):
-    """Fill ``chosen`` by SCHEMES[``scheme``]; multinomial: Gordon et al. (1993)."""
+    """Fill ``chosen`` by SCHEMES[``scheme``]."""
     if scheme == 0:
         systematic(weights, chosen, scratch, rng)
-    elif scheme == 1:
-        stratified(weights, chosen, scratch, rng)
-    elif scheme == 2:
-        residual(weights, chosen, scratch, rng)
     else:
-        independent(weights, chosen, scratch[0], scratch[1], rng)
+        multinomial(weights, chosen, scratch, rng)
 
 
 @inner
 def weigh(frames, frame, before, q, log_weights, scratch):
-    """Add to ``log_weights`` (P,) the log-likelihood of ``frame`` at its share of the step from
-    ``before`` to ``q`` (n, P); ``scratch`` has at least (n + 2, WIDTH) floats.
+    """Add to ``log_weights`` (P,) the log-likelihood of ``frame``, up to a constant, at its share
+    of the step from ``before`` to ``q`` (n, P); ``scratch`` has at least (n + 2, WIDTH) floats.
     """
-    n, share, log_norm = len(q), frames.share[frame], frames.log_norm[frame]
+    n, share = len(q), frames.share[frame]
     white, measured = frames.whitening[frame], frames.unbiased[frame]
     whitened, square = scratch[n], scratch[n + 1]
     for start in range(0, len(log_weights), WIDTH):
@@ -152,17 +117,17 @@ def weigh(frames, frame, before, q, log_weights, scratch):
                 square[i] += whitened[i] * whitened[i]
         weighed = log_weights[start:stop]
         for i in range(count):
-            weighed[i] += log_norm - 0.5 * square[i]
+            weighed[i] -= 0.5 * square[i]
 
 
 @inner
 def normalise(log_weights, weights):
     """Normalise ``log_weights`` (P,) and fill ``weights``; return the effective sample size 1/Σw²
-    (Kong, Liu & Wong 1994) and the log of the earlier sum, not finite if no particle has weight.
+    (Kong, Liu & Wong 1994), not above zero if no particle has weight.
     """
     peak = greatest(log_weights)
     if not np.isfinite(peak):
-        return 0.0, peak
+        return 0.0
     for i in range(len(weights)):
         weights[i] = exponential(log_weights[i] - peak)
     scale, squares = total(weights), inner_product(weights, weights)
@@ -170,7 +135,7 @@ def normalise(log_weights, weights):
     for i in range(len(weights)):
         weights[i] *= share
         log_weights[i] -= log_total
-    return scale * scale / squares, log_total
+    return scale * scale / squares
 
 
 @inner
@@ -248,7 +213,7 @@ class Particles(NamedTuple):
     chosen: (
         ndarray  # (P,) indices of the particles that continued in the last resampling
     )
-    totals: ndarray  # (2,) effective sample size and log-evidence
+    size: ndarray  # (1,) effective sample size
     scratch: ndarray  # (n + 2, max(P, WIDTH))
 
 
@@ -267,7 +232,7 @@ def fresh_arrays(n: int, count: int, grid: int) -> tuple[Particles, Record]:
     """Return equal weights of ``count`` particles of n joints, and a record of ``grid`` poses."""
     weights, log_weights = np.full(count, 1.0 / count), np.full(count, -np.log(count))
     scratch = np.empty((n + 2, max(count, WIDTH)))
-    particles = np.empty(count, dtype=np.int64), np.array([float(count), 0.0]), scratch
+    particles = np.empty(count, dtype=np.int64), np.array([float(count)]), scratch
     moments = np.empty((grid, n)), np.empty((grid, n, n)), np.empty(grid)
     counts = (np.zeros(grid, dtype=kind) for kind in (np.bool_, np.int64, np.int64))
     return Particles(weights, log_weights, *particles), Record(*moments, *counts)
@@ -279,7 +244,7 @@ def update(k, setting, before, q, particles, record, rng):
     moments. Return VANISHED if all weights vanished, RESAMPLED if ``before`` contains the particles
     that continue, else KEPT.
     """
-    weights, log_weights, chosen, totals, scratch = particles
+    weights, log_weights, chosen, size, scratch = particles
     frames, n, count = setting.frames, len(q), len(weights)
     if k > 0:
         record.outside[k] = keep_inside(
@@ -288,13 +253,12 @@ def update(k, setting, before, q, particles, record, rng):
     for frame in range(frames.first[k], frames.first[k + 1]):
         weigh(frames, frame, before, q, log_weights, scratch)
     if record.outside[k] > 0 or frames.first[k] < frames.first[k + 1]:
-        totals[0], log_total = normalise(log_weights, weights)
-        if not np.isfinite(log_total):
+        size[0] = normalise(log_weights, weights)
+        if not size[0] > 0.0:
             return VANISHED
-        totals[1] += log_total
     weighted_moments(weights, q, record.mean[k], record.covariance[k], scratch)
-    record.ess[k] = totals[0]
-    if not totals[0] < setting.threshold * count:
+    record.ess[k] = size[0]
+    if not size[0] < setting.threshold * count:
         return KEPT
     resample(setting.scheme, weights, chosen, scratch, rng)
     for j in range(n):
@@ -302,7 +266,7 @@ def update(k, setting, before, q, particles, record, rng):
         for i in range(count):
             there[i] = here[np.uint64(chosen[i])]  # unsigned: no index is negative
     weights[:], log_weights[:] = 1.0 / count, -np.log(count)
-    totals[0], record.resampled[k] = float(count), True
+    size[0], record.resampled[k] = float(count), True
     return RESAMPLED
 
 

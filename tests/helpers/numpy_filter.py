@@ -21,7 +21,6 @@ def plain_filter(
     mean, covariance, ess = np.empty((grid, 3)), np.empty((grid, 3, 3)), np.empty(grid)
     resampled, measured = np.zeros((2, grid), dtype=bool)
     clipped, outside = np.zeros((2, grid), dtype=int)
-    log_evidence = 0.0
 
     uniform = np.full(count, 1.0 / count)
     log_uniform = np.log(uniform)
@@ -50,7 +49,6 @@ def plain_filter(
             weights = np.exp(log_weights - peak)
             log_total = peak + np.log(weights.sum())
             weights, log_weights = weights / weights.sum(), log_weights - log_total
-            log_evidence += log_total
 
         mean[k] = weights @ q
         covariance[k] = (weights * (q - mean[k]).T) @ (q - mean[k])
@@ -68,12 +66,11 @@ def plain_filter(
         outside,
         measured,
         left_out,
-        log_evidence,
     )
 
 
 def log_likelihood(measurements: Measurements, frame: int, q: np.ndarray) -> np.ndarray:
-    """(P,) log p(y_j | q) of poses ``q`` (P, 3) in rad at the time of ``frame``."""
-    whitening, log_norm = measurements.whitening
-    white = (measurements.y[frame] - measurements.bias[frame] - q) @ whitening[frame].T
-    return log_norm[frame] - 0.5 * np.vecdot(white, white)
+    """(P,) log p(y_j | q) + constant of poses ``q`` (P, 3) in rad at the time of ``frame``."""
+    deviation = measurements.y[frame] - measurements.bias[frame] - q
+    white = deviation @ measurements.whitening[frame].T
+    return -0.5 * np.vecdot(white, white)

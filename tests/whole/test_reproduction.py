@@ -130,7 +130,7 @@ def test_an_edit_reruns_what_depends_on_it_and_going_back_restores_the_committed
 ):
     before, parameters = outputs(copy), copy / "params.yaml"
     sound = parameters.read_text()
-    set_parameters(copy, filter="stratified")
+    set_parameters(copy, filter="multinomial")
     plan = reruns(copy)
     assert (
         ran(succeeds("dvc", "repro", cwd=copy))
@@ -206,7 +206,7 @@ def test_a_bad_parameter_stops_with_one_message_and_keeps_all_results(copy):
         "dataset.txt": before["dataset.txt"]
     }  # output of the stage choose, which fails
     for parameters, names in (
-        ({"filter": "bootstrap"}, ("configure", "filter", "stratified, systematic")),
+        ({"filter": "bootstrap"}, ("configure", "filter", "none, systematic")),
         ({"dataset": "yuobot"}, ("choose", "dataset", "ur5", "youbot", "new-dataset")),
     ):
         (copy / "params.yaml").write_text(sound)

@@ -15,7 +15,7 @@ Bounds = Annotated[list[float], Field(min_length=2, max_length=2)]
 
 @options()
 class Filter:
-    scheme: Literal["systematic", "stratified", "residual", "multinomial", "none"]
+    scheme: Literal["systematic", "multinomial", "none"]
     threshold: Annotated[float, Field(ge=0, le=1)]  # share of the particles
     particles: Count
 
