@@ -35,6 +35,11 @@ tools    {tools}
 `dvc repro` runs the stages in order, `dvc repro -P` the studies too. ITEM is the model of fit and
 filter, the part of ingest (motion, depth, force) and the dataset of record.
 NAME --help describes a stage, a study or a tool."""
+BY_PARAMS = (
+    "options are set in params.yaml, such as `dataset: ur5` and `overrides: {filter: {particles: "
+    "100}}`, which `dvc repro` runs, or for one run by `dvc exp run -S dataset=ur5` or "
+    "`-S +overrides.filter.particles=100`, and several values by `dvc exp run --queue`"
+)
 NO_ENVIRONMENT = (
     "the project's environment is missing here: create it with `make env`, activate it with "
     "`. .venv/bin/activate`"
@@ -178,7 +183,8 @@ def _find_call(name: str, words: list[str]) -> Callable[[], object]:
         if name in ("-h", "--help"):
             return partial(print, usage)
         print(usage, file=sys.stderr)
-        raise PipelineError("there is no such stage, study or tool")
+        message = "there is no such stage, study or tool"
+        raise PipelineError(message + _settings([name, *words]))
     place = f"stages.{name}" if name in stages else f"studies.{name}.stage"
     if {"-h", "--help"} & set(words):
         return partial(print, " ".join(_docstring(place).partition("\n\n")[0].split()))
@@ -186,10 +192,20 @@ def _find_call(name: str, words: list[str]) -> Callable[[], object]:
         run = partial(import_module("pipeline.studies.frame").run, name)
     else:
         run = import_module(f"pipeline.{place}").run
-    if len(items := signature(run).parameters) != len(words):
+    items = signature(run).parameters
+    if len(items) != len(words) or _settings([name, *words]):
         takes = f"takes one item ({', '.join(items)})" if items else "takes no item"
-        raise PipelineError(f"{takes}, got {' '.join(words) or 'none'}")
+        message = f"{takes}, got {' '.join(words) or 'none'}"
+        raise PipelineError(message + _settings([name, *words]))
     return partial(run, *words)
+
+
+def _settings(words: list[str]) -> str:
+    """Return how options are set, if ``words`` set one in Hydra's notation; else nothing."""
+    for word in words:
+        if "=" in word or word.startswith("-"):
+            return f"; {BY_PARAMS}"
+    return ""
 
 
 def tool_call(folder: str, words: list[str]) -> Callable[[], None]:

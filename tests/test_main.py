@@ -49,6 +49,26 @@ def test_an_unknown_name_and_the_wrong_number_of_items_are_refused(monkeypatch, 
         assert capsys.readouterr().err == message
 
 
+@pytest.mark.parametrize(
+    ("words", "refused"),
+    [
+        ("configure dataset=ur5", "configure: takes no item, got dataset=ur5"),
+        ("fit gaussian filter.particles=100", "fit: takes one item (model), got gauss"),
+        ("fit filter.particles=100", "fit: takes one item (model), got filter.partic"),
+        ("configure --multirun", "configure: takes no item, got --multirun"),
+        ("--multirun configure", "--multirun: there is no such stage, study or tool"),
+    ],
+)
+def test_an_option_in_the_notation_of_hydra_is_rejected_with_the_way_that_works(
+    monkeypatch, capsys, words, refused
+):
+    assert run(monkeypatch, *words.split()) == 1
+    message = capsys.readouterr().err
+    assert f"error: {refused}" in message
+    assert "`overrides: {filter: {particles: 100}}`" in message
+    assert "`dvc exp run -S dataset=ur5`" in message and "--queue" in message
+
+
 def test_help_lists_the_names_and_names_each_stage_study_and_tool(monkeypatch, capsys):
     for words in ([], ["--help"], ["-h"]):
         assert run(monkeypatch, *words) == 0

@@ -4,10 +4,13 @@ numbers come from, and no others.
 
 import ast
 import re
+from itertools import product
 
 import pytest
 import yaml
 from source_code import MODULES, ROOT, covers, needed, package, tree
+
+from pipeline.evidence.case import KINDS
 
 # What composes the configuration changes no stage but choose and configure: the others depend on
 # the values that they declare.
@@ -76,7 +79,15 @@ def sources(module: str) -> set[str]:
     if module.endswith(".configure"):  # uses only the types of the models' options
         unused = {name for name in MODULES if package(name) in ("arm", "statistics")}
         harmless = HARMLESS | unused
-    files = {MODULES[name] for name in needed(module, harmless)}
+    names = needed(module, harmless)
+    if "pipeline.evidence.outcomes" in names and not module.endswith(".score"):
+        # a case builds and fits the models of the paper's kinds, which are found by their place
+        for kind, place in product(KINDS, ("law", "fit")):
+            names |= needed(f"pipeline.models.{kind}.{place}", harmless)
+    files = {MODULES[name] for name in names}
+    # a module reads the YAML file of its name beside it
+    beside = {file.with_suffix(".yaml") for file in files}
+    files |= {file for file in beside if file.is_file()}
     names = {str(file.relative_to(ROOT)) for file in files if file.stat().st_size}
     return names - {"pipeline/__init__.py"}
 

@@ -103,7 +103,7 @@ def test_a_wrong_line_of_params_yaml_is_refused_in_one_line(compose, choices, wo
         ),
         ("models.wishart", "{kind: laplace}", "no kind 'laplace'; there are additive"),
         ("models.wishart.left", "[[1.0]]", "given"),
-        ("models.gaussian_ml", "{kind: gaussian}", "no model gaussian_ml is chosen"),
+        ("models.gaussian_2", "{kind: gaussian}", "no model gaussian_2 is chosen"),
     ],
 )
 def test_a_wrong_value_is_refused_with_its_key(compose, path, value, words):

@@ -21,9 +21,8 @@ JOINTS = ["arm_joint_2", "arm_joint_3", "arm_joint_4"]
 TAKES, STEPS, REST = 12, 80, 20
 TRUE = GaussianModel(alpha=0.05, u=25.0)
 MEASUREMENT = np.array([[4.0, -1.0, 0.0], [-1.0, 5.0, 1.0], [0.0, 1.0, 3.0]]) * 1e-7
-MODELS = {  # option → what the stage fit would have written (gaussian_ml: twice the noise)
+MODELS = {  # option → what the stage fit would have written
     "gaussian": {"kind": "gaussian", "alpha": 0.05, "u": 25.0},
-    "gaussian_ml": {"kind": "gaussian", "alpha": 0.1, "u": 25.0},
     "additive": {"kind": "additive", "noise_covariance": (np.eye(3) * 4e-6).tolist()},
     "wishart": {"kind": "wishart", "sigma_b": 1.2, "decomposition": "pivoted_lu"},
 }
