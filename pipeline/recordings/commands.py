@@ -24,6 +24,9 @@ LATEST = (
 )
 FASTER = 1.05  # greatest speed of a step over the joint's velocity limit
 FAST = 0.9  # least share of a joint's greatest commanded speed of a fast step
+BEYOND_STEPS = (
+    3.0  # least size of a wrong command, over the steps of the rows around it
+)
 STEP_NOISE = 1e-3  # rad, greatest contribution of noise and rounding to a step
 SEARCH = 10.0  # s, greatest offset of two clocks that is searched
 QUANTILE = 0.9  # quantile of the error over rows: insensitive to a disturbed repetition
@@ -110,6 +113,59 @@ def standing_joints(actual: np.ndarray, target: np.ndarray) -> np.ndarray:
     """Return the mask (n,) of joints that stand still while ``target`` (N, n) rad moves them."""
     moved, commanded = np.ptp(actual, axis=0), np.ptp(target, axis=0)
     return (commanded > REACH) & (moved < STANDING)
+
+
+class WrongCommand(NamedTuple):
+    """Commanded angle of one row that steps away and back, where the measured angle does not."""
+
+    row: int
+    column: int
+    size: float  # rad, distance from the mean of the rows beside it
+
+    def reason(self, joints: Sequence[str], rate: float) -> str:
+        """Return the fault at ``rate`` (Hz) of one of the ``joints``, as text."""
+        return (
+            f"the command of {joints[self.column]} steps by {self.size:.3g} rad and back in row "
+            f"{self.row} ({self.row / rate:.6g} s), and the arm does not: correct the cell"
+        )
+
+
+def wrong_commands(actual: np.ndarray, target: np.ndarray) -> list[WrongCommand]:
+    """Return the single commanded angles of ``target`` (N, n) rad that step away from the rows
+    beside them by more than STEP_NOISE and BEYOND_STEPS times the steps around, and back, where
+    ``actual`` (N, n) rad has no step of half this size.
+    """
+    if len(target) < 5:
+        return []
+    inner = target[2:-2]
+    before, after = target[1:-3], target[3:-1]
+    size = inner - (before + after) / 2
+    around = [after - before, before - target[:-4], target[4:] - after]
+    usual = np.max(np.abs(around), axis=0)
+    back = np.sign(inner - before) == np.sign(inner - after)
+    steps = back & (np.abs(size) > np.maximum(BEYOND_STEPS * usual, STEP_NOISE))
+    bends = np.abs(actual[1:-1] - (actual[:-2] + actual[2:]) / 2)
+    found = []
+    for place, column in np.argwhere(steps).tolist():
+        distance = float(size[place, column])
+        near = bends[max(place - 1, 0) : place + 4, column]
+        if near.max() < abs(distance) / 2:
+            found.append(WrongCommand(place + 2, column, distance))
+    return found
+
+
+def standing_arm(actual: np.ndarray, target: np.ndarray) -> str:
+    """Return the fault of a log in which every joint that ``target`` (N, n) rad moves stands still;
+    "" for an arm that moves or is not commanded to.
+    """
+    moves = np.ptp(target, axis=0) > REACH
+    if not moves.any() or not standing_joints(actual, target)[moves].all():
+        return ""
+    commanded, moved = (float(np.ptp(q, axis=0).max()) for q in (target, actual))
+    return (
+        f"the arm does not follow: its command moves by {commanded:.3g} rad, its measured angles "
+        f"by {moved:.2g} rad; leave this recording out"
+    )
 
 
 def find_pairing(actual: np.ndarray, target: np.ndarray, rate: float) -> Pairing:

@@ -16,7 +16,11 @@ from pipeline.core.errors import RecordingError
 from pipeline.core.options.dataset import Dataset
 from pipeline.formats.joints.log import OPTION, LogOptions
 from pipeline.recordings import movement, repetitions
-from pipeline.recordings.commands import circular_joints, require_pair
+from pipeline.recordings.commands import (
+    circular_joints,
+    require_pair,
+    wrong_commands,
+)
 from pipeline.recordings.inventory import named_takes, raw_folder
 from pipeline.recordings.lags import REACH, in_phase, lag, stretch
 from pipeline.recordings.movement import LoggedMovement
@@ -159,6 +163,15 @@ def find_takes(
         own, steps = read.of(dataset.robot.joints), dataset.motion.steps - 2 * rest
         log = own.target, read.motions, ends, steps, rest, own.circular
         runs, left_out = repetitions.find_repetitions(*log)
+        rows_of_faults = [fault.row for fault in wrong_commands(own.actual, own.target)]
+        wrong = [
+            run
+            for run in runs
+            if any(run.first - rest <= row <= run.last + rest for row in rows_of_faults)
+        ]
+        if wrong:
+            runs = [run for run in runs if run not in wrong]
+            left_out = left_out | {"wrong_command": [run.first for run in wrong]}
         for number, run in enumerate(runs, 1):
             take, rows = (
                 f"{name}_{number}",

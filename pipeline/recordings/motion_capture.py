@@ -16,7 +16,7 @@ from pipeline.core.options.dataset import Dataset, Mocap, Pose
 from pipeline.formats import motion as motion_formats
 from pipeline.formats.format import Kind, format_of, formats_in
 from pipeline.formats.motion.take import MotionTake, RigidBody
-from pipeline.formats.trajectory import read_trajectory
+from pipeline.formats.trajectory import STEP_TOLERANCE, read_trajectory
 from pipeline.recordings.commands import require_velocities
 from pipeline.recordings.inventory import named_takes
 from pipeline.recordings.movement import require_speeds
@@ -30,14 +30,18 @@ def trajectory_rows(file: Path, dataset: Dataset) -> pd.DataFrame:
     ``dataset.motion``, and where neither the joints nor the task coordinates are the arm's.
     """
     motion, table, joints = dataset.motion, read_trajectory(file), dataset.robot.joints
-    step = table.t.iloc[1] - table.t.iloc[0] if len(table) > 1 else np.nan
-    if len(table) != motion.steps + 1 or not np.isclose(
-        step, 1 / motion.rate, rtol=1e-6
-    ):
-        message = f"the trajectory has {len(table)} rows; dataset.motion requires"
-        raise RecordingError(
-            f"{message} {motion.steps + 1} at {motion.rate} per second", file=file
+    duration = table["t"].iloc[-1] - table["t"].iloc[0]
+    # times may be rounded to microseconds: 1/120 s is written as 0.008333
+    rated = abs(duration - motion.steps / motion.rate) < STEP_TOLERANCE
+    if len(table) != motion.steps + 1 or not rated:
+        message = (
+            f"the trajectory has {len(table)} rows in {duration:.6f} s; dataset.motion"
         )
+        message += (
+            f" requires {motion.steps + 1} in {motion.steps / motion.rate:.6f} s, at"
+        )
+        message += f" {motion.rate:g} per second"
+        raise RecordingError(message, file=file)
     chain, names, task = (
         chain_of(dataset.robot),
         members(table, "q"),

@@ -15,7 +15,13 @@ from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.dataset import SIGNALS, JointLogSection
 from pipeline.formats import joints as joint_formats
 from pipeline.formats.format import Kind, format_of, formats_in, is_bag
-from pipeline.formats.joints.log import OPTION, TABLE, JointLog, LogOptions
+from pipeline.formats.joints.log import (
+    OPTION,
+    TABLE,
+    JointLog,
+    LogOptions,
+    read_clock,
+)
 from pipeline.formats.joints.names import match_joints
 from pipeline.recordings import commands
 from pipeline.recordings.lags import REACH
@@ -294,14 +300,8 @@ def read_logged_movement(
         "names": joints,
     }
     common["factors"] = dict.fromkeys(SIGNALS[1:], options.target_factor)
-    single = movement.is_file() or is_bag(movement)
-    wanted: dict[Path, dict] = {movement: {**options.signals}} if single else {}
-    for signal in SIGNALS:
-        if not single and (file := getattr(options, signal)):
-            wanted.setdefault(movement / file, {})[signal] = options.signals.get(signal)
-    files = {
-        file: LogOptions(**common, signals=signals) for file, signals in wanted.items()
-    }
+    files = _files_of_signals(movement, options, common)
+    single = [*files] == [movement]
     signals, counts = read_movement(files, rate, options.clock) if files else ({}, {})
     if missing := [signal for signal in SIGNALS[:2] if signal not in signals]:
         where = "signals" if single else " and ".join(missing)
@@ -327,10 +327,47 @@ def read_logged_movement(
     else:
         counts |= {"speed_from_angles": 1}
     read = LoggedMovement(joints, actual, target, [], counts, circular)
+    if fault := commands.standing_arm(actual, target):
+        raise RecordingError(fault, file=movement)
     standing = commands.standing_joints(actual, target)
-    follow = read if standing.all() else read.of(np.array(joints)[~standing].tolist())
+    follow = read.of(np.array(joints)[~standing].tolist())
     pair = follow.actual, follow.target, rate, options.mismatch, follow.joints
     commands.require_pair(*pair, file=movement)
     angles = {"actual": actual, "target": target}
     require_speeds(np.arange(len(actual)) / rate, angles, joints, urdf, file=movement)
     return read._replace(motions=excursions(target, speed, options.rest_speed))
+
+
+def _files_of_signals(
+    movement: Path, options: JointLogSection, common: Mapping[str, object]
+) -> dict[Path, LogOptions]:
+    """Return file → what to read of it: the ``movement`` if it is one file of all signals, else one
+    table per signal in its folder, or beside it with the words of ``options`` in their names.
+    """
+    if (movement.is_file() or is_bag(movement)) and options.actual is None:
+        return {movement: LogOptions(**common, signals={**options.signals})}
+    names = {name: getattr(options, name) for name in (*SIGNALS, "time")}
+    places = {}
+    for name, text in names.items():
+        if isinstance(text, str):
+            places[name] = _place_of(movement, str(options.actual), text)
+    if "time" in places and places["time"].is_file():
+        clock = read_clock(places.pop("time"), LogOptions(**common))
+        common = {**common, "time": None, "clock": clock}
+    wanted: dict[Path, dict] = {}
+    for signal in SIGNALS:
+        if signal in places:
+            columns = options.signals.get(signal)
+            wanted.setdefault(places[signal], {})[signal] = columns
+    return {
+        file: LogOptions(**common, signals=signals) for file, signals in wanted.items()
+    }
+
+
+def _place_of(movement: Path, actual: str, text: str) -> Path:
+    """Return the file ``text`` in the folder ``movement``; beside a file of measured angles, the
+    file with ``text`` in place of ``actual`` in its name.
+    """
+    if movement.is_dir():
+        return movement / text
+    return movement.parent / movement.name.replace(actual, text, 1)

@@ -18,7 +18,11 @@ from pipeline.core.errors import RecordingError
 from pipeline.core.options.dataset import Dataset, Limits, Robot
 from pipeline.models.joint_error.samples import JointRun
 from pipeline.models.other_motions import MotionSteps
-from pipeline.recordings.commands import circular_joints, standing_joints
+from pipeline.recordings.commands import (
+    circular_joints,
+    standing_joints,
+    wrong_commands,
+)
 from pipeline.recordings.joint_logs import read_movements
 from pipeline.recordings.lags import REACH, delayed, in_phase, joint_lags, stretch
 from pipeline.recordings.movement import LoggedMovement
@@ -39,11 +43,15 @@ LATE_ROWS = np.arange(-4, 5)[
 SAME = 0.01  # greatest distance of equal commands over the motion of the farthest joint
 ALIKE = 1e-3  # rad, greatest difference of commands whose errors are compared
 FEWEST = 5  # least number of runs that show a disturbed one
+REPEATED = (
+    1.5  # greatest distance of two runs that repeat each other, over the usual one
+)
 STARTED = 0.1  # least step of a moving command, over its greatest step
 ENDS = 0.05  # share of the rows at each end that may not follow the command
 SETTLED = 0.25  # s after a motion in which an arm may still move
 RESTING = 50  # least number of rows at rest that show the noise of a measured angle
 LEAST_STEPS, MULTIPLES, IN_PHASE = 20, 8.0, 0.8  # differences that show a quantum
+DECIMAL = 1e-3  # greatest distance of a step from a power of ten, as a logarithm
 LEAST_QUANTUM = 1e-9  # rad, below the resolution of any encoder
 KEPT = 0.25  # s, rest that is kept before and after a motion, if its pauses are long enough
 NEARLY = 0.1  # J is nearly singular if σ_min is below this share of the greatest σ_min
@@ -71,17 +79,13 @@ def joint_runs(
     else estimated from rows at rest, else from the quantum. Disturbed runs among FEWEST or more
     of one motion are not used. Raises RecordingError without a run.
     """
-    unused, runs = {}, []
     joints = [*(joints or next(iter(movements.values())).joints)]
-    for read in movements.values():
-        by, moved = (np.ptp(q, axis=0) for q in (read.target, read.actual))
-        for column in np.flatnonzero(standing_joints(read.actual, read.target)):
-            if (joint := read.joints[column]) in joints:
-                reason = f"its command moves by {by[column]:.3g} rad, it moves by"
-                unused[joint] = f"{reason} {moved[column]:.2g} rad"
-    moving = [joint for joint in joints if joint not in unused]
+    moving, unused = _moving_joints(movements, joints)
+    runs: list[JointRun] = []
     distinct: dict[str, np.ndarray] = {}  # recording → measured angles
     for name, read in movements.items() if moving else ():
+        if name in unused:
+            continue
         chosen = read.of(moving)
         if original := _original_of(chosen.actual, distinct):
             unused[name] = (
@@ -95,7 +99,9 @@ def joint_runs(
             reason += f"{most:.3g} rad in all; resample a log whose rows repeat each command at the"
             unused[name] = f"{reason} command's rate"
             continue
-        runs += _runs_of(name, chosen, rate, pose_noise)
+        of_movement, wrong = _runs_of(name, chosen, rate, pose_noise)
+        runs += of_movement
+        unused |= wrong
     runs = named_motions(runs, chosen.circular) if runs else []
     unused |= _beyond_limits(runs)
     if not (runs := [run for run in runs if run.name not in unused]):
@@ -106,6 +112,38 @@ def joint_runs(
     return RunsOfLogs(runs, unused)
 
 
+def _moving_joints(
+    movements: Mapping[str, LoggedMovement], joints: Sequence[str]
+) -> tuple[list[str], dict[str, str]]:
+    """Return the ``joints`` that move, and name → reason of every joint and recording left out. A
+    joint is left out if it stands still in all recordings that command it to move; a recording, if
+    a joint stands still in it that moves in others.
+    """
+    standing: dict[str, dict[str, str]] = {joint: {} for joint in joints}
+    following: set[str] = set()
+    for name, read in movements.items():
+        chosen = read.of(joints)
+        commanded, moved = (np.ptp(q, axis=0) for q in (chosen.target, chosen.actual))
+        still = standing_joints(chosen.actual, chosen.target)
+        for column, joint in enumerate(joints):
+            if still[column]:
+                standing[joint][name] = (
+                    f"its command moves by {commanded[column]:.3g} rad, it moves by "
+                    f"{moved[column]:.2g} rad"
+                )
+            elif commanded[column] > REACH:
+                following.add(joint)
+    unused = {}
+    for joint, reasons in standing.items():
+        if joint not in following:
+            if reasons:
+                unused[joint] = [*reasons.values()][-1]
+            continue
+        for name, reason in reasons.items():
+            unused[name] = f"{joint} does not follow: {reason}"
+    return [joint for joint in joints if joint not in unused], unused
+
+
 def runs_of_dataset(dataset: Dataset) -> RunsOfLogs:
     """Return :func:`joint_runs` of the robot's joints in the dataset's logs."""
     rate, noise = dataset.motion.rate, dataset.motion.pose_noise
@@ -114,8 +152,10 @@ def runs_of_dataset(dataset: Dataset) -> RunsOfLogs:
 
 def _runs_of(
     name: str, read: LoggedMovement, rate: float, stated: float | None
-) -> list[JointRun]:
-    """Return the runs in one movement, from pause to pause."""
+) -> tuple[list[JointRun], dict[str, str]]:
+    """Return the runs in one movement, from pause to pause, and name → reason of runs with a wrong
+    command.
+    """
     measured, target, moved = read.actual, read.target, read.motions
     late = joint_lags(target, measured, rate)
     command, cut = delayed(target, late * rate)
@@ -129,13 +169,18 @@ def _runs_of(
     pauses = [(one.last, other.first) for one, other in pairwise(moved)]
     middles = [(a + b) // 2 - start for a, b in pauses if b - a >= PAUSE * rate]
     limits = np.clip([0, *middles, len(command)], 0, len(command)).tolist()
+    wrong = wrong_commands(measured, target)
     late = late + read.counts.get("command_delay", 0.0)
-    runs = []
-    for i, (first, end) in enumerate(pairwise(limits), 1):
-        own = f"{name}_{i}" if middles else name
+    runs, unused = [], {}
+    for number, (first, end) in enumerate(pairwise(limits), 1):
+        run = f"{name}_{number}" if middles else name
+        inside = [fault for fault in wrong if first <= fault.row - start < end]
+        if inside:
+            unused[run] = inside[0].reason(read.joints, rate)
+            continue
         angles = command[first:end], measured[start:][first:end], tuple(read.joints)
-        runs.append(JointRun(own, rate, *angles, late, quantum, noise, motion=""))
-    return runs
+        runs.append(JointRun(run, rate, *angles, late, quantum, noise, motion=""))
+    return runs, unused
 
 
 def following_rows(error: np.ndarray) -> slice:
@@ -150,21 +195,48 @@ def following_rows(error: np.ndarray) -> slice:
 
 
 def find_quantum(angles: np.ndarray) -> float:
-    """Return the step in rad of recorded ``angles`` (N,), 0 where there is none: small differences
-    are multiples of it. The phases of the differences have a mean length of at least IN_PHASE.
+    """Return the step in rad of recorded ``angles`` (N,), 0 where there is none: the step of the
+    differences from row to row, if differences of several multiples show it. At a constant speed
+    all rows differ by one multiple, and the step is the step between these differences.
     """
-    steps = np.abs(np.diff(angles))
-    steps = np.sort(steps[steps > LEAST_QUANTUM])
+    differences = np.diff(angles)
+    step = _common_step(np.abs(differences))
+    if not step:
+        return 0.0
+    near = differences[np.abs(differences) <= MULTIPLES * step]
+    multiples = np.rint(near / step).astype(int)
+    usual = np.bincount(multiples - multiples.min()).argmax() + multiples.min()
+    others = near[multiples != usual]
+    if len(others) >= LEAST_STEPS and _coherence(others, step) >= IN_PHASE:
+        return step
+    step = _common_step(np.diff(np.sort(differences)))
+    if not step:
+        return 0.0
+    printed = abs(np.log10(step) - np.rint(np.log10(step))) < DECIMAL
+    return 0.0 if printed else step  # the last decimal is no resolution
+
+
+def _common_step(differences: np.ndarray) -> float:
+    """Return the greatest step of which small positive ``differences`` are multiples, else 0. Their
+    phases have a mean length of at least IN_PHASE.
+    """
+    steps = np.sort(differences[differences > LEAST_QUANTUM])
     if len(steps) < LEAST_STEPS:
         return 0.0
     tried = np.geomspace(steps[0], 4 * steps[LEAST_STEPS - 1], 2000)
-    few = [steps[:n] for n in np.searchsorted(steps, MULTIPLES * tried)]
-    lengths = [
-        np.mean(np.cos(2 * np.pi * near / quantum)) if len(near) >= LEAST_STEPS else 0.0
-        for near, quantum in zip(few, tried, strict=True)
-    ]
+    lengths = []
+    for quantum, count in zip(
+        tried, np.searchsorted(steps, MULTIPLES * tried), strict=True
+    ):
+        enough = count >= LEAST_STEPS
+        lengths.append(_coherence(steps[:count], quantum) if enough else 0.0)
     best = int(np.argmax(lengths))
     return float(tried[best]) if lengths[best] >= IN_PHASE else 0.0
+
+
+def _coherence(differences: np.ndarray, quantum: float) -> float:
+    """Return the mean cosine of the phases of ``differences`` in periods of ``quantum``."""
+    return float(np.mean(np.cos(2 * np.pi * differences / quantum)))
 
 
 def _noise_of(
@@ -256,18 +328,33 @@ def _beyond_limits(runs: Sequence[JointRun]) -> dict[str, str]:
         likeness, size, scores = (
             measures[name][0] for name in ("likeness", "alike_takes", "disturbance")
         )
+        far = scores > LIMITS.disturbance
+        disturbed = far & ~_repeated(errors, far)
         for i, name in enumerate(alike):
             if likeness[i] > LIMITS.likeness:
                 reasons[name] = (
                     f"a copy: {size[i]:g} runs are equal within the noise, and "
                     f"{likeness[i]:.3g} times as far from the next run of the motion"
                 )
-            elif scores[i] > LIMITS.disturbance and len(alike) >= FEWEST:
+            elif disturbed[i] and len(alike) >= FEWEST:
                 reasons[name] = (
                     f"disturbed: {scores[i]:.3g} robust standard deviations from "
                     f"{len(alike) - 1} runs of the same motion"
                 )
     return reasons
+
+
+def _repeated(residuals: np.ndarray, far: np.ndarray) -> np.ndarray:
+    """Return the mask (runs,) of ``residuals`` (runs, K, n) rad that another run repeats as nearly
+    as the runs that are not ``far`` repeat each other: a second way of the arm, no disturbance.
+    """
+    if far.sum() < 2 or far.all():
+        return np.zeros(len(far), bool)
+    differences = residuals[:, None] - residuals
+    apart_by = np.sqrt(np.mean(differences**2, axis=(2, 3)))
+    np.fill_diagonal(apart_by, np.inf)
+    nearest = apart_by.min(axis=1)
+    return nearest < REPEATED * np.median(nearest[~far])
 
 
 @dataclass

@@ -56,7 +56,7 @@ def test_a_folder_without_a_usable_log_names_the_reason(tmp_path):
         tmp_path / "a.csv", table, delimiter=",", header="t,q_1,q_2,q_3", comments=""
     )
     with pytest.raises(
-        ConfigError, match=r"can be used: a\.csv: no log of joints.* --urdf FILE"
+        ConfigError, match=r"can be used: a\.csv: no commanded angles.* --urdf FILE"
     ):
         tool_call("characterize", [str(tmp_path)])()
     t = np.linspace(0, 6, 601)

@@ -120,21 +120,22 @@ class Depth:
 class JointLogSection:
     """Logs of the controller, one folder or file per movement, and the motion to analyse."""
 
-    movements: (
-        str  # glob of the movements' folders, or files where a movement is one file
-    )
-    actual: str | None = (
-        None  # file of measured angles in each folder; null: one file in all
-    )
-    target: str | None = None  # file of commanded angles
-    speed: str | None = (
-        None  # file of commanded speeds; null: the steps of the commanded angles
-    )
+    # glob of the movements' folders, of files where a movement is one file, or of the files of
+    # measured angles where the files of a movement differ in a word of their names
+    movements: str
+    # file of measured angles in each folder, or the word in the names of movements that the other
+    # files replace by theirs; null: one file in all
+    actual: str | None = None
+    target: str | None = None  # file of commanded angles, or its word
+    # file of commanded speeds, or its word; null: the steps of the commanded angles
+    speed: str | None = None
     joints: list[str]  # names in the URDF of the logged joints, in the order of the log
     # signal → column of each joint, ARRAY:COLUMN or ARRAY of a NumPy archive; {} if the format
     # names the signals
     signals: dict[Signal, list[Column]] = field(default_factory=dict)
-    time: Column | None = 0  # null: rows at dataset.motion.rate
+    # column of the times, or a file of one column as the files of the signals; null: rows at
+    # dataset.motion.rate
+    time: Column | None = 0
     # for uneven times: rows are at the rate, or at their logged times; null: an error
     clock: Literal["rows", "times"] | None = None
     separator: str | None = (

@@ -104,6 +104,7 @@ def read_arrays(file: Path, options: LogOptions) -> JointLog:
         time = numbers("time", named)[:, 0] * UNITS["time"][second or options.time_unit]
     chosen = {name: labels for name, labels in options.signals.items() if labels}
     wanted = options.signals or ("actual", "target")
+    guesses, guessed_arrays = {}, {}
     if {*wanted} - {*chosen}:
         tables = {
             name: data[name].astype(float) for name in groups if data[name].ndim == 2
@@ -114,7 +115,10 @@ def read_arrays(file: Path, options: LogOptions) -> JointLog:
             found, guessed = meanings.signals_of_groups(
                 {n: [n] for n in tables}, tables, time
             )
-        if guessed and not meanings.possibly_speed(found["target"]):
+        doubtful = guessed and not meanings.possibly_speed(found["target"])
+        if doubtful and options.guess:
+            guesses, guessed_arrays = guessed, found
+        elif doubtful:
             advice = f". {'; '.join(guessed.values())}: signals may be {found}".replace(
                 "'", ""
             )
@@ -144,6 +148,7 @@ def read_arrays(file: Path, options: LogOptions) -> JointLog:
         "time_unit": "s" * (second != ""),
         "angle_unit": "rad" * all(units.values()),
     }
+    units |= {"guesses": guesses, "arrays": guessed_arrays, "clock": clock or ""}
     log = JointLog(time, signals, {}, next(stated, ()), **units)
     return increasing(log, lambda row: {"file": file, "array": clock, "row": row})
 

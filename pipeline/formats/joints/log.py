@@ -43,6 +43,9 @@ class JointLog:
     ]  # numbers of omitted or interpolated rows and cells; see the reader
     joints: tuple[str, ...] = ()  # joint names in column order, if the file states them
     lines: Sequence[int] = ()  # (N,) line numbers of the samples, if the file has lines
+    guesses: Mapping[str, str] = field(default_factory=dict)  # signal → reason
+    arrays: Mapping[str, Sequence[str]] = field(default_factory=dict)  # guessed → names
+    clock: str = ""  # name of the array of the times, if the file has one
     time_unit: str = ""  # unit of the times, if the file states it
     angle_unit: str = ""  # unit of the angles, if the file states it
 
@@ -54,6 +57,9 @@ class LogOptions:
     # label or number (from 0) of the time column; None: rows are equally spaced at ``rate``
     time: str | int | None = 0
     rate: float = np.nan  # Hz, of logs without a time column
+    clock: np.ndarray | None = (
+        None  # (N,) s, times of the rows of a table without a time column
+    )
     separator: str | None = None  # None: detected
     decimal: str | None = None  # None: detected
     angle_unit: str = "rad"
@@ -64,6 +70,7 @@ class LogOptions:
     ] = ()  # names of the joints; joint names in a log must equal them
     # signal → factor of its values, one number or one per joint (default 1)
     factors: Mapping[str, float | Sequence[float]] = field(default_factory=dict)
+    guess: bool = False  # whether signals may be found by their values (arrays)
     # signal → columns of its joints (labels, or numbers from 0); None: all columns behind the time
     signals: Mapping[str, Sequence[str | int] | None] = field(default_factory=dict)
     circular: np.ndarray | bool = (
@@ -169,10 +176,39 @@ def log_of_sheet(sheet: Sheet, options: LogOptions) -> JointLog:
         samples.values * np.array(factors),
         [sheet.lines[row] for row in samples.rows],
     )
-    time = values[:, 0] if first else samples.rows / options.rate
+    time = values[:, 0] if first else _times_of_rows(sheet, samples.rows, options)
     signals = {signal: values[:, columns] for signal, columns in chosen.items()}
     log = JointLog(time, signals, sheet.counts | samples.counts, lines=lines)
     return increasing(log, lambda row: {"file": sheet.file, "line": lines[row]})
+
+
+def _times_of_rows(sheet: Sheet, rows: np.ndarray, options: LogOptions) -> np.ndarray:
+    """Return the times (M,) in s of the ``rows`` (M,) of a ``sheet`` without a column of times."""
+    if options.clock is None:
+        return rows / options.rate
+    if len(options.clock) != len(sheet.rows):
+        message = f"the table has {len(sheet.rows)} rows beside {len(options.clock)} times: name "
+        message += "the table of the times of these rows, or time null for even rows"
+        raise RecordingError(message, file=sheet.file, key=f"{OPTION}.time")
+    return options.clock[rows]
+
+
+def read_clock(file: Path, options: LogOptions) -> np.ndarray:
+    """Return the times (N,) in s in the ``file``, a table of one column, in the unit of its label,
+    else of the ``options``.
+    """
+    sheet = read_sheet(
+        file, separator=options.separator, decimal=options.decimal, key=OPTION
+    )
+    if len(sheet.numeric) != 1:
+        message = (
+            f"a table of times has one column of numbers, this one {len(sheet.numeric)}"
+        )
+        raise RecordingError(message, file=file, key=f"{OPTION}.time")
+    column = sheet.numeric[0]
+    unit = spelled(sheet.unit(column, "time") or "")
+    factor = UNITS["time"].get(unit, UNITS["time"][options.time_unit])
+    return sheet.values([column])[:, 0] * factor
 
 
 def names_in_cells(sheet: Sheet, count: int) -> list[str]:

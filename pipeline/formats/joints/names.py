@@ -12,10 +12,7 @@ import numpy as np
 
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.formats.delimited import UNITS, bare
-
-FOLLOWS = 0.05  # greatest difference of commanded and measured angles, over the measured range
-INTEGRAL = 0.1  # greatest error of the integral of a speed, over the motion
-UNIT_NORM = 1e-3  # greatest error of the norm of four columns that are a quaternion
+from pipeline.formats.joints.values import follows, is_derivative, is_quaternion
 
 _STATED = read_yaml(Path(__file__).with_suffix(".yaml"))
 SHORT: dict[str, str] = _STATED.pop("short")  # word → the words that it joins
@@ -106,32 +103,46 @@ def words_of(name: str) -> list[str]:
 
 def clocks_of(columns: Mapping[str, np.ndarray]) -> list[str]:
     """Return the names of the ``columns`` (N,) of times: with a name of a time, else with a word of
-    time in the name and values that increase and count no rows. Equal times have one name; others
-    are in the order of their evenness, since times of reception are less even.
+    time in the name and values that increase. Columns that count the rows are last choice. Equal
+    times have one name; others are in the order of their evenness, since times of reception are
+    less even.
     """
-    words = {name: {*words_of(name.rpartition(".")[2])} for name in columns}
-    worded = [
-        name for name in columns if TIME & words[name] and not COUNTERS & words[name]
+    named = named_like("time", columns)
+    clocks = [name for name in named if not counts_rows(columns[name])]
+    clocks = clocks or _worded_clocks(columns) or named
+    times = [columns[name] for name in clocks]
+    alike = [
+        len(time) == len(times[0]) and np.allclose(time, times[0]) for time in times
     ]
-    steps = {name: np.diff(columns[name].astype(float)) for name in worded}
-    counted = [
-        name for name in worded if (steps[name] <= 0).any() or (steps[name] == 1).all()
-    ]
-    named = named_like("time", columns) or [
-        name for name in worded if name not in counted
-    ]
-    times = [columns[name] for name in named]
-    alike = [len(one) == len(times[0]) and np.allclose(one, times[0]) for one in times]
+    if all(alike):
+        return clocks[:1]
+    return sorted(clocks, key=lambda name: _unevenness(columns[name]))
 
-    def unevenness(name: str) -> float:
-        steps = np.diff(columns[name].astype(float))
-        return (
-            float(np.std(steps) / mean)
-            if len(steps) and (mean := abs(steps.mean()))
-            else np.inf
-        )
 
-    return named[:1] if all(alike) else sorted(named, key=unevenness)
+def counts_rows(values: np.ndarray) -> bool:
+    """Return whether ``values`` (N,) are whole numbers that grow by one a row."""
+    steps = np.diff(values.astype(float))
+    return bool(len(steps)) and bool((steps == 1).all()) and not float(values[0]) % 1
+
+
+def _worded_clocks(columns: Mapping[str, np.ndarray]) -> list[str]:
+    """Return the names of ``columns`` with a word of time that increase and count no rows."""
+    clocks = []
+    for name, values in columns.items():
+        words = {*words_of(name.rpartition(".")[2])}
+        if not TIME & words or COUNTERS & words or counts_rows(values):
+            continue
+        if (np.diff(values.astype(float)) > 0).all():
+            clocks.append(name)
+    return clocks
+
+
+def _unevenness(time: np.ndarray) -> float:
+    """Return the standard deviation of the steps of ``time`` (N,) over their mean."""
+    steps = np.diff(time.astype(float))
+    if not len(steps) or not steps.mean():
+        return np.inf
+    return float(np.std(steps) / abs(steps.mean()))
 
 
 def is_names(name: str) -> bool:
@@ -289,14 +300,7 @@ def signals_of_groups(
     time: np.ndarray | None,
 ) -> tuple[dict[str, list[str]], dict[str, str]]:
     """Return :func:`signals_of` groups of columns, and ``values`` (N, joints) per group."""
-    norms = {
-        n: np.linalg.norm(rows, axis=1)
-        for n, rows in values.items()
-        if rows.shape[1] == 4
-    }
-    turns = {
-        n for n, norm in norms.items() if np.abs(norm - 1).max(initial=0.0) < UNIT_NORM
-    }
+    turns = {name for name, rows in values.items() if is_quaternion(rows)}
     fits = {*groups} - turns  # quaternions are no angles
     actual = [name for name in named_like("actual", groups) if name in fits]
     target = [
@@ -346,13 +350,11 @@ def signals_of_groups(
     if time is None or len(time) != len(moved):
         time = np.arange(len(moved), dtype=float)
     alike = [n for n in groups if n != actual[0] and values[n].shape == moved.shape]
-    limit = FOLLOWS * np.ptp(moved, axis=0).max(initial=0.0)
-    # 90 % of the rows differ by less than the limit
-    follows = [
-        n for n in alike if limit and np.quantile(abs(values[n] - moved), 0.9) < limit
-    ]
+    following = [name for name in alike if follows(values[name], moved)]
     speeds = [
-        n for n in alike if n not in follows and is_derivative(values[n], moved, time)
+        name
+        for name in alike
+        if name not in following and is_derivative(values[name], moved, time)
     ]
     clear = [name for name in target if name not in speeds]
     if len(clear) == 1:
@@ -363,12 +365,12 @@ def signals_of_groups(
     ):
         # a group named qd that is not the derivative of the angles
         signals["target"] = groups[weak[0]]
-        if weak[0] not in follows:
+        if weak[0] not in following:
             guessed["target"] = f"{weak[0]} is no speed of {actual[0]} by its values"
-    elif not target and len(follows) == 1:
-        signals["target"] = groups[follows[0]]
+    elif not target and len(following) == 1:
+        signals["target"] = groups[following[0]]
         guessed["target"] = (
-            f"{groups[follows[0]][0]} … follow {groups[actual[0]][0]} … by values"
+            f"{groups[following[0]][0]} … follow {groups[actual[0]][0]} … by values"
         )
     return signals, guessed
 
@@ -376,16 +378,3 @@ def signals_of_groups(
 def possibly_speed(names: Iterable[str]) -> list[str]:
     """Return the names ``qd``, which mean a speed in most logs and a command in some."""
     return [name for name in names if re.sub(r"[^a-z]", "", bare(name).lower()) == "qd"]
-
-
-def is_derivative(speed: np.ndarray, angles: np.ndarray, time: np.ndarray) -> bool:
-    """Return whether the integral of ``speed`` (N, joints) over ``time`` (N,) is proportional to
-    the motion of the ``angles`` (N, joints), whatever the units; True if the speed is zero.
-    """
-    steps = (speed[1:] + speed[:-1]) / 2 * np.diff(time)[:, None]
-    integral, moved = np.cumsum(steps, axis=0), angles[1:] - angles[0]
-    power = float((integral**2).sum())
-    if not power:
-        return True
-    residual = moved - integral * float((integral * moved).sum()) / power
-    return bool((residual**2).sum() < INTEGRAL**2 * (moved**2).sum())

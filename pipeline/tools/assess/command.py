@@ -2,7 +2,7 @@
 with the recordings that a model was fitted to.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import chdir
 from dataclasses import replace
 from pathlib import Path
@@ -34,6 +34,7 @@ from pipeline.recordings.steps import training_steps
 from pipeline.statistics.scores import normal_log_score
 from pipeline.tools.characterize.logs import folder_logs
 from pipeline.tools.export.command import scores_by_horizon
+from pipeline.tools.new_dataset.command import assigned_values, command_with
 
 HERE, EXPORTS = Path(__file__).parent, Path("data/export")
 CHARACTERIZED = Path(
@@ -55,7 +56,7 @@ FEWEST = round(2 / MOST_CHANCE) - 1  # least number of takes to compare with
 SPANS = 10  # number of parts of the motion that are compared
 
 
-def run(file: Path, model: Path | None = None) -> None:
+def run(file: Path, set: Sequence[str], model: Path | None = None) -> None:
     """Predict each take in the recording by the exported model and print the verdict."""
     if model is None:
         name = config.sections("assess", HERE / "reads.yaml").dataset.name
@@ -68,7 +69,8 @@ def run(file: Path, model: Path | None = None) -> None:
         model = files[0]
     law, file = load(model), file.resolve()
     if isinstance(law, ExportedErrors):
-        for text in assessments_of_runs(_runs_in(file, law, model), law, model.name):
+        runs = _runs_in(file, law, model, assigned_values(set))
+        for text in assessments_of_runs(runs, law, model.name):
             print(text)
         return
     with chdir(run_folder(law.record["dataset"], model)):
@@ -76,9 +78,14 @@ def run(file: Path, model: Path | None = None) -> None:
             print(text)
 
 
-def _runs_in(file: Path, model: ExportedErrors, export: Path) -> list[JointRun]:
-    """Return the runs in a joint log, or the takes of the model's dataset in another ``file``."""
-    logs, joints = folder_logs(file.parent, {}, only=file), [*model.law.joints]
+def _runs_in(
+    file: Path, model: ExportedErrors, export: Path, assigned: Mapping[str, str]
+) -> list[JointRun]:
+    """Return the runs in joint logs, read with the ``assigned`` values as by characterize, or the
+    takes of the model's dataset in another ``file``; print what is not used.
+    """
+    logs = folder_logs(file.parent, assigned, only=file)
+    joints = [*model.law.joints]
     if logs.movements:
         names = [*next(iter(logs.movements.values())).joints]
         if missing := [joint for joint in joints if joint not in names]:
@@ -86,14 +93,24 @@ def _runs_in(file: Path, model: ExportedErrors, export: Path) -> list[JointRun]:
                 f"the log has no joint {', '.join(missing)}; it has {', '.join(names)}"
             )
             raise RecordingError(message, file=file)
-        return joint_runs(logs.movements, logs.rate, joints).runs
+        found = joint_runs(logs.movements, logs.rate, joints)
+        for name, reason in (logs.unused | found.unused).items():
+            print(f"assess: not used: {name}: {reason}")
+        if standing := [joint for joint in joints if joint in found.unused]:
+            reason = found.unused[standing[0]]
+            message = f"{', '.join(standing)} of the model stands still: {reason}"
+            raise RecordingError(message, file=file)
+        return found.runs
     with chdir(run_folder(model.record["dataset"], export)):
         dataset = config.sections("assess", HERE / "reads.yaml").dataset
         if dataset.mocap is None:
             reason = next(iter(logs.unused.values()), "no log of joints")
-            raise RecordingError(
-                f"no measured and commanded joint angles: {reason}", file=file
-            )
+            message = f"no measured and commanded joint angles: {reason}"
+            if logs.missing:
+                words = f"assess {file} --model {export}"
+                command = command_with(words, {**assigned, **logs.missing})
+                message += f"; correct the values and run `{command}`"
+            raise RecordingError(message, file=file)
         first = runs_of(training_steps(dataset.robot, dataset.motion))[0]
         takes = new_takes(file, dataset, first.command)
     return [replace(first, name=name, measured=q) for name, q in takes.items()]

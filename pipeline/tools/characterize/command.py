@@ -35,6 +35,7 @@ from pipeline.tools.characterize.logs import folder_logs
 from pipeline.tools.export import command as export
 from pipeline.tools.new_dataset.command import (
     assigned_values,
+    command_with,
     dataset_files,
     open_draft,
 )
@@ -111,7 +112,12 @@ def run(
     print(f"characterize: wrote {report / 'model_card.md'} from {place}")
     if record is not None:
         export.write_export(record, file := export.EXPORTS / f"{name}_{exported}.json")
-        command = f"python -m pipeline assess RECORDING --model {file}"
+        of_logs = {
+            key: text
+            for key, text in assigned.items()
+            if key.startswith(("joint_log.", "motion.rate"))
+        }
+        command = command_with(f"assess RECORDING --model {file}", of_logs)
         print(f"characterize: `{command}` compares another recording with these")
 
 
@@ -124,8 +130,15 @@ def _logged_runs(folder: Path, assigned: dict[str, str]) -> RunsOfLogs | None:
         reasons = [f"{name}: {reason}" for name, reason in logs.unused.items()]
         if "robot.urdf" not in assigned and not [*folder.rglob("*.urdf")]:
             found = "; ".join(reasons) or "there is no table or log in it"
-            message = f"no joint log in the folder can be used: {found}. Other recordings need"
-            raise ConfigError(f"{message} --urdf FILE", file=folder)
+            message = f"no joint log in the folder can be used: {found}. "
+            if logs.missing:
+                command = command_with(
+                    f"characterize {folder}", assigned | logs.missing
+                )
+                message += f"Correct the values and run `{command}`. "
+            raise ConfigError(
+                f"{message}Other recordings need --urdf FILE", file=folder
+            )
         for reason in reasons:
             print(f"characterize: not used as a joint log: {reason}")
         return None
@@ -157,17 +170,18 @@ def _write_dataset(
     sheet, option = dataset_files(name)
     if exists := option.exists() and sheet.exists():
         print(
-            f"characterize: the dataset {name} exists and is used without changes; to write it"
-        )
-        print(
-            f"characterize: again by --urdf, --set or --motion, delete {sheet} and {option}"
+            f"characterize: the dataset {name} exists; its values are used, and --set changes "
+            f"them; to write it again, delete {sheet} and {option}"
         )
         values = config.dataset_values(option)
-        if not datasheet.is_open(values):
-            return
+        known = {key: get_filled(values, key) for key in assigned}
         assigned = {
-            key: v for key, v in assigned.items() if get_filled(values, key) is None
+            key: text
+            for key, text in assigned.items()
+            if known[key] is None or parse_yaml(text) != known[key]
         }
+        if not assigned and not datasheet.is_open(values):
+            return
     draft = open_draft(name, None if exists else folder, assigned)
     draft.fill(assigned, suggested=True, motion=motion if ask else None, ask=ask)
     if not ask:
@@ -191,10 +205,15 @@ def _write_dataset(
             )
     draft.write()
     if keys := draft.open_values():
+        values = assigned | draft.proposals()
+        command = command_with(f"characterize {folder} --name {name}", values)
         message = (
-            f"the files do not state {', '.join(keys)}; run again with --ask, or with"
+            f"the recordings do not state {', '.join(keys)}; run again with --ask, or "
         )
-        raise ConfigError(f"{message} --set KEY=VALUE for each", file=option)
+        message += f"correct the values of this command and run it: `{command}`"
+        if choices := "; ".join(draft.choices()):
+            message += f" ({choices})"
+        raise ConfigError(message, file=option)
 
 
 @contextmanager

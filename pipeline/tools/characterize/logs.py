@@ -9,11 +9,14 @@ from pipeline.core.errors import ConfigError, PipelineError
 from pipeline.core.options.dataset import JointLogSection
 from pipeline.core.typed_yaml import parse_yaml
 from pipeline.core.validation import validated
-from pipeline.formats.format import Kind
+from pipeline.formats import joints as joint_formats
+from pipeline.formats.format import Kind, format_of, formats_in
+from pipeline.formats.joints.log import LogOptions
 from pipeline.recordings.movement import LoggedMovement, read_logged_movement
 from pipeline.tools.inspect.command import inspect
-from pipeline.tools.inspect.finding import printable_path
+from pipeline.tools.inspect.finding import Finding, printable_path
 from pipeline.tools.new_dataset.layout import PlacedTake, RecordingLayout, layout
+from pipeline.tools.new_dataset.template import text_of
 from pipeline.tools.new_dataset.values import entries
 
 SECTION = "joint_log."
@@ -27,18 +30,20 @@ class FolderLogs(NamedTuple):
     rate: float
     unused: dict[str, str]  # recording → reason
     suggested: dict[str, list[str]]  # suggestion that was taken → recordings
+    missing: dict[str, str]  # without a log: key that no file states → value to correct
 
 
 def folder_logs(
     folder: Path, assigned: Mapping[str, str], only: Path | None = None
 ) -> FolderLogs:
-    """Return the logs in ``folder`` of the arm with the most rows; ``only`` one log of them.
-    ``assigned`` values (key such as joint_log.clock → YAML) replace what a file states.
+    """Return the logs in ``folder`` of the arm with the most rows; ``only`` one log of them, a file
+    or the folder of a movement. ``assigned`` values (key such as joint_log.clock → YAML) replace
+    what a file states.
     """
-    recorded = layout(inspect(only or folder), folder)
+    recorded = _recorded_logs(folder, assigned, only)
     read: dict[str, tuple[LoggedMovement, float]] = {}
     taken: dict[str, dict[str, str]] = {}
-    unused = {}
+    unused: dict[str, str] = {}
     for take in recorded.of("joint_log"):
         try:
             values, suggested = _values(recorded, take, folder, assigned)
@@ -46,38 +51,116 @@ def folder_logs(
             taken[take.name] = suggested
         except PipelineError as error:
             unused[take.name] = str(error)
-    unused |= {
-        printable_path(
-            one.file, folder
-        ): "no log of joints with measured and commanded angles"
-        for one in recorded.unplaced
-        if one.kind in (Kind.JOINTS, Kind.TABLE)
-    }
+    for finding in recorded.unplaced:
+        if finding.kind in (Kind.JOINTS, Kind.TABLE):
+            unused[printable_path(finding.file, folder)] = _reason_unplaced(finding)
     if not read:
-        return FolderLogs({}, 0.0, unused, {})
+        return FolderLogs({}, 0.0, unused, {}, missing_values(recorded, assigned))
     rows = Counter()
-    for one, rate in read.values():
-        rows[(*one.joints,), rate] += len(one.actual)
-    (joints, rate), _ = rows.most_common(1)[0]
-    for name, (one, own) in read.items():
-        if (*one.joints,) != joints:
+    for movement, rate in read.values():
+        rows[(*movement.joints,), rate] += len(movement.actual)
+    (joints, usual_rate), _ = rows.most_common(1)[0]
+    for name, (movement, rate) in read.items():
+        if (*movement.joints,) != joints:
             unused[name] = (
-                f"a log of another arm: {', '.join(one.joints)}, not {', '.join(joints)}"
+                f"a log of another arm: {', '.join(movement.joints)}, not {', '.join(joints)}"
             )
-        elif own != rate:
+        elif rate != usual_rate:
             unused[name] = (
-                f"recorded at {own:g}/s, most rows at {rate:g}/s; resample the log"
+                f"recorded at {rate:g}/s, most rows at {usual_rate:g}/s; resample the log"
             )
-    movements = {name: one for name, (one, _) in read.items() if name not in unused}
-    notes: dict[str, str] = {}  # suggestion → its reason in the first log
-    for name in taken:
-        notes = taken[name] | notes
-    suggested = {
-        f"{w} ({notes[w]})": [n for n in movements if w in taken[n]] for w in notes
+    movements = {
+        name: movement for name, (movement, _) in read.items() if name not in unused
     }
-    return FolderLogs(
-        movements, rate, unused, {w: of for w, of in suggested.items() if of}
-    )
+    suggested = _recordings_by_suggestion({name: taken[name] for name in movements})
+    return FolderLogs(movements, usual_rate, unused, suggested, {})
+
+
+def _recorded_logs(
+    folder: Path, assigned: Mapping[str, str], only: Path | None
+) -> RecordingLayout:
+    """Return the layout of the ``folder``, or of ``only`` one file or movement in it."""
+    stated = {}
+    for key, text in assigned.items():
+        if key.startswith(SECTION):
+            stated[key.removeprefix(SECTION)] = parse_yaml(text)
+    recorded = layout(inspect(only or folder), folder, stated)
+    if only is None or recorded.of("joint_log"):
+        return recorded
+    # a table of one signal is read with the tables beside it
+    beside = layout(inspect(folder), folder, stated)
+    takes = [
+        take
+        for take in beside.of("joint_log")
+        if only in (take.path, *(log.file for log in take.files))
+    ]
+    return recorded._replace(takes=takes) if takes else recorded
+
+
+def _reason_unplaced(finding: Finding) -> str:
+    """Return why a table or file of arrays is no log of measured and commanded angles."""
+    if finding.stops:
+        return finding.stops[0]
+    if "role" in finding.facts:
+        return "a table beside another log of the same angles"
+    measured = finding.facts.get("signals", {})
+    if "actual" in measured:
+        return "no commanded angles beside the measured ones"
+    if "target" in measured:
+        return "no measured angles beside the commanded ones"
+    return "no log of joints with measured and commanded angles"
+
+
+def missing_values(
+    recorded: RecordingLayout, assigned: Mapping[str, str]
+) -> dict[str, str]:
+    """Return key → value to correct, of the first log that states no signals or no times; empty
+    without such a log.
+    """
+    logs = [take.finding for take in recorded.of("joint_log")] + recorded.unplaced
+    missing: dict[str, str] = {}
+    for log in logs:
+        if log.stops or log.kind not in (Kind.TABLE, Kind.JOINTS):
+            continue
+        asked = {question.option for question in log.open}
+        clock = log.facts.get("time")
+        if any("joint_log" in option and "signals" in option for option in asked):
+            clock = 0 if log.facts.get("timed") else clock
+            missing["joint_log.signals"] = _proposed_signals(log, clock)
+            if log.kind == Kind.TABLE:
+                missing["joint_log.time"] = "null" if clock is None else str(clock)
+        if log.kind == Kind.TABLE and clock is None:
+            missing["motion.rate"] = "HZ"
+        if missing := {key: v for key, v in missing.items() if key not in assigned}:
+            return missing
+    return {}
+
+
+def _proposed_signals(log: Finding, clock: int | str | None) -> str:
+    """Return the signals of a ``log`` as YAML: suggested ones, halves, or words to replace."""
+    if "signals" in log.suggested:
+        return log.suggested["signals"]
+    labels = log.facts.get("labels") or range(log.facts.get("columns", 0))
+    beside = [clock, *log.facts.get("row_numbers", ())]
+    columns = [text_of(label) for label in labels if label not in beside]
+    half, odd = divmod(len(columns), 2)
+    if odd or not half:
+        return "{actual: [COLUMN, …], target: [COLUMN, …]}"
+    actual, target = ", ".join(columns[:half]), ", ".join(columns[half:])
+    return f"{{actual: [{actual}], target: [{target}]}}"
+
+
+def _recordings_by_suggestion(
+    taken: Mapping[str, Mapping[str, str]],
+) -> dict[str, list[str]]:
+    """Return suggestion with the reason in the first log → recordings that it was ``taken`` for."""
+    notes: dict[str, str] = {}
+    for suggestions in taken.values():
+        notes = {**suggestions, **notes}
+    return {
+        f"{suggestion} ({note})": [n for n in taken if suggestion in taken[n]]
+        for suggestion, note in notes.items()
+    }
 
 
 def _values(
@@ -89,16 +172,11 @@ def _values(
     """Return key → value of the log ``take`` alone, and suggestion → reason of guessed values."""
     if stops := [stop for log in take.files for stop in log.stops]:
         raise ConfigError(stops[0], file=take.path)
-    first, values = take.files[0].facts, {}
-    if take.finding.facts is first:
-        count = first.get("joints") or len(first.get("signals", {}).get("actual", ()))
-    else:  # the first of several tables
-        count = first["columns"] - bool(first["timed"])
+    stated = {key: parse_yaml(text) for key, text in assigned.items()}
+    values: dict[str, Any] = {}
     while True:  # repeat, since the rate depends on the unit of the times
-        taken, found = {}, {key: parse_yaml(text) for key, text in assigned.items()}
-        nested = {
-            "joint_log": {key[len(SECTION) :]: one for key, one in values.items()}
-        }
+        found, taken = dict(stated), {}
+        nested = {"joint_log": _log_values(values)}
         for key, entry in entries(
             "", recorded._replace(takes=[take]), folder, nested
         ).items():
@@ -107,21 +185,49 @@ def _values(
                 found[key] = parse_yaml(entry.text)
                 if not entry.certain and entry.note:
                     taken[f"{key}: {entry.value}"] = entry.note
+        if isinstance(found.get("joint_log.signals"), str):  # advice, not a value
+            raise ConfigError("; ".join(map(str, take.finding.open)), file=take.path)
         if found.get("joint_log.joints") is None:
+            count = _count_joints(take, _log_values(found))
             found["joint_log.joints"] = [f"joint_{n}" for n in range(1, count + 1)]
         if found == values:
-            if isinstance(found.get("joint_log.signals"), str):  # advice, not a value
-                raise ConfigError(
-                    "; ".join(map(str, take.finding.open)), file=take.path
-                )
             return values, taken
         values = found
 
 
+def _log_values(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the ``values`` of the section joint_log by their last words."""
+    return {
+        key.removeprefix(SECTION): value
+        for key, value in values.items()
+        if key.startswith(SECTION)
+    }
+
+
+def _count_joints(take: PlacedTake, log: Mapping[str, Any]) -> int:
+    """Return the number of joints of a ``take`` with the values ``log`` of its section."""
+    signals = log.get("signals") or {}
+    facts = take.finding.facts
+    if tables := facts.get("tables"):
+        target = next(
+            (one for one in tables.values() if one.facts.get("role") == "target"),
+            next(iter(tables.values())),
+        )
+        columns = signals.get("actual")
+        return len(columns or range(target.facts["columns"] - (log.get("time") == 0)))
+    if take.finding.kind == Kind.TABLE:
+        return len(signals.get("actual") or ())
+    if "joints" in facts and not signals:
+        return int(facts["joints"])
+    form = format_of(take.path, formats_in(joint_formats, Kind.JOINTS))
+    time = log.get("time", LogOptions.time)
+    options = LogOptions(time=time, rate=1.0, signals=signals)
+    read = form.read(take.path, options)
+    return int(read.signals["actual"].shape[1])
+
+
 def _read(take: PlacedTake, values: Mapping[str, Any]) -> tuple[LoggedMovement, float]:
-    log = {
-        k[len(SECTION) :]: v for k, v in values.items() if k.startswith(SECTION)
-    } | UNSTATED
+    log = _log_values(values) | UNSTATED
     options = validated(
         JointLogSection, log | {"movements": take.path.name}, "joint_log"
     )

@@ -22,8 +22,9 @@ WIDTH = 100  # greatest number of characters in a line of facts
 LISTED = 4  # number of printed names of a longer list
 PRINTED_FACTS = """bodies markers columns rows columns_without_numbers width height
     points organised share_without_position viewpoint share_not_above_zero samples steps
-    first_frame rate_from times robot joints signals joint_names command joints_that_stand_still
-    motions topics passed_over fx separator decimal serial frames""".split()  # in their order
+    first_frame rate_from times robot joints time row_numbers signals joint_names command
+    wrong_command joints_that_stand_still motions topics passed_over fx separator decimal
+    serial frames""".split()  # in their order
 
 
 class Question(NamedTuple):
@@ -183,7 +184,8 @@ def _fact_lines(group: list[Finding], folder: Path) -> list[str]:
     }
     for name in PRINTED_FACTS:
         if (value := values.get(name)) or value == 0:
-            facts.append(f"{name.replace('_', ' ')} {_text(value)}")
+            words = "clock" if name == "time" else name.replace("_", " ")
+            facts.append(f"{words} {_text(value)}")
     head = " ".join(filter(None, [f"{place}:", first.format, first.version]))
     joined = "; ".join(
         fact.replace(" ", "\xa0") for fact in facts

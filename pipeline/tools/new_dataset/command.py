@@ -4,6 +4,7 @@ with ??? for every value that the recordings do not state.
 
 import os
 import re
+import shlex
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
@@ -34,6 +35,13 @@ from pipeline.tools.new_dataset.values import KEYS, entries
 
 MOTION = Template(Path(__file__).with_name("motion.txt").read_text(encoding="utf-8"))
 BETWEEN = "\n---\n"  # line between the texts of datasheet and option file
+LOG_FILES = (
+    "actual",
+    "target",
+    "speed",
+    "signals",
+    "time",
+)  # keys of files and columns
 UNPLACED = 12  # greatest number of unplaced recordings that the datasheet lists
 
 
@@ -77,6 +85,17 @@ def assigned_values(words: Sequence[str]) -> dict[str, str]:
     }
 
 
+def command_with(words: str, values: Mapping[str, str]) -> str:
+    """Return the command ``words`` of the pipeline with the ``values`` as options, to copy."""
+    options = []
+    for key, value in values.items():
+        if key == "robot.urdf":
+            options.append(f"--urdf {shlex.quote(value)}")
+        else:
+            options.append(f"--set {shlex.quote(f'{key}={value}')}")
+    return " ".join(["python -m pipeline", words, *options])
+
+
 def open_draft(name: str, folder: Path | None, assigned: Mapping[str, str]) -> "Draft":
     """Return a draft of the dataset's two files from the recordings in ``folder``, read with the
     ``assigned`` URDF; without ``folder``, from the files.
@@ -97,8 +116,15 @@ def open_draft(name: str, folder: Path | None, assigned: Mapping[str, str]) -> "
             message = "there is no such dataset; make it with --from FOLDER"
             raise ConfigError(message, file=missing[0])
         text = BETWEEN.join(file.read_text(encoding="utf-8").rstrip() for file in files)
-        folder = Path(values_of(text, name).get("recordings", ""))
-        return Draft(name, text, layout(inspect(folder), folder), folder)
+        values = values_of(text, name)
+        folder = Path(values.get("recordings", ""))
+        stated = {
+            key: value
+            for key in LOG_FILES
+            if (value := get_filled(values, f"joint_log.{key}")) is not None
+        }
+        stated |= _stated_files(assigned)
+        return Draft(name, text, layout(inspect(folder), folder, stated), folder)
     if not folder.is_dir():
         raise RecordingError("there is no such folder", file=folder)
     for file in filter(Path.exists, (*files, files[0].with_name("dvc.yaml"))):
@@ -106,7 +132,7 @@ def open_draft(name: str, folder: Path | None, assigned: Mapping[str, str]) -> "
             "this file exists and is not overwritten; choose another name, or leave out"
         )
         raise ConfigError(f"{message} --from to fill in open values", file=file)
-    recorded = layout(inspect(folder), folder)
+    recorded = layout(inspect(folder), folder, _stated_files(assigned))
     known = entries(
         name, recorded, folder, {"robot": {"urdf": assigned.get("robot.urdf")}}
     )
@@ -125,6 +151,15 @@ def open_draft(name: str, folder: Path | None, assigned: Mapping[str, str]) -> "
             f"new-dataset: {count} files not placed, named in the datasheet; see inspect"
         )
     return Draft(name, text, recorded, folder)
+
+
+def _stated_files(assigned: Mapping[str, str]) -> dict[str, Any]:
+    """Return key → value of the ``assigned`` files and columns of joint logs."""
+    stated = {}
+    for key in LOG_FILES:
+        if f"joint_log.{key}" in assigned:
+            stated[key] = parse_yaml(assigned[f"joint_log.{key}"])
+    return stated
 
 
 def dataset_files(name: str) -> tuple[Path, Path]:
@@ -168,14 +203,37 @@ class Draft:
             if parts is not None and OPEN in (parts["value"] or "")
         }
 
+    def proposals(self) -> dict[str, str]:
+        """Return key → suggestion of every ???, else the first word of its choices or its name."""
+        known, proposed = self._entries(), {}
+        for key in self.open_values():
+            entry = known.get(key, template.Entry())
+            choices = entry.note.removeprefix("one of ").split(", ")
+            first = choices[0] if entry.note.startswith("one of ") else ""
+            word = key.rpartition(".")[2].upper()
+            proposed[key] = entry.text or first or word
+        return proposed
+
+    def choices(self) -> list[str]:
+        """Return the notes of the ??? that have one, behind their keys."""
+        known = self._entries()
+        keys = [key for key in self.open_values() if key in known and known[key].note]
+        return [f"{key}: {known[key].note}" for key in keys]
+
     def answer(self, key: str, value: str) -> None:
-        """Set ``key`` to ``value`` (YAML, else text). Raises ConfigError, without any change, for a
-        value that is missing, and the first fault that the value causes.
+        """Set ``key`` to ``value``; see :meth:`assign`."""
+        self.assign({key: value})
+
+    def assign(self, values: Mapping[str, str]) -> None:
+        """Set each key to its value (YAML, else text), all together. Raises ConfigError, without
+        any change, for a value that is missing, and the first fault that the values cause.
         """
-        value = " ".join(value.split())
-        if value in ("", OPEN):
-            raise ConfigError("a value is required here", key=key)
-        text = template.set_value(self.text, key, template.yaml_of(value))
+        text = self.text
+        for key, value in values.items():
+            value = " ".join(value.split())
+            if value in ("", OPEN):
+                raise ConfigError("a value is required here", key=key)
+            text = template.set_value(text, key, template.yaml_of(value))
         before = {str(fault) for fault in value_faults(self.values())}
         for fault in value_faults(values_of(text, self.name)):
             if str(fault) not in before:
@@ -193,8 +251,7 @@ class Draft:
         suggestions without a fault; the values of the motion with the printed number ``motion``; if
         ``ask``, answers from the terminal. Raises ConfigError for an invalid answer.
         """
-        for key, value in assigned.items():
-            self.answer(key, value)
+        self.assign(assigned)
         while suggested:  # repeat, since a suggestion may depend on another one
             before = self.open_values()
             for key, entry in self._entries().items():

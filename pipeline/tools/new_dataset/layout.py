@@ -3,15 +3,18 @@
 import glob
 import re
 from collections import Counter, defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from os.path import commonprefix
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+from pipeline.formats.delimited import bare
 from pipeline.formats.format import Kind
+from pipeline.formats.joints.log import ANGLES
 from pipeline.recordings.inventory import take_name
 from pipeline.tools.inspect.command import DEPTH_TYPES
 from pipeline.tools.inspect.finding import ROBOT, Finding
+from pipeline.tools.inspect.joints import add_roles, describe_stated
 
 # kinds with one recording per dataset (FORCE: per configuration)
 SINGLE = (Kind.TRAJECTORY, Kind.INTRINSICS, Kind.CALIBRATION, Kind.FORCE, ROBOT)
@@ -59,8 +62,12 @@ class RecordingLayout(NamedTuple):
         )
 
 
-def layout(findings: list[Finding], folder: Path) -> RecordingLayout:
-    """Return the takes and the other recordings in ``folder``."""
+def layout(
+    findings: list[Finding], folder: Path, stated: Mapping[str, Any] | None = None
+) -> RecordingLayout:
+    """Return the takes and the other recordings in ``folder``, with the ``stated`` files and
+    columns of joint logs (key of the section joint_log → value).
+    """
     of: dict[str, list[Finding]] = defaultdict(list)
     for one in findings:
         if one.facts or not one.stops:  # its reader did not refuse it
@@ -76,10 +83,13 @@ def layout(findings: list[Finding], folder: Path) -> RecordingLayout:
             filmed[one.file] = one
     logs = of[Kind.JOINTS] + [one for one in of[Kind.TABLE] if one.facts.get("timed")]
     encoders = {one.file: one for one in logs if one.file.stem in names}
-    movements = {one.file: one for one in of[Kind.JOINTS] if one.file not in encoders}
+    arrays = [one for one in of[Kind.JOINTS] if one.file not in encoders]
+    if stated and stated.get("signals"):
+        arrays = [describe_stated(one, stated) for one in arrays]
+    movements = {one.file: one for one in arrays}
     # copies of tables as arrays of one signal are no logs
     if not (motion or any("signals" in one.facts for one in of[Kind.JOINTS])):
-        movements = _movements(of[Kind.TABLE], folder) or movements
+        movements = _movements(of[Kind.TABLE], folder, stated or {}) or movements
     sections = {
         "mocap": motion,
         "encoders": encoders,
@@ -137,20 +147,117 @@ def shared_pattern(paths: Sequence[Path], folder: Path) -> str | None:
     return pattern if matched == {*paths} else None
 
 
-def _movements(tables: list[Finding], folder: Path) -> dict[Path, Finding]:
-    """Return tables with measured and commanded angles, else folders with tables of equal names."""
-    whole, folders = {}, defaultdict(dict)
-    for one in tables:
-        guessed = {*re.findall("(actual|target): ", one.suggested.get("signals", ""))}
-        if {"actual", "target"} <= {*one.facts.get("signals", ())} | guessed:
-            whole[one.file] = one
-        if one.file.parent != folder:
-            folders[one.file.parent][one.file.name] = one
+def _movements(
+    tables: list[Finding], folder: Path, stated: Mapping[str, Any]
+) -> dict[Path, Finding]:
+    """Return path → finding of the movements in ``tables``: tables with measured and commanded
+    angles, by their names, their values or the ``stated`` columns; else tables of one signal each,
+    by their names or the stated ones; else folders with tables of equal names.
+    """
+    whole = {}
+    for table in tables:
+        if _has_both(table, stated):
+            told = bool(stated.get("signals"))
+            whole[table.file] = describe_stated(table, stated) if told else table
+    if whole:
+        return whole
+    if paired := _paired_tables(tables, folder, stated):
+        return paired
+    folders: dict[Path, dict[str, Finding]] = defaultdict(dict)
+    for table in tables:
+        if table.file.parent != folder:
+            folders[table.file.parent][table.file.name] = table
     alike = Counter(
         tuple(sorted(names)) for names in folders.values() if len(names) > 1
     )
-    return whole or {
-        path: Finding(path, "movement", Kind.TABLE, facts={"tables": inside})
-        for path, inside in folders.items()
-        if [(*sorted(inside),)] == [names for names, _ in alike.most_common(1)]
+    usual = [names for names, _ in alike.most_common(1)]
+    movements = {}
+    for path, inside in folders.items():
+        if [tuple(sorted(inside))] == usual:
+            movements[path] = _movement(path, inside)
+    return movements
+
+
+def _movement(path: Path, tables: dict[str, Finding]) -> Finding:
+    """Return the finding of a movement of several ``tables``."""
+    return Finding(path, "movement", Kind.TABLE, facts={"tables": tables})
+
+
+def _has_both(table: Finding, stated: Mapping[str, Any]) -> bool:
+    """Return whether one ``table`` has measured and commanded angles, or the ``stated`` columns."""
+    signals = stated.get("signals")
+    if isinstance(signals, dict) and "actual" not in stated:
+        columns = [column for names in signals.values() for column in names or ()]
+        width, labels = table.facts.get("columns", 0), table.facts.get("labels", [])
+        plain = {*labels, *map(bare, labels), *range(width)}
+        return bool(columns) and {*columns} <= plain
+    guessed = {*re.findall("(actual|target): ", table.suggested.get("signals", ""))}
+    return {"actual", "target"} <= {*table.facts.get("signals", ())} | guessed
+
+
+def _paired_tables(
+    tables: list[Finding], folder: Path, stated: Mapping[str, Any]
+) -> dict[Path, Finding]:
+    """Return path → movement of tables of one signal each: a folder with one movement, or the file
+    of its measured angles. The words of the signals are the ``stated`` ones, else by the names.
+    """
+    by_file = {table.file: table for table in tables}
+    groups: dict[Path, dict[str, Finding]] = defaultdict(dict)
+    for table in tables:
+        if "actual" in stated and "target" in stated:
+            for role, name in _stated_roles(table.file, stated).items():
+                if name in by_file:
+                    groups[table.file][role] = by_file[name]
+            if {*ANGLES} <= {*groups[table.file]}:
+                add_roles(groups[table.file], {})
+        elif "role" in table.facts:
+            groups[Path(table.facts["movement"])][table.facts["role"]] = table
+    groups = {file: roles for file, roles in groups.items() if {*ANGLES} <= {*roles}}
+    count = Counter(file.parent for file in groups)
+    movements = {}
+    for file, roles in groups.items():
+        alone = count[file.parent] == 1 and file.parent != folder
+        names = {role: table.file.name for role, table in roles.items()}
+        words = names if alone else _differing_words(names)
+        finding = _movement(file.parent if alone else file, {})
+        finding.facts["tables"] = {table.file.name: table for table in roles.values()}
+        finding.facts["words"] = words
+        movements[finding.file] = finding
+    return movements
+
+
+def _stated_roles(file: Path, stated: Mapping[str, Any]) -> dict[str, Path]:
+    """Return role → file of the movement whose measured angles are in ``file``, by the ``stated``
+    words in the files' names; empty for another file.
+    """
+    actual = stated["actual"]
+    if actual not in file.name:
+        return {}
+    words = {
+        role: stated[role] for role in (*ANGLES, "speed", "time") if role in stated
+    }
+    return {
+        role: file.parent / file.name.replace(actual, word, 1)
+        for role, word in words.items()
+        if isinstance(word, str)
+    }
+
+
+def _differing_words(names: Mapping[str, str]) -> dict[str, str]:
+    """Return role → the words in which the file ``names`` of a movement differ."""
+    split = {role: re.split(r"([^A-Za-z0-9]+)", name) for role, name in names.items()}
+    shortest = min(map(len, split.values()))
+    before = 0
+    while before < shortest and len({words[before] for words in split.values()}) == 1:
+        before += 1
+    after = 0
+    while after < shortest - before:
+        if len({words[-1 - after] for words in split.values()}) > 1:
+            break
+        after += 1
+    if shortest == before + after:  # q.csv beside q_target.csv
+        before -= 1
+    return {
+        role: "".join(words[before : len(words) - after])
+        for role, words in split.items()
     }

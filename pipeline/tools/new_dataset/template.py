@@ -30,8 +30,10 @@ class Entry(NamedTuple):
         return self.value if isinstance(self.value, str) else ""
 
 
-def text_of(text: str) -> str:
-    """Return ``text`` as YAML, quoted if YAML could read another value."""
+def text_of(text: str | int) -> str:
+    """Return ``text`` as YAML, quoted if YAML could read another value; a number as it is."""
+    if not isinstance(text, str):
+        return str(text)
     plain = (
         re.fullmatch(r"[A-Za-z_.][\w./*-]*", text, re.ASCII)
         and parse_yaml(text) == text

@@ -38,6 +38,7 @@ CABLE = {
     "tension": f"{OPEN} # N, [first cable, second, …]",
     "direction_bounds": "[0.0, 6.283185307179586] # rad, [least, greatest]; narrow it, as set up",
 }
+EVEN = Entry("null", "null: rows are evenly spaced at motion.rate", certain=False)
 UNITS = {"time_unit": TIME_UNITS, "angle_unit": ANGLE_UNITS}
 account_of = cache(describe_file)
 Entries = dict[str, Entry]
@@ -289,30 +290,28 @@ def _joint_log(
     first = takes[0].finding
     signals, count = first.facts.get("signals", {}), first.facts.get("joints")
     if tables := first.facts.get("tables", {}):
-        choice = _one_of(sorted(tables))
-        found |= {"actual": choice, "target": choice, "speed": Entry("null")}
-        roles = {table.facts.get("role", ""): name for name, table in tables.items()}
-        found |= {
-            role: Entry(text_of(name), "by its name")
-            for role, name in roles.items()
-            if role
-        }
-        first = tables[roles.get("target", next(iter(tables)))]
-        timed = first.facts.get("timed")
-        found["time"] = Entry("0" if timed else None)
-        count = first.facts["columns"] - 1 if timed else None
+        found |= _files_of_signals(first, tables)
+        roles = {table.facts.get("role", ""): table for table in tables.values()}
+        first = roles.get("target", next(iter(tables.values())))
+        timed = bool(first.facts.get("timed"))
+        found.setdefault("time", Entry("0") if timed else EVEN)
+        count = first.facts["columns"] - timed
     elif first.kind != Kind.JOINTS:
-        if "signals" not in first.suggested:
-            named = [
+        guessed = parse_yaml(first.suggested.get("signals", "null"))
+        if guessed is None and signals:
+            lists = [
                 f"{name}: [{_name_list(labels)}]" for name, labels in signals.items()
             ]
-            found["signals"] = Entry(f"{{{', '.join(named)}}}")
-        count = len(next(iter(signals.values())))
-        none = _suggestion("null: rows are evenly spaced at motion.rate")
-        found["time"] = (
-            _one_of([first.facts["time"]]) if "time" in first.facts else none
-        )
+            found["signals"] = Entry(f"{{{', '.join(lists)}}}")
+        columns = (guessed or signals).get("actual", ())
+        count = len(columns) or None
+        clock = first.facts.get("time")
+        if clock is None:
+            found["time"] = EVEN
+        else:
+            found["time"] = Entry(text_of(clock))
     named = signals.get("actual", ()) if isinstance(signals, Mapping) else ()
+    named = [label for label in named if isinstance(label, str)]
     stated = {(*take.finding.facts.get("joint_names", named),) for take in takes}
     moving = [
         joint for kind in SINGLE for joint in facts.get("joints", {}).get(kind, [])
@@ -329,6 +328,17 @@ def _joint_log(
                 Entry()
             )  # a log that was read asks for the units that it does not state
     return found
+
+
+def _files_of_signals(movement: Finding, tables: Mapping[str, Finding]) -> Entries:
+    """Return role → entry of the words or files of the signals of a ``movement`` of ``tables``."""
+    if words := movement.facts.get("words"):
+        found = {
+            role: Entry(text_of(word), "by its name") for role, word in words.items()
+        }
+        return {"speed": Entry("null")} | found
+    choice = _one_of(sorted(tables))
+    return {"actual": choice, "target": choice, "speed": Entry("null")}
 
 
 def _joints(

@@ -1,0 +1,109 @@
+"""Recognition of measured and commanded angles by their values: in tables without labels, and where
+names are ambiguous.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+FOLLOWS = 0.05  # greatest difference of commanded and measured angles, over the measured range
+ROWS = 0.9  # share of the rows that differ by less
+INTEGRAL = 0.1  # greatest error of the integral of a speed, over the motion
+UNIT_NORM = 1e-3  # greatest error of the norm of four columns that are a quaternion
+MOST_GROUPS = 8  # greatest number of signals in a table without labels
+SIGNALS = ("actual", "target")
+ORDER = 6  # order of the differences that show noise
+SMOOTHER = 2.0  # least factor between the noise of measured and of commanded angles
+
+
+def signals_by_values(
+    columns: Mapping[int, np.ndarray], time: np.ndarray | None
+) -> tuple[dict[str, list[int]], dict[str, str]]:
+    """Return signal → columns of the joints, and signal → reason, of a table without labels: two
+    groups of as many columns, side by side or alternating, of which one follows the other. The
+    smoother group, else the one that leads, is commanded. Both are empty unless one pair of groups
+    fits. ``columns`` have (N,) values at ``time`` (N,).
+    """
+    places = sorted(columns)
+    for count in range(2, min(len(places), MOST_GROUPS) + 1):
+        if len(places) % count:
+            continue
+        joints = len(places) // count
+        beside = [places[k * joints : (k + 1) * joints] for k in range(count)]
+        alternating = [places[k::count] for k in range(count)]
+        for groups in (beside, alternating):
+            pairs = _following_pairs(groups, columns)
+            if len(pairs) == 1:
+                return _measured_and_commanded(pairs[0], columns)
+    return {}, {}
+
+
+def _following_pairs(
+    groups: list[list[int]], columns: Mapping[int, np.ndarray]
+) -> list[tuple[list[int], list[int]]]:
+    """Return the pairs of ``groups`` of which one follows the other in every column."""
+    pairs = []
+    for n, first in enumerate(groups):
+        for second in groups[n + 1 :]:
+            angles = [np.column_stack([columns[c] for c in g]) for g in (first, second)]
+            if follows(*angles) and follows(*angles[::-1]):
+                pairs.append((first, second))
+    return pairs
+
+
+def _measured_and_commanded(
+    pair: tuple[list[int], list[int]], columns: Mapping[int, np.ndarray]
+) -> tuple[dict[str, list[int]], dict[str, str]]:
+    """Return the signals and the reasons of :func:`signals_by_values` for a ``pair`` of groups."""
+    angles = [np.column_stack([columns[column] for column in group]) for group in pair]
+    noise = [_noise(values) for values in angles]
+    cause = "are smoother"
+    if noise[0] > SMOOTHER * noise[1]:
+        actual, target = pair
+    elif noise[1] > SMOOTHER * noise[0]:
+        target, actual = pair
+    else:
+        cause = "lead"
+        velocity = np.gradient(angles[1], axis=0)
+        second_leads = float(np.sum((angles[1] - angles[0]) * velocity)) > 0
+        actual, target = pair if second_leads else pair[::-1]
+    reason = (
+        f"columns {target[0]} … are followed by {actual[0]} … (from 0), and {cause}"
+    )
+    return {"actual": actual, "target": target}, dict.fromkeys(SIGNALS, reason)
+
+
+def _noise(angles: np.ndarray) -> float:
+    """Return the rms difference of order ORDER of ``angles`` (N, joints), 0 for few rows."""
+    if len(angles) <= ORDER:
+        return 0.0
+    return float(np.sqrt(np.mean(np.diff(angles, ORDER, axis=0) ** 2)))
+
+
+def follows(angles: np.ndarray, moved: np.ndarray) -> bool:
+    """Return whether ``angles`` (N, joints) are within FOLLOWS of the range of the angles ``moved``
+    (N, joints) in the share ROWS of the rows; False without a motion.
+    """
+    limit = FOLLOWS * np.ptp(moved, axis=0).max(initial=0.0)
+    return bool(limit) and bool(np.quantile(np.abs(angles - moved), ROWS) < limit)
+
+
+def is_quaternion(rows: np.ndarray) -> bool:
+    """Return whether ``rows`` (N, 4) have unit norm; False for another number of columns."""
+    if rows.shape[1] != 4:
+        return False
+    norms = np.linalg.norm(rows, axis=1)
+    return bool(np.abs(norms - 1).max(initial=0.0) < UNIT_NORM)
+
+
+def is_derivative(speed: np.ndarray, angles: np.ndarray, time: np.ndarray) -> bool:
+    """Return whether the integral of ``speed`` (N, joints) over ``time`` (N,) is proportional to
+    the motion of the ``angles`` (N, joints), whatever the units; True if the speed is zero.
+    """
+    steps = (speed[1:] + speed[:-1]) / 2 * np.diff(time)[:, None]
+    integral, moved = np.cumsum(steps, axis=0), angles[1:] - angles[0]
+    power = float((integral**2).sum())
+    if not power:
+        return True
+    residual = moved - integral * float((integral * moved).sum()) / power
+    return bool((residual**2).sum() < INTEGRAL**2 * (moved**2).sum())
