@@ -12,14 +12,20 @@ import pandas as pd
 
 from pipeline.core import contracts, rng
 from pipeline.core.columns import PLANE, columns
+from pipeline.core.errors import ModelDomainError
+from pipeline.core.filters import SPEED
 from pipeline.core.options.analysis import Filter
 from pipeline.core.options.dataset import Motion, Robot
 from pipeline.filtering.measurement import Measurements, measurements
+from pipeline.models import kinds
+from pipeline.models.model import MotionModel
+from pipeline.models.prediction import modelled_noise
+from pipeline.models.speed.fit import Options as SpeedOptions
 from pipeline.models.steps import Options, Recorded
 from pipeline.models.wishart.decomposition import COMPUTED, decomposition_of
 from pipeline.perception.depth_noise import errors_of, leave_one_out
 from pipeline.recordings.steps import training_steps
-from pipeline.statistics.curves import variation_limits
+from pipeline.statistics.curves import ModelledNoise, variation_limits
 
 WISHART = "wishart"
 NAMES = {
@@ -98,6 +104,24 @@ class Takes:
     names: tuple[str, ...]  # of the training takes
     poses: np.ndarray  # (takes, M+1, n) rad, of the training takes
     test: dict[str, np.ndarray]  # take → (M+1, n) rad
+
+    @cached_property
+    def speed_law(self) -> MotionModel | None:
+        """Law of the joint speed alone, fitted to the training takes; None if Σ_m is unknown."""
+        try:
+            return kinds.estimate(self.training, SpeedOptions(kind=SPEED)).model
+        except ModelDomainError:
+            return None
+
+    @cached_property
+    def speed_noise(self) -> ModelledNoise | None:
+        """Noise of the speed law at the recorded total variance, None if it cannot have it."""
+        if self.speed_law is None:
+            return None
+        try:
+            return modelled_noise(self.speed_law, self.training)
+        except ModelDomainError:
+            return None
 
 
 class Camera(NamedTuple):

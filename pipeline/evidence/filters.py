@@ -1,11 +1,12 @@
 """Evidence on filters: errors, bounds, and scores against the training mean."""
 
 from collections.abc import Callable, Mapping, Sequence
+from itertools import permutations
 
 import numpy as np
 import pandas as pd
 
-from pipeline.core.filters import NONE, models_of
+from pipeline.core.filters import NONE, SPEED, models_of
 from pipeline.evidence.table import (
     difference_row,
     evidence_row,
@@ -51,6 +52,7 @@ def filter_evidence(
                 f"the posterior of {name} is not scored as a normal law: {refused}"
             )
     bounds = {name: filters[name].bound for name in models}
+    rival = bounds[SPEED].mean(axis=0) if SPEED in bounds else None
 
     def of_bound(model: str, takes: np.ndarray) -> np.ndarray:
         scores = bound_scores(filters[model].error[takes], bounds[model][takes], joints)
@@ -70,7 +72,13 @@ def filter_evidence(
         chosen = np.append(False, steady)
         stream = generator(f"score.bound.{name}")
         tests = following_tests(
-            bound.mean(axis=0), error, chosen, joints, stream, centred=False
+            bound.mean(axis=0),
+            error,
+            chosen,
+            joints,
+            stream,
+            centred=False,
+            rival=rival,
         )
         for row in following_rows(tests, FOLLOWS, "correlation_of_bound", name):
             row["steps"] = row["steps"].removeprefix("all")
@@ -92,6 +100,12 @@ def filter_evidence(
         (quantity, joint), of_takes = every[own.score], laws[own.model][own.score]
         mean = paired_difference(of_takes, np.zeros(len(of_takes)))
         rows.append(difference_row(quantity, mean, model=own.model, joint=joint))
+    for name, other in permutations(models, 2):
+        widths = [bounds[model].mean(axis=1).T for model in (name, other)]
+        for joint, *pair in zip(joints, *widths, strict=True):
+            wider = paired_difference(*pair)
+            keys = {"model": name, "rival": other, "joint": joint}
+            rows.append(difference_row("mean_bound_rad", wider, **keys))
     for name in models[1:]:
         places = [(joint, quantity) for joint in joints for quantity in COMPARED]
         for (joint, quantity), own in zip(places, differences[name], strict=True):

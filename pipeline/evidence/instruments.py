@@ -9,8 +9,13 @@ import pandas as pd
 
 from pipeline.core.columns import matrices, members, values
 from pipeline.evidence.table import difference_row, evidence_row, evidence_table
-from pipeline.statistics.curves import root_mean_square, variation
-from pipeline.statistics.takes import jackknife_difference, wrench_summary
+from pipeline.statistics.curves import variation
+from pipeline.statistics.takes import (
+    jackknife_difference,
+    part_means,
+    wrench_summary,
+    zero_mean_p_value,
+)
 
 ENTRIES = ("11", "22")  # of Σ_S that are published
 COMPONENTS = ("fx", "fy")
@@ -19,28 +24,37 @@ COMPONENTS = ("fx", "fy")
 def camera_evidence(
     noise: pd.DataFrame, slopes: pd.DataFrame | None = None
 ) -> pd.DataFrame:
-    """Return size and variation over time of the noise in the table ``kinect_noise``, and the
+    """Return bias and variation over time of the noise in the table ``kinect_noise``, and the
     ``slopes`` of :func:`pipeline.perception.depth_noise.error_slopes` near a sample.
 
-    The bias is in standard errors: a zero bias has a size of about 1, a constant one a variation of
-    about 1. The interval of the variation of the standard deviation is the jackknife's over takes.
+    The p-values of the bias and of its change are of Hotelling's tests over the takes, of zero and
+    of equal means in the parts of the motion (:func:`pipeline.statistics.takes.part_means`). The
+    interval of the variation of the standard deviation is the jackknife's over takes.
     """
-    of_all, rows = noise[noise["take"] == "none"], []
-    left_out = [
-        own for take, own in noise.groupby("take", sort=False) if take != "none"
+    rows = []
+    of_all = noise[noise["take"] == "none"]
+    joints = members(of_all, "b")
+    by_take = [
+        table for take, table in noise.groupby("take", sort=False) if take != "none"
     ]
-    joints, parts = members(of_all, "b"), []
-    for own in (of_all, *left_out):
-        parts.append(np.diagonal(matrices(own, "r", joints), axis1=1, axis2=2).T)
-    for j, (joint, bias) in enumerate(zip(joints, values(of_all, "b").T, strict=True)):
-        error = np.sqrt(parts[0][j].mean() / len(left_out))
-        variations = np.array([variation(np.sqrt(part[j])) for part in parts])
+    takes = len(by_take)
+    variances = []
+    for table in (of_all, *by_take):
+        variances.append(np.diagonal(matrices(table, "r", joints), axis1=1, axis2=2))
+    # the table has the mean error without each take; n times the mean minus n − 1 times this is
+    # the take's own error
+    mean = values(of_all, "b")
+    without = np.stack([values(table, "b") for table in by_take])
+    errors = takes * mean - (takes - 1) * without
+    for j, joint in enumerate(joints):
+        means = part_means(errors[..., j])
+        bias = zero_mean_p_value(means)
+        change = zero_mean_p_value(np.diff(means, axis=1))
+        variations = np.array([variation(np.sqrt(table[:, j])) for table in variances])
+        rows.append(evidence_row("camera_bias_p_value", bias, joint=joint))
+        rows.append(evidence_row("camera_bias_change_p_value", change, joint=joint))
         spread = jackknife_difference(variations)
-        rows += [
-            evidence_row("camera_bias", root_mean_square(bias) / error, joint=joint),
-            evidence_row("camera_bias_variation", bias.std() / error, joint=joint),
-            difference_row("camera_std_variation", spread, joint=joint),
-        ]
+        rows.append(difference_row("camera_std_variation", spread, joint=joint))
     for own in () if slopes is None else slopes.itertuples():
         error = {"standard_error": own.standard_error, "joint": own.joint}
         rows.append(evidence_row("depth_error_slope", own.slope, **error))
@@ -54,17 +68,12 @@ def wrench_evidence(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     one of the independent samples of its record.
     """
     rows, spreads = [], tables["wrench_spread"].groupby("agents")
-    maxima, means = (
-        spreads["maximum"].agg(["median", "mean", "std"]),
-        spreads["mean"].std(),
-    )
+    medians, means = spreads["maximum"].median(), spreads["mean"].std()
     without = spreads["mean_without_matrix"].agg(["first", "std"])
     for own in wrench_summary(
         tables["wrench_errors"], tables["wrench_spread"]
     ).itertuples():
         keys, ends = {"configuration": own.agents}, (own.max_low, own.max_high)
-        repeats = maxima.loc[own.agents]
-        spread = keys | {"standard_error": repeats["std"]}
         rows += [
             evidence_row(
                 "mean_error_of_variances",
@@ -80,8 +89,7 @@ def wrench_evidence(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
                 **keys,
             ),
             evidence_row("greatest_error_of_variances", own.max, *ends, **keys),
-            evidence_row("median_of_greatest_errors", repeats["median"], **keys),
-            evidence_row("greatest_error_of_a_repeat", repeats["mean"], **spread),
+            evidence_row("median_of_greatest_errors", medians[own.agents], **keys),
         ]
     for own in _records(tables, "sigma_s"):
         published = own["system_class"] != "study" and own["form"] == "diagonal"

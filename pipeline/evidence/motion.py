@@ -30,8 +30,9 @@ from pipeline.statistics.curves import (
     root_mean_square,
     variation,
 )
-from pipeline.statistics.scores import score_comparison
+from pipeline.statistics.scores import log_score_differences
 from pipeline.statistics.takes import (
+    fast_against_slow,
     jackknife_difference,
     lag_one_correlation,
     share_between,
@@ -65,16 +66,19 @@ class Outcome:
 
 
 def noise_tests(
-    model: MotionModel, training: Recorded, poses: np.ndarray, rng: np.random.Generator
+    model: MotionModel, takes: Takes, rng: np.random.Generator
 ) -> tuple[ModelledNoise, pd.DataFrame]:
     """Return the noise of ``model`` at the recorded total variance, and the :func:`following_tests`
-    of the recorded standard deviations. ``poses`` (takes, M+1, n) rad are the training takes.
+    of the recorded standard deviations of the training takes, the speed law being the rival.
     """
+    training, speed_noise = takes.training, takes.speed_noise
     noise = modelled_noise(model, training)
-    steady = constant_speed(poses)
-    return noise, following_tests(
-        noise.std, training.noise, steady, training.joints, rng
+    rival = None if speed_noise is None else speed_noise.std
+    steady = constant_speed(takes.poses)
+    tests = following_tests(
+        noise.std, training.noise, steady, training.joints, rng, rival=rival
     )
+    return noise, tests
 
 
 def motion_evidence(
@@ -119,7 +123,7 @@ def motion_evidence(
                     evidence_row("std_variation", value, model=name, joint=joint)
                 )
     if mode == "one_step" and modelled:
-        rows += _noise_rows({name: outcomes[name] for name in modelled}, training)
+        rows += noise_rows({name: outcomes[name] for name in modelled}, training)
     return evidence_table([*rows, *_score_rows(outcomes)])
 
 
@@ -133,6 +137,7 @@ def _recorded_rows(takes: Takes, limits: np.ndarray) -> Rows:
     yield evidence_row("share_of_variance_between_recordings", share, model=RECORDED)
     steps = takes.training.chain.nominal_step(takes.training.q, takes.training.v)
     ranges = np.ptp(np.cumsum(steps.mean(axis=0), axis=0), axis=0)
+    by_speed = fast_against_slow(noise, steps.mean(axis=0))
     for j, joint in enumerate(takes.training.joints):
         keys = {"model": RECORDED, "joint": joint}
         yield evidence_row("commanded_range", ranges[j], **keys)
@@ -140,6 +145,7 @@ def _recorded_rows(takes: Takes, limits: np.ndarray) -> Rows:
             "lag_one_correlation", lag_one_correlation(noise[..., j]), **keys
         )
         yield evidence_row("std_variation_limits", VARYING, *limits[j], **keys)
+        yield difference_row("ln_std_by_speed", by_speed[j], **keys)
 
 
 def _estimate_rows(model: str, numbers: Mapping[str, float], joints: int) -> Rows:
@@ -161,7 +167,7 @@ def _estimate_rows(model: str, numbers: Mapping[str, float], joints: int) -> Row
             yield evidence_row(value=numbers[name], model=model, **ends, **place)
 
 
-def _noise_rows(outcomes: Mapping[str, Outcome], training: Recorded) -> Rows:
+def noise_rows(outcomes: Mapping[str, Outcome], training: Recorded) -> Rows:
     """Yield the comparisons of the modelled noise with the recorded one at its total variance: of
     the relative error of its standard deviation with the first model's in the same joint, with 1
     for a prediction without noise (NO_NOISE), and with the same model's in the last joint.
@@ -203,8 +209,23 @@ def _noise_rows(outcomes: Mapping[str, Outcome], training: Recorded) -> Rows:
         yield difference_row("mean_error_variation", own, model=model, rival=rival)
 
 
+def prediction_evidence(predictions: pd.DataFrame, pairs: pd.DataFrame) -> pd.DataFrame:
+    """Return the log scores of one step ahead on held-out takes, and their paired differences, from
+    the tables ``predictions`` and ``prediction_pairs``.
+    """
+    rows = []
+    scores = predictions[predictions["score"] == "log_score"]
+    for score in scores[scores["steps"] == "all"].itertuples():
+        keys = {"model": score.model, "steps": score.steps}
+        rows.append(evidence_row("step_log_score", score.mean, **keys))
+    for pair in pairs[pairs["steps"] == "all"].itertuples():
+        keys = {"model": pair.model, "rival": pair.rival, "steps": pair.steps}
+        rows.append(difference_row("step_log_score", pair, **keys))
+    return evidence_table(rows)
+
+
 def _score_rows(outcomes: Mapping[str, Outcome]) -> Rows:
-    """Yield the log scores of held-out steps, and their differences to the first model's."""
+    """Yield the log scores of held-out steps, and their differences between any two models."""
     for steps in ("all", "moving"):
         known = {
             name: own.log_score
@@ -212,8 +233,9 @@ def _score_rows(outcomes: Mapping[str, Outcome]) -> Rows:
             if steps in own.log_score
         }
         scored = {name: {"log_score": own[steps]} for name, own in known.items()}
-        rival = next(iter(scored), "")
-        for own in score_comparison(scored, rival).itertuples():
-            keys = {"model": own.model, "steps": steps}
-            yield evidence_row("step_log_score", own.mean, **keys)
-            yield difference_row("step_log_score", own, **keys, rival=rival)
+        for name, scores in scored.items():
+            mean = scores["log_score"].mean()
+            yield evidence_row("step_log_score", mean, model=name, steps=steps)
+        for pair in log_score_differences(scored).itertuples():
+            keys = {"model": pair.model, "rival": pair.rival, "steps": steps}
+            yield difference_row("step_log_score", pair, **keys)

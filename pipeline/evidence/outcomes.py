@@ -4,6 +4,7 @@ evaluated once.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
@@ -21,13 +22,14 @@ from pipeline.evidence.case import KINDS, Choices, Recordings, Takes
 from pipeline.evidence.filters import filter_evidence
 from pipeline.evidence.instruments import camera_evidence
 from pipeline.evidence.motion import Outcome, motion_evidence, noise_tests
-from pipeline.filtering.linear import autocorrelated_filter
+from pipeline.filtering.linear import autocorrelated_filter, linear_filter, white_steps
 from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.particle_filter import FilterTrial, Start, take_posterior
 from pipeline.models import kinds
 from pipeline.models.closed_loop import Loop, closed_loop_of, loops_of
 from pipeline.models.draws import realize_recorded
 from pipeline.models.model import MotionModel
+from pipeline.models.speed.fit import Options as SpeedOptions
 from pipeline.models.steps import Estimate, Options, Recorded, measurement_covariance
 from pipeline.recordings.commands import constant_speed
 from pipeline.statistics.scores import Filtered, training_mean
@@ -178,9 +180,8 @@ def compare_noise(
     against the recordings, or the reason why there are none.
     """
     drawn = recordings.generator(f"score.following.{model}", draw=draw)
-    takes = recordings.takes
     try:
-        tests = noise_tests(result.model, takes.training, takes.poses, drawn)
+        tests = noise_tests(result.model, recordings.takes, drawn)
     except (ModelDomainError, SingularJacobianError, SolverError) as error:
         result.refusals.append(f"not at the recorded total variance: {error}")
         return
@@ -245,6 +246,7 @@ def case_evidence(
     filter without a posterior on one take has no evidence.
     """
     takes, limits = recordings.takes, recordings.variation_limits
+    outcomes = {**outcomes, **_speed_control(case, recordings, outcomes)}
     parts = [motion_evidence(outcomes, takes, case.mode, limits)]
     refusals = {
         f"{model}: {why}"
@@ -273,6 +275,25 @@ def case_evidence(
         parts.append(camera_evidence(camera.noise, camera.slopes))
     table = pd.concat(parts, ignore_index=True)
     return CaseEvidence(table, sorted(refusals), filters, against_mean)
+
+
+def _speed_control(
+    case: Choices, recordings: Recordings, outcomes: Mapping[str, Outcome]
+) -> dict[str, Outcome]:
+    """Return by name noise and log scores of the speed law, the control of the other models;
+    {} without its fit, where it is among the models, and for free-running realisations.
+    """
+    law = recordings.takes.speed_law
+    if law is None or names.SPEED in outcomes or case.mode != "one_step":
+        return {}
+    control = Outcome(model=law)
+    compare_noise(names.SPEED, control, recordings, case.draw)
+    if any(outcome.log_score for outcome in outcomes.values()):
+        options = SpeedOptions(kind=names.SPEED)
+        alone = replace(case, models={names.SPEED: options})
+        fit = kinds.estimate(recordings.takes.training, options)
+        control.log_score = _log_scores(alone, fit, recordings.takes)
+    return {names.SPEED: control}
 
 
 def _compared_filters(
@@ -313,10 +334,25 @@ def all_filters(
     if measured is not None:
         posterior = autocorrelated_filter(takes.poses, poses[0], measured, 1 / rate)
         posteriors = {names.MEMORY: posterior} | {**posteriors}
+        if takes.speed_law is not None and names.SPEED not in posteriors:
+            posteriors[names.SPEED] = speed_filter(takes, measured, 1 / rate)
     for name, (mean, covariance) in posteriors.items():
         noise = poses[int(name.endswith(names.CLOSED))]
         filters[name] = Filtered(mean - truth, covariance, noise)
     return filters
+
+
+def speed_filter(
+    takes: Takes, measured: Sequence[Measurements], dt: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the exact posterior of the speed law as :func:`linear_filter`: its steps are the
+    commanded ones, and their independent noise does not depend on the pose.
+    """
+    training, start = takes.training, Start.of_takes(takes.training)
+    steps = training.chain.nominal_step(training.q, training.v).mean(axis=0)
+    path = start.mean + np.vstack([np.zeros_like(start.mean), np.cumsum(steps, axis=0)])
+    variances = takes.speed_law.variances(steps)
+    return linear_filter(path, white_steps(start.covariance, variances), measured, dt)
 
 
 def pose_covariances(training: Recorded, poses: np.ndarray) -> np.ndarray:

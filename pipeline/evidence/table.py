@@ -8,8 +8,9 @@ import numpy as np
 import pandas as pd
 
 from pipeline.core.contracts import read_declarations
-from pipeline.core.filters import MEMORY, NONE, closed
+from pipeline.core.filters import MEMORY, NONE, SPEED, closed
 from pipeline.statistics.curves import NO_NOISE
+from pipeline.statistics.takes import Difference
 
 # what the number is of, and where a quantity needs it: the model or filter, the estimator or form,
 # what it is the difference to (a model, a filter or a joint), the joint, the entry or component,
@@ -17,7 +18,7 @@ from pipeline.statistics.curves import NO_NOISE
 DECLARED = read_declarations()["evidence"]
 KEYS = tuple(name for name, column in DECLARED.items() if column.kind == "text")
 QUANTITIES = DECLARED["quantity"].among
-NUMBERS = ("value", "low", "high", "standard_error")
+NUMBERS = ("value", "low", "high", "standard_error", "degrees")
 OPTION_FILES = Path(__file__).parents[1] / "conf/model"
 RECORDED = "recorded"  # in place of a model
 
@@ -29,7 +30,15 @@ def known_values() -> dict[str, list[str]]:
     models = sorted(file.stem for file in OPTION_FILES.glob("*.yaml"))
     entries = [f"{row}{column}" for row in range(1, 8) for column in range(row, 8)]
     return {
-        "model": [RECORDED, NONE, MEMORY, NO_NOISE, *models, *map(closed, models)],
+        "model": [
+            RECORDED,
+            NONE,
+            MEMORY,
+            SPEED,
+            NO_NOISE,
+            *models,
+            *map(closed, models),
+        ],
         "estimator": ["paper", "diagonal", "full", "none"],
         "entry": ["fx", "fy", "fz", "mx", "my", "mz", *entries],
         "steps": ["all", "moving", "constant_speed"],
@@ -42,10 +51,12 @@ def evidence_row(
     low: float = np.nan,
     high: float = np.nan,
     standard_error: float = np.nan,
+    degrees: float = np.nan,
     **keys: object,
 ) -> dict[str, object]:
     """Return one row; a key that is not given is empty."""
-    numbers = zip(NUMBERS, map(float, (value, low, high, standard_error)), strict=True)
+    values = map(float, (value, low, high, standard_error, degrees))
+    numbers = zip(NUMBERS, values, strict=True)
     named = {name: str(keys.pop(name, "")) for name in KEYS[1:]}
     if keys:
         raise TypeError(f"the table of evidence has no column {', '.join(keys)}")
@@ -54,22 +65,22 @@ def evidence_row(
 
 def difference_row(quantity: str, own: NamedTuple, **keys: object) -> dict[str, object]:
     """Return the row of a difference with its interval: the fields of ``Difference`` in ``own``."""
-    return evidence_row(
-        quantity, own.difference, own.low, own.high, own.standard_error, **keys
-    )
+    numbers = (getattr(own, name) for name in Difference._fields)
+    return evidence_row(quantity, *numbers, **keys)
 
 
 def following_rows(
     tests: pd.DataFrame, correlation: str, prefix: str, model: str
 ) -> Iterator[dict[str, object]]:
-    """Yield the quantity ``correlation``, and limit and power with the ``prefix``, of each of the
-    :func:`pipeline.statistics.curves.following_tests`.
+    """Yield the quantity ``correlation``, and with the ``prefix`` the limit and the powers against
+    constant noise and the speed law, of :func:`pipeline.statistics.curves.following_tests`.
     """
     for own in tests.itertuples():
         keys = {"model": model, "joint": own.joint, "steps": own.steps}
         yield evidence_row(correlation, own.correlation, **keys)
         yield evidence_row(f"{prefix}_limit", own.limit, **keys)
         yield evidence_row(f"{prefix}_power", own.power, **keys)
+        yield evidence_row(f"{prefix}_speed_power", own.rival_power, **keys)
 
 
 def evidence_table(rows: Iterable[dict]) -> pd.DataFrame:

@@ -123,6 +123,18 @@ def autocorrelated_filter(
     return linear_filter(poses.mean(axis=0), prior, takes, dt)
 
 
+def white_steps(start: ndarray, variances: ndarray) -> ndarray:
+    """Return the covariance P (M+1, n, M+1, n) in rad² of poses whose first has the covariance
+    ``start`` (n, n) and whose steps have independent noise of the ``variances`` (M, n).
+    """
+    summed = np.vstack([np.zeros_like(variances[:1]), np.cumsum(variances, axis=0)])
+    grid = np.arange(len(summed))
+    # a pose and a later one share the noise of the steps before the earlier
+    shared = summed[np.minimum.outer(grid, grid)]
+    covariance = start + shared[..., None] * np.eye(len(start))
+    return np.ascontiguousarray(covariance.transpose(0, 2, 1, 3))
+
+
 def deviation_roots(poses: ndarray, measurement: ndarray) -> ndarray:
     """Return S_k^½ (K, n, n) in rad of ``poses`` (takes, K, n), zero along axes without a variance
     beyond the measurement's.

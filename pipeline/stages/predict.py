@@ -28,7 +28,8 @@ from pipeline.statistics.scores import (
 )
 
 TRACK, FIT, OUT = Path("data/track"), Path("data/fit"), Path("data/predict")
-BESIDE = "joint_step_t"  # model without a random matrix, added to the models of the run
+# models without a random matrix, added to the models of the run
+BESIDE = ("joint_step_t", "speed")
 CONTROL = "wishart_qr_transposed"  # added if the run has a Wishart model
 MATRIX_KINDS = ("gaussian", "wishart")
 Models = dict[str, Options]  # options by name, of the run's and the added models
@@ -44,7 +45,7 @@ def run() -> None:
         recorded = training_steps(settings.dataset.robot, settings.dataset.motion)
         options = settings.models
         control = any(own.kind == "wishart" for own in options.values())
-        added = {BESIDE, *[CONTROL] * control} - options.keys()
+        added = {*BESIDE, *[CONTROL] * control} - options.keys()
         options = options | config.model_options(sorted(added))
         ranges = fitted_ranges(recorded, settings.dataset.motion.rate)
         tables = {"ranges": ranges} | _joint_tables(settings, recorded, options)

@@ -14,7 +14,7 @@ from pipeline.core.filters import closed
 from pipeline.core.options.dataset import Dataset
 from pipeline.evidence.case import Camera, Choices, Recordings, Takes, recorded_takes
 from pipeline.evidence.instruments import wrench_evidence
-from pipeline.evidence.motion import Outcome
+from pipeline.evidence.motion import Outcome, prediction_evidence
 from pipeline.evidence.outcomes import (
     PosteriorMoments,
     case_evidence,
@@ -93,6 +93,9 @@ def run() -> None:
         )
         if contracts.exists(FLOORS, folder):
             tables[FLOORS] = contracts.read(FLOORS, folder)
+        if "prediction_pairs" in tables:
+            pairs = tables["prediction_pairs"]
+            evidence.append(prediction_evidence(tables["predictions"], pairs))
         tables[EVIDENCE] = pd.concat(
             [*evidence, wrench_evidence(wrench)], ignore_index=True
         )

@@ -3,7 +3,8 @@
 The test of a joint compares the correlation of both standard deviations over time with a limit. The
 limit is √½ (the model explains half of the variation) or, if lower, a quantile of the correlation
 in draws of as many takes with the modelled standard deviation, which allows for the error of few
-takes. The power is the share of draws of constant noise that the limit rejects. All draws have the
+takes. The power is the share of draws of constant noise that the limit rejects, the power against a
+rival the share of draws with the rival's standard deviation. All draws have the
 tails of the recorded noise over its modelled standard deviation, and the recorded first-order
 autoregression of its ranks (a Gaussian copula): heavy tails alone move a standard deviation of few
 takes up and down.
@@ -71,37 +72,40 @@ def following_tests(
     joints: Sequence[str],
     rng: Generator,
     centred: bool = True,
+    rival: ndarray | None = None,
 ) -> pd.DataFrame:
     """Tabulate the ``correlation`` of the modelled standard deviation ``std`` (M, n) and the one of
     ``noise`` (takes ≥ 2, M, n) in rad, about its mean if ``centred``, else about zero; ``limit``
     and ``power`` for each joint, over all steps and over the ``steady`` steps (M,) at constant
-    speed. A constant modelled curve has no row.
+    speed; ``rival_power`` against the standard deviation ``rival`` (M, n), NaN without it. A
+    constant modelled curve has no row.
 
     A true model passes in all joints at once in at least RECOGNISED of the draws. Quantiles assume
     that Fisher's transform of the drawn correlations is normal.
     """
-    rows, recorded = [], _std(noise, 0, centred)
+    rows = []
+    recorded = _std(noise, 0, centred)
     quantile = ndtri(1 - RECOGNISED ** (1 / len(joints)))
+    groups = {"all": np.full(len(steady), True), "constant_speed": steady}
     for j, joint in enumerate(joints):
         constant = _drawn_std(noise[..., j], std[:, j], rng, centred)
         drawn = constant * std[:, j, None]
-        for name, chosen in {
-            "all": np.full(len(steady), True),
-            "constant_speed": steady,
-        }.items():
-            curve = std[chosen, j]
-            if chosen.sum() < 3 or np.ptp(curve) == 0:
+        by_rival = None if rival is None else constant * rival[:, j, None]
+        for name, steps in groups.items():
+            curve = std[steps, j]
+            if steps.sum() < 3 or np.ptp(curve) == 0:
                 continue
-            fisher = np.arctanh(_correlations(curve, drawn[chosen]))
+            fisher = np.arctanh(_correlations(curve, drawn[steps]))
             reached = float(np.tanh(fisher.mean() + quantile * fisher.std(ddof=1)))
             limit = min(HALF_EXPLAINED, reached)
-            power = float((_correlations(curve, constant[chosen]) < limit).mean())
-            rows.append(
-                (joint, name, correlation(curve, recorded[chosen, j]), limit, power)
-            )
-    return pd.DataFrame(
-        rows, columns=["joint", "steps", "correlation", "limit", "power"]
-    )
+            power = _rejected(curve, constant[steps], limit)
+            rival_power = np.nan
+            if by_rival is not None:
+                rival_power = _rejected(curve, by_rival[steps], limit)
+            reaches = correlation(curve, recorded[steps, j])
+            rows.append((joint, name, reaches, limit, power, rival_power))
+    columns = ["joint", "steps", "correlation", "limit", "power", "rival_power"]
+    return pd.DataFrame(rows, columns=columns)
 
 
 def variation_limits(noise: ndarray, rng: Generator, centred: bool = True) -> ndarray:
@@ -206,6 +210,11 @@ def _correlations(curve: ndarray, others: ndarray) -> ndarray:
     """Return Pearson's correlation (R,) of ``curve`` (K,) with each column of ``others`` (K, R)."""
     a, b = curve - curve.mean(), others - others.mean(axis=0)
     return a @ b / (np.linalg.norm(a) * np.linalg.norm(b, axis=0))
+
+
+def _rejected(curve: ndarray, drawn: ndarray, limit: float) -> float:
+    """Return the share of ``drawn`` (K, R) whose correlation with ``curve`` is below ``limit``."""
+    return float((_correlations(curve, drawn) < limit).mean())
 
 
 def jackknifed_spreads(

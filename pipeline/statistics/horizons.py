@@ -122,7 +122,7 @@ def unconfirmed(scores: pd.DataFrame, model: str) -> list[dict[str, str]]:
             ("σ on another motion", "unknown: one motion was recorded", "2 motions")
         )
     for (joint, horizon), rows in own.groupby(["joint", "horizon"], sort=False):
-        ratio, low, high, _ = pooled_interval(left_out(rows), "ratio")
+        ratio, low, high = pooled_interval(left_out(rows), "ratio")[:3]
         if not (1 / CONFIRMED <= low and high <= CONFIRMED):
             found = f"{ratio:.3g} [{low:.3g}, {high:.3g}] times the measured σ"
             required = f"{1 / CONFIRMED:.3g} to {CONFIRMED:.3g}"

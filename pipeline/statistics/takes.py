@@ -6,13 +6,14 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 from numpy import ndarray
-from scipy.special import stdtrit
+from scipy.special import fdtrc, stdtrit
 
 from pipeline.core.errors import ModelDomainError
 
 TAILS = (0.025, 0.975)
 NORMAL_QUANTILE = 1.959964  # 0.975 quantile of the normal law
 REPLICATES = 200  # resamplings of the takes
+PARTS = 8  # of a motion, whose means are tested
 
 Quantities = Callable[
     [str, ndarray], ndarray
@@ -20,14 +21,15 @@ Quantities = Callable[
 
 
 class Difference(NamedTuple):
-    """Mean difference, the ends of its 95 % interval and its standard error, from which the degrees
-    of freedom follow; NaN if there is no interval.
+    """Mean difference, the ends of its 95 % interval, its standard error and the degrees of freedom
+    of Student's law; NaN if there is no interval, degrees also for an interval of another law.
     """
 
     difference: float
     low: float = np.nan
     high: float = np.nan
     standard_error: float = np.nan
+    degrees: float = np.nan
 
 
 def takes_moments(samples: ndarray) -> tuple[ndarray, ndarray]:
@@ -49,6 +51,24 @@ def lag_one_correlation(values: ndarray) -> float:
     centred = values - values.mean(axis=0)
     scale = np.sqrt(np.sum(centred[:, :-1] ** 2) * np.sum(centred[:, 1:] ** 2))
     return float(np.sum(centred[:, :-1] * centred[:, 1:]) / scale) if scale > 0 else 0.0
+
+
+def fast_against_slow(noise: ndarray, steps: ndarray) -> list[Difference]:
+    """Return for each joint the mean over the takes of ln σ_fast − ln σ_slow: standard deviations
+    of ``noise`` (takes, M, n) in rad over the fastest and the slowest third of the joint's
+    commanded ``steps`` (M, n) in a take. NaN if a take has no noise in a third.
+    """
+    third = len(steps) // 3
+    differences = []
+    for of_joint, speeds in zip(
+        np.moveaxis(noise, -1, 0), np.abs(steps.T), strict=True
+    ):
+        order = np.argsort(speeds, kind="stable")
+        with np.errstate(divide="ignore"):
+            slow = np.log(of_joint[:, order[:third]].std(axis=1))
+            fast = np.log(of_joint[:, order[-third:]].std(axis=1))
+        differences.append(paired_difference(fast, slow))
+    return differences
 
 
 def share_between(noise: ndarray, groups: Sequence[str]) -> float:
@@ -79,9 +99,8 @@ def _student(difference: float, error: float, degrees: int) -> Difference:
     if degrees < 1:
         return Difference(float(difference))
     half = float(stdtrit(degrees, TAILS[1]) * error)
-    return Difference(
-        float(difference), difference - half, difference + half, float(error)
-    )
+    low, high = float(difference) - half, float(difference) + half
+    return Difference(float(difference), low, high, float(error), float(degrees))
 
 
 def paired_difference(scores: ndarray, reference: ndarray) -> Difference:
@@ -93,6 +112,29 @@ def paired_difference(scores: ndarray, reference: ndarray) -> Difference:
     difference, takes = scores - reference, len(scores)
     error = difference.std(ddof=min(1, takes - 1)) / np.sqrt(takes)
     return _student(float(difference.mean()), error, takes - 1)
+
+
+def part_means(values: ndarray) -> ndarray:
+    """Return the means (takes, p) of ``values`` (takes, K) in PARTS equal parts of the time, or in
+    K parts if there are fewer values.
+    """
+    parts = np.array_split(values, min(PARTS, values.shape[1]), axis=1)
+    return np.stack([part.mean(axis=1) for part in parts], axis=1)
+
+
+def zero_mean_p_value(values: ndarray) -> float:
+    """Return the p-value of Hotelling's test that the mean of ``values`` (takes, p) over the takes
+    is zero, for normal values; NaN for p or fewer takes, p = 0 and dependent values.
+    """
+    takes, number = values.shape
+    if not 0 < number < takes:
+        return np.nan
+    if np.linalg.matrix_rank(values - values.mean(axis=0)) < number:
+        return np.nan
+    center, covariance = values.mean(axis=0), np.cov(values.T)
+    squared = takes * center @ np.linalg.solve(covariance, center)
+    ratio = squared * (takes - number) / ((takes - 1) * number)
+    return float(fdtrc(number, takes - number, ratio))
 
 
 def jackknife_counts(takes: int) -> ndarray:

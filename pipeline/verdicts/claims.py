@@ -10,6 +10,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from pipeline.core.errors import ConfigError
+from pipeline.core.filters import SPEED
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.core.validation import options
 from pipeline.evidence.table import KEYS, known_values
@@ -28,16 +29,19 @@ COMPARED = (
     "high",
     "threshold",
     "power",
+    "speed_power",
     "control",
 )
-REFERENCES = ("value", "than", "difference", "threshold", "power", "control")
+REFERENCES = tuple(key for key in COMPARED if key not in ("low", "high"))
 STATED = (*REFERENCES, "published", "limit", "tolerance", "margin", "standard_error")
 OPTIONAL = {*STATED} - {"value", "published", "control"}  # keys of some rules alone
 YARDSTICK = "yardstick"  # need of a rule: ``published`` or ``limit``
 EVERY = "every"  # value of ``each`` for all joints of a dataset's arm
 Distance = Annotated[float, Field(strict=True, ge=0)]
 ENDS = {"low", "high"}  # of the difference, else of the value
-ORDERS = ("less", "greater")  # rules that need an interval of the difference
+INTERVAL = (*ENDS, "standard_error", "degrees")  # columns of a row with an interval
+CONTROLLED = ("value", "difference", "threshold", "power")  # references of a model
+ORDERS = ("less", "greater", "close")  # rules that need an interval of the difference
 
 
 @options(frozen=True)
@@ -61,6 +65,9 @@ class Claim:
       interval decides an order; ``margin``: the least relevant difference, in its unit;
     - ``control``: the same number of a control without the claimed effect: where it passes too, the
       rule has no power;
+    - ``control_model``: a model without the claimed property, whose numbers the same rule decides
+      in place of the model's; where it passes too, the claim holds for it as well;
+    - ``speed_power``: the power of the rule against recordings that the control model made;
     - ``standard_error``: references whose values add in squares;
     - ``by``: the construction of the models forces the claim (no verdict), or their total variance
       decides the claim; ``because`` has the reason;
@@ -92,6 +99,8 @@ class Claim:
     difference: Reference | None = None
     threshold: Reference | None = None
     power: Reference | None = None
+    speed_power: Reference | None = None
+    control_model: Literal["", SPEED] = ""
     control: Reference | None = None
     standard_error: list[Reference] = field(default_factory=list)
     unless: Unless | None = None
@@ -115,7 +124,8 @@ class Claim:
             if len({"published", "limit"} & stated) != 1:
                 message = "needs either a published value or a limit, not both"
                 raise ConfigError(f"the rule {self.rule} {message}", key="limit")
-        unused, missing = sorted(stated & OPTIONAL - needs), sorted(needs - stated)
+        unused = sorted(stated & OPTIONAL - needs - RULES[self.rule].options)
+        missing = sorted(needs - stated)
         if wrong := unused or missing:
             what = (
                 "does not use this key; remove it"
@@ -123,7 +133,7 @@ class Claim:
                 else "needs this key; add it"
             )
             raise ConfigError(f"the rule {self.rule} {what}", key=wrong[0])
-        if own := self.difference:
+        if (own := self.difference) and self.rule in ORDERS:
             rivals = {self.than.model, self.than.joint}
             if replace(own, rival="") != self.value or own.rival not in rivals:
                 message = "must have the keys of value, and the model or joint of than as rival"
@@ -148,6 +158,16 @@ class Claim:
             for listed in self.each.values()
         ]
         return [dict(zip(self.each, each, strict=True)) for each in product(*values)]
+
+    @property
+    def of_control(self) -> "Claim":
+        """The claim about the control model in place of its own."""
+        models = {}
+        for key in CONTROLLED:
+            reference = getattr(self, key)
+            if reference is not None and reference.model == self.value.model:
+                models[key] = replace(reference, model=self.control_model)
+        return replace(self, **models)
 
     @property
     def numbers_joints(self) -> bool:

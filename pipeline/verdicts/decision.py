@@ -13,10 +13,9 @@ from pipeline.statistics.takes import NORMAL_QUANTILE
 from pipeline.verdicts.claims import (
     COMPARED,
     CONSTRUCTION,
-    ENDS,
+    INTERVAL,
     NONE,
     ORDERS,
-    PAPER,
     Claim,
 )
 from pipeline.verdicts.rules import RULES, Cases, decide_cases
@@ -31,29 +30,38 @@ from pipeline.verdicts.wording import interval, number
 
 REPRODUCED = "reproduced"
 NOT_REPRODUCED = "not reproduced"
+# the claim holds for a law without a Jacobian too: no evidence for the matrix models
+WITH_SPEED_LAW = "holds, and so does a law of the speed alone"
 SYNTHETIC_PASSES = "synthetic: rule passes"
 SYNTHETIC_FAILS = "synthetic: rule fails"
+SYNTHETIC_WITH_SPEED_LAW = (
+    "synthetic: rule passes, and so does a law of the speed alone"
+)
 NO_EVIDENCE = "no evidence in this dataset"
 FORCED = "forced by construction"
 NO_RECORDING = "decided without a recording"
-WITHOUT_RECORDING = (
-    "no recording"  # heading of the column of claims that need no recording
-)
+# heading of the column of claims that need no recording
+WITHOUT_RECORDING = "no recording"
 
-HOLDS, FAILS, UNKNOWN = ("holds", "fails", "no evidence")  # verdicts under a reading
-READ = {REPRODUCED: HOLDS, NOT_REPRODUCED: FAILS}
+# verdicts under a reading, a decision or a condition of the laboratory
+HOLDS, FAILS, UNKNOWN = "holds", "fails", "no evidence"
+SPEED_LAW = "holds, as does the speed law"
+READ = {REPRODUCED: HOLDS, NOT_REPRODUCED: FAILS, WITH_SPEED_LAW: SPEED_LAW}
 COLUMNS = ["claim", "about", "case", "value", "than", "low", "high", "holds", "verdict"]
 
-LEAST_RANGE = (
-    0.01  # share of the greatest commanded range below which a joint is at rest
-)
+# share of the greatest commanded range below which a joint is at rest
+LEAST_RANGE = 0.01
 
 Recordings = Literal["none", "synthetic", "real", "paper"]
 
+NUMBERS = (*COMPARED, "published", "distance", "speed_law")  # fields of a case
 
-class Case(namedtuple("Case", ["case", *COMPARED, "published", "distance", "holds"])):
+
+class Case(namedtuple("Case", ["case", *NUMBERS, "holds", "speed_law_holds"])):
     """Numbers of one case of a claim in a run, None where missing or infinite; ``distance`` is
     (published − value) in standard errors, ``holds`` is None if the rule does not decide the case.
+    ``speed_law`` and ``speed_law_holds`` are the value and the result of the same rule for the
+    speed law, None for a claim without this control.
     """
 
 
@@ -72,38 +80,37 @@ class Decided(NamedTuple):
     recordings: Recordings
     verdicts: Sequence[Verdict]
 
-    @property
-    def words(self) -> list[str]:
-        """Verdicts on the paper's claims."""
-        return [each.verdict for each in self.verdicts if each.claim.source == PAPER]
-
-    @property
-    def counts(self) -> tuple[int, int]:
-        """Numbers of the paper's claims that hold and that fail."""
-        return self.words.count(REPRODUCED), self.words.count(NOT_REPRODUCED)
-
 
 def decide_each(
     claims: Sequence[Claim], runs: Sequence[Run], papers_own: Sequence[str]
 ) -> list[Decided]:
     """Return the verdicts of every run, then the verdicts that need no recording."""
-    columns = []
+    decided = []
     for run in runs:
-        whose = "synthetic" if run.synthetic else "real"
-        columns.append(
-            (run.dataset, "paper" if run.dataset in papers_own else whose, run)
-        )
-    decided = [
-        Decided(n, w, decide(claims, run.evidence, w, run.arm)) for n, w, run in columns
-    ]
-    # of the first run that has the numbers
-    without = zip(
-        *(decide(claims, run.evidence, "none", run.arm) for run in runs), strict=True
-    )
-    chosen = [
-        next((v for v in own if v.verdict != NO_EVIDENCE), own[0]) for own in without
-    ]
-    return [*decided, Decided(WITHOUT_RECORDING, "none", chosen)]
+        recordings = kind_of_recordings(run, papers_own)
+        verdicts = decide(claims, run.evidence, recordings, run.arm)
+        decided.append(Decided(run.dataset, recordings, verdicts))
+    independent = verdicts_without_recording(claims, runs)
+    return [*decided, Decided(WITHOUT_RECORDING, "none", independent)]
+
+
+def kind_of_recordings(run: Run, papers_own: Sequence[str]) -> Recordings:
+    """Return whether the recordings of ``run`` are the paper's, synthetic or of another robot."""
+    if run.dataset in papers_own:
+        return "paper"
+    return "synthetic" if run.synthetic else "real"
+
+
+def verdicts_without_recording(
+    claims: Sequence[Claim], runs: Sequence[Run]
+) -> list[Verdict]:
+    """Return for each claim the verdict of the first of ``runs`` that has its numbers."""
+    by_run = [decide(claims, run.evidence, "none", run.arm) for run in runs]
+    chosen = []
+    for verdicts in zip(*by_run, strict=True):  # on one claim, in all runs
+        evident = [verdict for verdict in verdicts if verdict.verdict != NO_EVIDENCE]
+        chosen.append(evident[0] if evident else verdicts[0])
+    return chosen
 
 
 def decide(
@@ -134,40 +141,70 @@ def moving_joints(evidence: pd.DataFrame, joints: Sequence[str]) -> tuple[str, .
 def _decide_claim(
     claim: Claim, evidence: IndexedEvidence, recordings: Recordings, arm: ArmNames
 ) -> Verdict:
-    rule, cases, names = RULES[claim.rule], claim.cases(arm), arm.numbered
-    if claim.numbers_joints and not names:
+    cases = claim.cases(arm)
+    if claim.numbers_joints and not arm.numbered:
         evidence = {}
-    r = _numbers(claim, [case | names for case in cases], evidence)
-    keys = {"value"} | (rule.needs & {*COMPARED, "standard_error"})
-    known = ~np.isnan([getattr(r, key) for key in keys]).any(axis=0)
-    # the rule ``decreasing`` compares the cases with each other and needs all cases
-    known &= known.all() or claim.rule != "decreasing"
-    if (unless := claim.unless) is not None:
-        share = unless.value.look_up(evidence, names)
+    names = [case | arm.numbered for case in cases]
+    r, known = _numbers(claim, names, evidence)
+    if claim.unless is not None:
+        share = claim.unless.value.look_up(evidence, arm.numbered)
         # a guard without a number is no evidence
-        known &= share is not None and share <= unless.limit
-    holds = decide_cases(rule, r, known) if known.any() else [None] * len(known)
+        known &= share is not None and share <= claim.unless.limit
+    holds = _hold(claim, r, known)
+    speed_law = np.full(len(cases), np.nan)
+    speed_law_holds: list[bool | None] = [None] * len(cases)
+    if claim.control_model:
+        control, controlled = _numbers(claim.of_control, names, evidence)
+        speed_law = control.value
+        speed_law_holds = _hold(claim, control, known & controlled)
+    named = _with_interval(claim, r)._asdict() | {"speed_law": speed_law}
+    decided = []
+    for place, case in enumerate(cases):
+        texts = {"case": _case_name(case), "holds": holds[place]}
+        texts |= {"speed_law_holds": speed_law_holds[place]}
+        numbers = {key: _finite(named[key][place]) for key in NUMBERS}
+        decided.append(Case(**texts, **numbers))
+    evident = len(known) > 0 and known.all()
+    word = _verdict_word(claim, recordings, evident, holds)
+    if len(cases) > 0 and all(speed_law_holds):
+        word = SHARED_WITH_SPEED_LAW.get(word, word)
+    return Verdict(claim, word, tuple(decided))
+
+
+# verdict on a claim → the verdict if the control, the speed law, passes in all cases too
+SHARED_WITH_SPEED_LAW = {
+    REPRODUCED: WITH_SPEED_LAW,
+    SYNTHETIC_PASSES: SYNTHETIC_WITH_SPEED_LAW,
+}
+
+
+def _hold(claim: Claim, r: Cases, known: np.ndarray) -> list[bool | None]:
+    """Return whether each case holds by the claim's rule, None if it is not decided."""
+    if not known.any():
+        return [None] * len(known)
+    return decide_cases(RULES[claim.rule], r, known)
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def _case_name(case: dict) -> str:
+    """Return the values of a case; a value that is no text has its name before it."""
+    texts = []
+    for name, value in case.items():
+        texts.append(value if isinstance(value, str) else f"{name} {value}")
+    return ", ".join(texts)
+
+
+def _with_interval(claim: Claim, r: Cases) -> Cases:
+    """Return ``r`` with the interval by the standard error where it has no interval."""
     # the interval of the rule ``standard_errors`` is the rule's own
     quantile = claim.limit if claim.rule == "standard_errors" else NORMAL_QUANTILE
-    ends = [
-        r.value - quantile * r.standard_error,
-        r.value + quantile * r.standard_error,
-    ]
-    low, high = (
-        np.where(np.isnan(x), y, x) for x, y in zip((r.low, r.high), ends, strict=True)
-    )
-    r = r._replace(low=low, high=high)
-    rows = np.transpose([getattr(r, name) for name in Case._fields[1:-1]])
-    decided = tuple(
-        Case(
-            ", ".join(v if isinstance(v, str) else f"{k} {v}" for k, v in case.items()),
-            *(float(x) if np.isfinite(x) else None for x in row),
-            held,
-        )
-        for case, row, held in zip(cases, rows, holds, strict=True)
-    )
-    evident = len(known) > 0 and known.all()
-    return Verdict(claim, _verdict_word(claim, recordings, evident, holds), decided)
+    half = quantile * r.standard_error
+    low = np.where(np.isnan(r.low), r.value - half, r.low)
+    high = np.where(np.isnan(r.high), r.value + half, r.high)
+    return r._replace(low=low, high=high)
 
 
 def _verdict_word(
@@ -186,55 +223,68 @@ def _verdict_word(
     return NOT_REPRODUCED if False in holds else REPRODUCED
 
 
-def _numbers(claim: Claim, cases: list[dict], evidence: IndexedEvidence) -> Cases:
-    """Return the numbers of the ``cases`` for the rule of ``claim``."""
+def _numbers(
+    claim: Claim, cases: list[dict], evidence: IndexedEvidence
+) -> tuple[Cases, np.ndarray]:
+    """Return the numbers of the ``cases`` for the rule of ``claim``, and the mask of the cases that
+    have all numbers that the rule needs.
+    """
 
     def numbers(reference: Reference | None) -> np.ndarray:
-        values = [reference and reference.look_up(evidence, case) for case in cases]
+        if reference is None:
+            return np.full(len(cases), np.nan)
+        values = [reference.look_up(evidence, case) for case in cases]
         return np.array(values, dtype=float)
 
     ends = claim.difference or claim.value
-    plain = ends.column == "value"  # an end of an interval has no interval
-    parts = {
-        n: replace(ends, column=n) if plain else None for n in (*ENDS, "standard_error")
-    }
-    named = {key: getattr(claim, key, parts.get(key)) for key in COMPARED}
-    r = Cases(**{key: numbers(reference) for key, reference in named.items()})
-    errors = [
-        numbers(part) for part in claim.standard_error or [parts["standard_error"]]
-    ]
-    error = np.sqrt(np.sum(np.square(errors), axis=0))
-    stated = {
-        key: np.broadcast_to(np.array(getattr(claim, key), dtype=float), len(cases))
-        for key in ("published", "tolerance", "limit", "margin")
-    }
-    r = r._replace(standard_error=error, **stated)
-    if (
-        claim.difference is None and claim.rule in ORDERS
-    ):  # of other rules, ``than`` is theirs
+    named = {key: getattr(claim, key, None) for key in COMPARED}
+    if ends.column == "value":  # an end of an interval has no interval
+        named |= {end: replace(ends, column=end) for end in INTERVAL}
+    found = {key: numbers(reference) for key, reference in named.items()}
+    if claim.standard_error:
+        errors = [numbers(reference) for reference in claim.standard_error]
+        found["standard_error"] = np.sqrt(np.sum(np.square(errors), axis=0))
+        found["degrees"] = np.full(len(cases), np.nan)
+    for key in ("published", "tolerance", "limit", "margin"):
+        stated = np.array(getattr(claim, key), dtype=float)
+        found[key] = np.broadcast_to(stated, len(cases))
+    r = Cases(**found)
+    if claim.difference is None and claim.rule in ORDERS:
         r = r._replace(difference=r.value - r.than)
     if claim.rule == "equivalent":
         r = r._replace(difference=r.value)
     yardstick = np.where(np.isnan(r.published), r.limit, r.published)
     with np.errstate(divide="ignore", invalid="ignore"):
         distance = (r.published - r.value) / r.standard_error
-    return r._replace(yardstick=yardstick, distance=distance)
+    needs = {"value"} | (RULES[claim.rule].needs & {*COMPARED, "standard_error"})
+    known = ~np.isnan([getattr(r, key) for key in needs]).any(axis=0)
+    if claim.rule == "decreasing":  # it compares the cases with each other
+        known &= known.all()
+    return r._replace(yardstick=yardstick, distance=distance), known
 
 
 def case_text(case: Case) -> str:
-    """Return a case's name, value, interval and value or limit compared with; ✗ if it fails."""
+    """Return a case's name, value, interval and value or limit compared with, the speed law's value
+    and the powers that the rule lacks; ✗ if it fails.
+    """
     if case.value is None:
         return f"{case.case} –".strip()
     text = f"{case.case}: {number(case.value)}" if case.case else number(case.value)
-    compared = case.difference is not None and case.than is not None
-    text += f" against {number(case.than)}" if compared else ""
-    if case.low is not None and case.high is not None:
-        prefix = "difference " if compared else ""
-        text += f" ({prefix}{interval(case.low, case.high)})"
+    has_interval = case.low is not None and case.high is not None
+    ends = interval(case.low, case.high) if has_interval else ""
+    if case.difference is not None and case.threshold is not None:
+        text += f" (ln of fast over slow {number(case.difference)} {ends})"
+    elif case.difference is not None and case.than is not None:
+        text += f" against {number(case.than)}"
+        text += f" (difference {ends})" if ends else ""
+    elif ends:
+        text += f" ({ends})"
     if case.threshold is not None:
         text += f" (limit {number(case.threshold)})"
+    if case.speed_law is not None:
+        text += f", speed law {number(case.speed_law)}"
     if case.power is not None and case.holds is None:
-        return f"{text}, power {number(case.power)}"
+        text += f", power {number(case.power)}"
     return f"{text} ✗" if case.holds is False else text
 
 

@@ -14,16 +14,15 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy import nan, ndarray
-from scipy.special import stdtr, stdtrit
+from scipy.special import stdtr
 
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.statistics.curves import POWER
-from pipeline.statistics.takes import NORMAL_QUANTILE, TAILS
+from pipeline.statistics.takes import NORMAL_QUANTILE
 
-LEVEL = (
-    0.025  # probability of a false verdict on one side, as of a two-sided 95 % interval
-)
-MOST_DEGREES = 200  # Student's law with more is taken as normal
+# probability of a false verdict on one side, as of a two-sided 95 % interval
+LEVEL = 0.025
+MOST_DEGREES = 1e6  # Student's law with as many is normal
 
 
 class Cases(NamedTuple):
@@ -31,10 +30,11 @@ class Cases(NamedTuple):
 
     ``value`` is the run's number, ``than`` the number compared with. ``low`` and ``high`` are the
     95 % interval of the value, or for an order and an equivalence of the ``difference`` value −
-    than; ``standard_error`` belongs to it, else the interval is taken as normal. ``threshold`` and
-    ``power`` belong to a test of the run. ``control`` is the value of a control without the claimed
-    effect. The claim states ``published``, ``tolerance``, ``limit`` and ``margin``; ``yardstick``
-    is the published value or the limit, ``distance`` is (published − value) in standard errors.
+    than; ``standard_error`` and ``degrees`` of freedom belong to it, else the interval is taken as
+    normal. ``threshold``, ``power`` and ``speed_power`` (against the speed law) belong to a test of
+    the run. ``control`` is the value of a control without the claimed effect. The claim states
+    ``published``, ``tolerance``, ``limit`` and ``margin``; ``yardstick`` is the published value or
+    the limit, ``distance`` is (published − value) in standard errors.
     """
 
     value: ndarray
@@ -44,8 +44,10 @@ class Cases(NamedTuple):
     high: ndarray = nan
     threshold: ndarray = nan
     power: ndarray = nan
+    speed_power: ndarray = nan
     control: ndarray = nan
     standard_error: ndarray = nan
+    degrees: ndarray = nan
     published: ndarray = nan
     tolerance: ndarray = nan
     limit: ndarray = nan
@@ -57,37 +59,34 @@ class Cases(NamedTuple):
 Judge = Callable[[Cases], tuple[ndarray, ndarray]]  # probabilities for and against
 
 
-def standard_errors(r: Cases, side: int = 0) -> tuple[ndarray, ndarray]:
-    """Return the standard error of the estimate of each case and its degrees of freedom, from the
-    interval; 0 for an estimate without an interval. An interval without a standard error may be
-    skew: ``side`` 1 is its part above the value, −1 the part below.
+def standard_errors(r: Cases, side: int = 0) -> ndarray:
+    """Return the standard error of the estimate of each case; 0 for an estimate without one and
+    without an interval. An interval without a standard error may be skew: ``side`` 1 is its part
+    above the value, −1 the part below.
     """
     half = (r.high - r.low) / 2
-    if side:
-        part = r.high - r.value if side > 0 else r.value - r.low
-        half = np.where(np.isnan(r.standard_error), part, half)
+    if side > 0:
+        half = r.high - r.value
+    elif side < 0:
+        half = r.value - r.low
     error = np.where(
         np.isnan(r.standard_error), half / NORMAL_QUANTILE, r.standard_error
     )
-    degrees = np.append(np.arange(1.0, MOST_DEGREES + 1), np.inf)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = np.where(error > 0, half / error, NORMAL_QUANTILE)
-    first = np.searchsorted(-stdtrit(degrees[:-1], TAILS[1]), -1.001 * ratio)
-    return np.nan_to_num(error), degrees[first]
+    return np.nan_to_num(error)
 
 
 def beyond(distance: ndarray, r: Cases, side: int = 0) -> tuple[ndarray, ndarray]:
     """Return the probabilities for and against ``distance`` > 0, an estimate with the standard
     error of the case on ``side``; 0 or 1 where it has none.
     """
-    error, degrees = standard_errors(r, side)
+    error = standard_errors(r, side)
     with np.errstate(divide="ignore", invalid="ignore"):
         t = np.where(error > 0, distance / error, np.copysign(np.inf, distance))
     t = np.where(np.isnan(distance), np.nan, np.clip(t, -1e9, 1e9))
-    freedom = np.minimum(degrees, 1e6)
+    freedom = np.where(np.isnan(r.degrees), MOST_DEGREES, r.degrees)
     exact = error == 0
-    probability = np.where(exact, distance <= 0, stdtr(freedom, -t))
-    return probability, np.where(exact, distance > 0, stdtr(freedom, t))
+    supports = np.where(exact, distance <= 0, stdtr(freedom, -t))
+    return supports, np.where(exact, distance > 0, stdtr(freedom, t))
 
 
 def _order(sign: float) -> Judge:
@@ -95,14 +94,11 @@ def _order(sign: float) -> Judge:
 
     def judge(r: Cases) -> tuple[ndarray, ndarray]:
         margin = np.nan_to_num(r.margin)
-        without = np.isnan(
-            r.low + r.high
-        )  # a difference without an interval decides nothing
-        sides = (beyond(side * r.difference - margin, r)[0] for side in (sign, -sign))
-        supports, refutes = (
-            np.where(without, 1.0, probability) for probability in sides
-        )
-        return supports, refutes
+        # a difference without an interval decides nothing
+        undecided = np.isnan(r.low + r.high)
+        supports, _ = beyond(sign * r.difference - margin, r)
+        refutes, _ = beyond(-sign * r.difference - margin, r)
+        return np.where(undecided, 1.0, supports), np.where(undecided, 1.0, refutes)
 
     return judge
 
@@ -115,21 +111,45 @@ def _within(r: Cases, tolerance: ndarray, distance: ndarray) -> tuple[ndarray, n
     return beyond(tolerance - abs(distance), r)
 
 
-def _falls(r: Cases) -> ndarray:
-    return np.diff(r.value, prepend=np.inf) < 0
+def _close(r: Cases) -> tuple[ndarray, ndarray]:
+    """Return the rule that the difference is within ± the margin, by its interval."""
+    supports, refutes = _within(r, r.margin, r.difference)
+    undecided = np.isnan(r.low + r.high)
+    return np.where(undecided, 1.0, supports), np.where(undecided, 1.0, refutes)
 
 
-def _contains(r: Cases) -> ndarray:
-    return (r.low - r.tolerance <= r.published) & (r.published <= r.high + r.tolerance)
+def _detected(r: Cases) -> tuple[ndarray, ndarray]:
+    """Return the p-values of the tests of no effect; an effect that is not detected may exist."""
+    return r.value, np.ones(len(r.value))
 
 
-def _greatest_below(r: Cases) -> tuple[ndarray, ndarray]:
-    """Return P(greatest ≥ yardstick) and P(greatest < yardstick) of a repeat by Gumbel's law, from
-    mean ``than`` and standard deviation ``standard_error`` of the greatest values of the repeats.
+def _varies(r: Cases) -> tuple[ndarray, ndarray]:
+    """Return the rule that a standard deviation varies over time: over the takes at each step, or
+    in the takes between slow and fast steps, of which ``difference`` is the logarithm of the ratio.
     """
-    scale = r.standard_error * np.sqrt(6) / np.pi
-    below = np.exp(-np.exp(-((r.yardstick - r.than) / scale + np.euler_gamma)))
-    return 1 - below, below
+    by_speed, _ = beyond(np.abs(r.difference) - r.margin, r)
+    unknown = np.isnan(r.difference + r.low + r.high)
+    by_speed = np.where(unknown, 1.0, by_speed)
+    supports = np.where(r.value > r.threshold, 0.0, by_speed)
+    constant = (r.value < r.than) & (by_speed > LEVEL)
+    return supports, np.where(constant, 0.0, 1.0)
+
+
+def _follows(r: Cases) -> tuple[ndarray, ndarray]:
+    powerful = r.power >= POWER
+    above = r.value >= r.threshold
+    return _sure(powerful & above, powerful & ~above)
+
+
+def _decreasing(r: Cases) -> tuple[ndarray, ndarray]:
+    falls = np.diff(r.value, prepend=np.inf) < 0
+    return _sure(falls, ~falls)
+
+
+def _interval_contains(r: Cases) -> tuple[ndarray, ndarray]:
+    above_low = r.low - r.tolerance <= r.published
+    contains = above_low & (r.published <= r.high + r.tolerance)
+    return _sure(contains, ~contains)
 
 
 JUDGES: dict[str, Judge] = {
@@ -138,19 +158,16 @@ JUDGES: dict[str, Judge] = {
     ),
     "within_absolute": lambda r: _within(r, r.tolerance, r.value - r.published),
     "below": lambda r: beyond(r.yardstick - r.value, r, 1),
-    "greatest_below": _greatest_below,
     "above": lambda r: beyond(r.value - r.yardstick, r, -1),
-    "detected": lambda r: _sure(r.value > r.yardstick, np.zeros(len(r.value))),
-    "varies": lambda r: _sure(r.value > r.threshold, r.value < r.than),
-    "follows": lambda r: _sure(
-        (r.power >= POWER) & (r.value >= r.threshold),
-        (r.power >= POWER) & (r.value < r.threshold),
-    ),
+    "detected": _detected,
+    "varies": _varies,
+    "follows": _follows,
     "less": _order(-1.0),
     "greater": _order(1.0),
-    "decreasing": lambda r: _sure(_falls(r), ~_falls(r)),
+    "close": _close,
+    "decreasing": _decreasing,
     "equivalent": lambda r: _within(r, r.tolerance * abs(r.than), r.difference),
-    "interval_contains": lambda r: _sure(_contains(r), ~_contains(r)),
+    "interval_contains": _interval_contains,
     "standard_errors": lambda r: _sure(
         abs(r.distance) < r.limit, abs(r.distance) >= r.limit
     ),
@@ -158,14 +175,18 @@ JUDGES: dict[str, Judge] = {
 
 
 class Rule(NamedTuple):
-    """The keys of a claim that a rule ``needs``, and its judge."""
+    """Keys of a claim that a rule ``needs``, its judge, and keys that it takes as ``options``."""
 
     needs: set[str]
     judge: Judge
+    options: set[str] = frozenset()
 
 
 WORDED = read_yaml(Path(__file__).with_name("rules.yaml"))
-RULES = {name: Rule({*WORDED[name]["needs"]}, judge) for name, judge in JUDGES.items()}
+RULES = {
+    name: Rule({*WORDED[name]["needs"]}, judge, {*WORDED[name].get("options", ())})
+    for name, judge in JUDGES.items()
+}
 
 
 def decide_cases(rule: Rule, r: Cases, known: ndarray) -> list[bool | None]:
@@ -175,17 +196,17 @@ def decide_cases(rule: Rule, r: Cases, known: ndarray) -> list[bool | None]:
     """
     with np.errstate(invalid="ignore"):
         supports, refutes = rule.judge(r)
-        held = known & (np.nan_to_num(supports, nan=1.0) <= LEVEL)
-        if (controlled := ~np.isnan(r.control)).any():
-            of_control, _ = rule.judge(
-                r._replace(value=r.control, low=nan, high=nan, standard_error=nan)
-            )
-            held &= ~(controlled & (of_control <= LEVEL))
-    refuted = holm(np.where(known, np.nan_to_num(refutes, nan=1.0), 1.0)) & known
-    return [
-        False if no else True if yes else None
-        for yes, no in zip(held, refuted, strict=True)
-    ]
+        holds = known & (np.nan_to_num(supports, nan=1.0) <= LEVEL)
+        controlled = ~np.isnan(r.control)
+        if controlled.any():
+            exact = {"low": nan, "high": nan, "standard_error": nan, "degrees": nan}
+            of_control, _ = rule.judge(r._replace(value=r.control, **exact))
+            holds &= ~(controlled & (of_control <= LEVEL))
+    refutes = np.where(known, np.nan_to_num(refutes, nan=1.0), 1.0)
+    fails = holm(refutes) & known
+    verdicts = np.where(holds, True, None)
+    verdicts[fails] = False
+    return list(verdicts)
 
 
 def holm(probabilities: ndarray) -> ndarray:

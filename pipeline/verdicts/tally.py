@@ -14,7 +14,7 @@ from pipeline.verdicts.run import Run
 from pipeline.verdicts.wording import WORDS, join_names, number
 
 HOLDS, FAILS, UNKNOWN, FORCED = d.HOLDS, d.FAILS, d.UNKNOWN, d.FORCED
-SPEED_LAW = "holds, and so does a law of the speed alone"
+SPEED_LAW = d.WITH_SPEED_LAW
 DEPENDS = "depends on the cause"
 ROBOTS: dict[str, str] = WORDS["robots"]
 # verdict on one dataset → verdict of the count
@@ -24,6 +24,8 @@ OUTCOMES = {
     d.NOT_REPRODUCED: FAILS,
     d.SYNTHETIC_FAILS: FAILS,
     d.FORCED: FORCED,
+    d.WITH_SPEED_LAW: SPEED_LAW,
+    d.SYNTHETIC_WITH_SPEED_LAW: SPEED_LAW,
 }
 COUNTED = (HOLDS, SPEED_LAW, FAILS, DEPENDS)  # columns of the tally
 

@@ -148,9 +148,13 @@ def test_the_run_at_hand_comes_first_and_a_file_that_is_no_run_is_refused_by_nam
     for name in ("b", "a", "c"):
         text = replace(RUN, dataset=name).to_json()
         (tmp_path / f"{name}.json").write_text(text, encoding="utf-8")
-    assert [run.dataset for run in read_runs(tmp_path, first="c")] == ["c", "a", "b"]
+    assert [run.dataset for run in read_runs(tmp_path, tmp_path / "c.json")] == [
+        "c",
+        "a",
+        "b",
+    ]
     with pytest.raises(ContractError, match="no evidence of the dataset d"):
-        read_runs(tmp_path, first="d")
+        read_runs(tmp_path, tmp_path / "d.json")
     twice = replace(RUN, tables={"evidence": pd.concat([EVIDENT] * 2)}).to_json()
     copy, deep = replace(RUN, dataset="ur5").to_json(), "[" * 10**5
     broken = (
