@@ -34,7 +34,11 @@ from pipeline.verdicts.tally import (
 )
 from pipeline.verdicts.wording import WORDS, render, say, table
 
-WIDTHS = "joint_std"  # figure whose caption names the joints that the models miss
+# figures whose caption has sentences with numbers of the run
+ADDED = {
+    "joint_std": scores.widths,
+    "wrench_error_histograms": scores.without_random_matrix,
+}
 FIGURE = re.compile(r"Fig\. (\w+)|$")  # label of the figure that shows a claim
 COMPARE = "Compare"  # first word of the caption's sentence that the report prints
 SENTENCE_END = re.compile(r"(?<=[.!?]) (?=[A-Z(])")
@@ -321,8 +325,8 @@ def _look(here: Run, name: str, caption: Mapping[str, str]) -> str:
     """Return the sentence of a caption to look at: the COMPARE sentence, else the first."""
     sentences = SENTENCE_END.split(caption["caption"])
     compare = [text for text in sentences if text.startswith(COMPARE)] or sentences
-    widths = scores.widths(here) if name == WIDTHS else []
-    return " ".join([compare[0], *widths])
+    added = ADDED[name](here) if name in ADDED else []
+    return " ".join([compare[0], *added])
 
 
 def datasets_page(

@@ -90,6 +90,20 @@ def widths(run: Run) -> list[str]:
     return sentences
 
 
+def without_random_matrix(run: Run) -> list[str]:
+    """Return a sentence on the mean errors of the wrench study without a random matrix, if any."""
+    place = "quantity == 'mean_error_of_variances' and estimator == 'none'"
+    rows = run.evidence.query(place)
+    rows = rows.assign(cables=rows["configuration"].astype(int)).sort_values("cables")
+    if not len(rows):
+        return []
+    ends = rows.iloc[[0, -1]]
+    errors = [
+        f"{number(100 * row.value, 2)} % with {row.cables}" for row in ends.itertuples()
+    ]
+    return [say("without_random_matrix", errors=errors)]
+
+
 def _is_matrix(run: Run, name: str) -> bool:
     """Return True for a matrix model of the run, or a control named after one."""
     return run.models.get(name, name.partition("_")[0]) in MATRIX_KINDS

@@ -296,9 +296,21 @@ def correlations(verdict: Verdict) -> str:
     return ", ".join(texts) if verdict.claim.rule == "follows" else ""
 
 
+def _value_text(verdict: Verdict) -> str:
+    """Return the value of a verdict's only case, in per cent with its interval if the claim is."""
+    case, claim = verdict.cases[0], verdict.claim
+    if "%" not in claim.statement or case.value is None:
+        return number(case.value)
+    text = f"{number(100 * case.value, 3)} %"
+    if case.low is not None and case.high is not None:
+        low, high = number(100 * case.low, 3), number(100 * case.high, 3)
+        text += f", interval {low} to {high} %"
+    return text
+
+
 def case_count(verdict: Verdict) -> str:
     """Return the value of a verdict's only case, or the number of its cases that hold."""
     if len(verdict.cases) == 1:
-        return number(verdict.cases[0].value)
+        return _value_text(verdict)
     holding = [case for case in verdict.cases if case.holds]
     return f"{len(holding)} of {len(verdict.cases)}"
