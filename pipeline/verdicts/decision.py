@@ -28,24 +28,23 @@ from pipeline.verdicts.run import (
 )
 from pipeline.verdicts.wording import interval, number
 
-REPRODUCED = "reproduced"
-NOT_REPRODUCED = "not reproduced"
+# verdicts under a reading, a decision or a condition of the laboratory
+HOLDS, FAILS, UNKNOWN = "holds", "fails", "no evidence"
+SPEED_LAW = "holds, as does the speed law"
+
+REPRODUCED, NOT_REPRODUCED, NO_EVIDENCE = HOLDS, FAILS, UNKNOWN
 # the claim holds for a law without a Jacobian too: no evidence for the matrix models
 WITH_SPEED_LAW = "holds, and so does a law of the speed alone"
-SYNTHETIC_PASSES = "synthetic: rule passes"
-SYNTHETIC_FAILS = "synthetic: rule fails"
+SYNTHETIC_PASSES = "holds in synthetic recordings"
+SYNTHETIC_FAILS = "fails in synthetic recordings"
 SYNTHETIC_WITH_SPEED_LAW = (
-    "synthetic: rule passes, and so does a law of the speed alone"
+    "holds in synthetic recordings, and so does a law of the speed alone"
 )
-NO_EVIDENCE = "no evidence in this dataset"
 FORCED = "forced by construction"
 NO_RECORDING = "decided without a recording"
 # heading of the column of claims that need no recording
 WITHOUT_RECORDING = "no recording"
 
-# verdicts under a reading, a decision or a condition of the laboratory
-HOLDS, FAILS, UNKNOWN = "holds", "fails", "no evidence"
-SPEED_LAW = "holds, as does the speed law"
 READ = {REPRODUCED: HOLDS, NOT_REPRODUCED: FAILS, WITH_SPEED_LAW: SPEED_LAW}
 COLUMNS = ["claim", "about", "case", "value", "than", "low", "high", "holds", "verdict"]
 

@@ -21,12 +21,15 @@ ROBOTS: dict[str, str] = WORDS["robots"]
 OUTCOMES = {
     d.REPRODUCED: HOLDS,
     d.SYNTHETIC_PASSES: HOLDS,
+    d.WITH_SPEED_LAW: SPEED_LAW,
+    d.SYNTHETIC_WITH_SPEED_LAW: SPEED_LAW,
     d.NOT_REPRODUCED: FAILS,
     d.SYNTHETIC_FAILS: FAILS,
     d.FORCED: FORCED,
     d.WITH_SPEED_LAW: SPEED_LAW,
     d.SYNTHETIC_WITH_SPEED_LAW: SPEED_LAW,
 }
+SHORT = {SPEED_LAW: d.SPEED_LAW}  # words in the line of a claim
 COUNTED = (HOLDS, SPEED_LAW, FAILS, DEPENDS)  # columns of the tally
 
 
@@ -251,7 +254,7 @@ def _over_causes(joined: Joined, word: str) -> str:
         holding = [name for name, outcome in causes.items() if outcome != FAILS]
         failing = [name for name, outcome in causes.items() if outcome == FAILS]
         return f"{DEPENDS} (holds: {', '.join(holding)}; fails: {', '.join(failing)})"
-    verb, comma, more = word.partition(",")
+    verb, comma, more = SHORT.get(word, word).partition(",")
     count = len(causes)
     under = f" under {count} of {count} causes" if count > 1 else ""
     first = joined.by_dataset[joined.datasets(word)[0]]
@@ -262,7 +265,7 @@ def _in_datasets(group: Group, joined: Joined, word: str, names: Sequence[str]) 
     """Return the outcome ``word`` in the datasets ``names``, with the cases that hold: of the first
     if the claim holds, of each if it fails.
     """
-    verb, comma, more = word.partition(",")
+    verb, comma, more = SHORT.get(word, word).partition(",")
     counts = [_count_text(group, joined.by_dataset[name]) for name in names]
     if len(group.verdicts) == 1:
         return f"{verb}{comma}{more} ({counts[0]})"

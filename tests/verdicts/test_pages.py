@@ -22,8 +22,14 @@ from pipeline.verdicts.report_page import (
     speeds,
 )
 from pipeline.verdicts.run import Run
-from pipeline.verdicts.scores import filter_verdict, filters, result, widths
-from pipeline.verdicts.tally import Group, groups_of, tally
+from pipeline.verdicts.scores import (
+    filter_verdict,
+    filters,
+    result,
+    widths,
+    without_random_matrix,
+)
+from pipeline.verdicts.tally import Group, case_count, groups_of, tally
 from pipeline.verdicts.wording import say
 
 STATED = {key: f"the {key}" for key in ("where", "statement", "quantity", "reason")}
@@ -357,6 +363,27 @@ def test_filters_with_a_higher_log_score_are_named_and_the_result_states_the_dif
         "mean's; the linear autoregressive filter's log score is 0.5 [0.4, 0.6] above the "
         "training mean's.",
     ]
+
+
+def test_the_error_without_a_random_matrix_is_beside_the_errors_of_the_study():
+    place = {"estimator": "none"}
+    rows = [
+        evidence_row("mean_error_of_variances", error, configuration=cables, **place)
+        for cables, error in (("20", 0.0784), ("5", 0.08), ("3", 0.0832))
+    ]
+    run = replace(RUNS[1], tables={"evidence": evidence_table(rows)})
+    (text,) = without_random_matrix(run)
+    assert "the mean error is 8.3 % with 3 and 7.8 % with 20 cables" in text
+    assert without_random_matrix(RUNS[1]) == []
+
+
+def test_a_claim_in_per_cent_has_its_value_and_interval_in_per_cent():
+    claim = STUDY | {"id": "percent", "statement": "The greatest error is 25 %."}
+    rows = [evidence_row("greatest_error_of_variances", 0.0575, 0.0552, 0.08)]
+    run = replace(RUNS[1], tables={"evidence": evidence_table(rows)})
+    independent = groups(run, claims=parse_claims([claim]))[0]
+    (verdict,) = independent.verdicts["no recording"]
+    assert case_count(verdict) == "5.75 %, interval 5.52 to 8 %"
 
 
 def test_the_errors_of_a_sum_of_errors_are_printed_apart():

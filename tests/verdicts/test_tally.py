@@ -8,7 +8,11 @@ import pytest
 from pipeline.core.columns import PLANE
 from pipeline.evidence.table import evidence_row, evidence_table
 from pipeline.verdicts.claims import parse_claims
-from pipeline.verdicts.decision import decide_each
+from pipeline.verdicts.decision import (
+    SYNTHETIC_WITH_SPEED_LAW,
+    WITH_SPEED_LAW,
+    decide_each,
+)
 from pipeline.verdicts.finding import finding
 from pipeline.verdicts.run import Run
 from pipeline.verdicts.tally import (
@@ -16,6 +20,7 @@ from pipeline.verdicts.tally import (
     DEPENDS,
     FAILS,
     HOLDS,
+    SPEED_LAW,
     Group,
     groups_of,
     joined_text,
@@ -110,6 +115,29 @@ def test_a_claim_about_robots_is_stated_over_the_causes_of_one_arm(stds, word, t
     assert [row.decides for row in rows] == [True, True, False]
     counts = [{w: len(row.claims[w]) for w in COUNTED} for row in rows]
     assert counts[2] == dict.fromkeys(COUNTED, 0) | {word: 1}
+
+
+@pytest.mark.parametrize(
+    ("cause", "verdict", "text"),
+    [
+        ("", WITH_SPEED_LAW, "✓ (speed law too) holds, as does the speed law (2 of 2)"),
+        ("sway", SYNTHETIC_WITH_SPEED_LAW, "holds, as does the speed law (2 of 2)"),
+    ],
+)
+def test_what_a_law_of_the_speed_passes_too_is_counted_apart(cause, verdict, text):
+    run = a_run("lab", 0.1, cause=cause)
+    column, independent = decide_each(CLAIMS, [run], [])
+    shared = [each._replace(verdict=verdict) for each in column.verdicts]
+    decided = [column._replace(verdicts=shared), independent]
+
+    group = groups_of([run], decided)[1]
+
+    assert texts(group)["of-robots"] == text
+    counts = {word: 0 for word in COUNTED}
+    for row in tally([group]):
+        for word in COUNTED:
+            counts[word] += len(row.claims[word])
+    assert counts == dict.fromkeys(COUNTED, 0) | {SPEED_LAW: 3}
 
 
 def test_another_task_with_the_same_takes_is_no_cause():
