@@ -9,7 +9,7 @@ from pipeline.verdicts.claims import Claim
 from pipeline.verdicts.decision import Case, Verdict
 from pipeline.verdicts.model_card import few_takes
 from pipeline.verdicts.paper import noise_levels
-from pipeline.verdicts.run import Run, index_evidence
+from pipeline.verdicts.run import Run
 from pipeline.verdicts.tally import Group
 from pipeline.verdicts.wording import (
     MISSING,
@@ -133,7 +133,7 @@ def _numbers(here: Run, groups: Sequence[Group]) -> str:
         if not _cases(by_run[0]):
             continue
         first, *others = by_run
-        cells = [_values(here, claim, _cases(first), few_takes(here))]
+        cells = [_values(_cases(first), few_takes(here))]
         cells += [
             " / ".join(number(case.value, 3) for case in _cases(v)) for v in others
         ]
@@ -172,25 +172,12 @@ def _name_and_published(claim: Claim, cases: Sequence[Case]) -> tuple[str, str]:
     return name + unit, " / ".join(number(case.published) for case in cases)
 
 
-def _values(here: Run, claim: Claim, cases: Sequence[Case], few: bool) -> str:
-    """Return the values of the ``cases`` with their intervals, then the errors that add up."""
+def _values(cases: Sequence[Case], few: bool) -> str:
+    """Return the values of the ``cases`` with their intervals, without if takes are ``few``."""
     texts = []
     for case in cases:
         text = number(case.value)
         if not few and case.low is not None:
             text += f" {interval(case.low, case.high)}"
         texts.append(text)
-    return " / ".join(texts) + _errors(here, claim)
-
-
-def _errors(here: Run, claim: Claim) -> str:
-    """Return the greatest of each of the errors that add in squares, if there are several."""
-    if len(claim.standard_error) < 2:
-        return ""
-    rows, errors = index_evidence(here.evidence), []
-    for error in claim.standard_error:
-        values = [error.look_up(rows, case) for case in claim.cases(here.arm)]
-        present = [value for value in values if value]
-        errors.append(number(max(present, default=float("nan")), 3))
-    words = " (standard errors up to: sampling {}, which decides, and quadrature {})"
-    return words.format(*errors)
+    return " / ".join(texts)

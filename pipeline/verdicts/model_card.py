@@ -15,7 +15,13 @@ from pipeline.statistics.horizons import (
     unconfirmed,
 )
 from pipeline.verdicts.run import Run
-from pipeline.verdicts.scores import choice, coverage, filter_verdict, predictors
+from pipeline.verdicts.scores import (
+    choice,
+    coverage,
+    filter_verdict,
+    filters,
+    predictors,
+)
 from pipeline.verdicts.wording import (
     MISSING,
     WORDS,
@@ -84,7 +90,7 @@ def at_horizons(scores: pd.DataFrame, model: str) -> list[list[str]]:
     for horizon, row in pooled(own, ["horizon"]).iterrows():
         rows.append([horizon])
         for name in ("ratio", "one_sigma", "two_sigma"):
-            value, low, high, _ = pooled_interval(
+            value, low, high, *_ = pooled_interval(
                 left_out(own[own["horizon"] == horizon]), name
             )
             between = "" if pd.isna(low) else f" [{low:.2f}, {high:.2f}]"
@@ -140,6 +146,7 @@ def model_card(run: Run, others: Sequence[Run]) -> str:
     parts = {
         "answer": answer(run),
         "filters": filter_verdict(run),
+        "filter_scores": filters(run),
         "choice": _choice(run),
     }
     if (scores := t.get("joint_scores")) is not None:

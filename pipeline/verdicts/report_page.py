@@ -32,7 +32,7 @@ from pipeline.verdicts.tally import (
     joined_verdicts,
     shared_takes,
 )
-from pipeline.verdicts.wording import WORDS, render, say, table
+from pipeline.verdicts.wording import WORDS, join_names, render, say, table
 
 # figures whose caption has sentences with numbers of the run
 ADDED = {
@@ -120,12 +120,10 @@ def report_page(
         "published": published_and_ours(here, groups),
         "note": scores.spread_note(here),
         "result": " ".join(scores.result(here)),
-        "filter_verdict": scores.filter_verdict(here),
         "readings": readings([here, *_other_robots(here, groups)]),
         "errata": errata,
         "gravest": [by_id[name] for name in WORDS["gravest"] if name in by_id],
     }
-    parts["filters"] = scores.filters(here) if parts["filter_verdict"] else ""
     return render("report.md", here=here, edition=edition, **parts)
 
 
@@ -172,9 +170,12 @@ def _row_name(row: Row) -> str:
     datasets = [run.dataset for run in group.runs]
     if len(datasets) == 1:
         return f"{group.name} (`{datasets[0]}`)"
-    note = shared_takes(group)
     names = ", ".join(f"`{dataset}`" for dataset in datasets)
-    return f"{group.name} ({names}{'; ' + note if note else ''})"
+    sharing = shared_takes(group)
+    if sharing == [datasets]:
+        return f"{group.name} ({names}, which share takes)"
+    notes = [f"; {join_names(sharers)} share takes" for sharers in sharing]
+    return f"{group.name} ({names}{''.join(notes)})"
 
 
 def _named(group: Group, failing: Sequence[Joined]) -> str:

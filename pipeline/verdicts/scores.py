@@ -181,7 +181,9 @@ def coverage(run: Run) -> str:
 
 
 def filters(run: Run) -> str:
-    """Return a row for each filter, training mean first."""
+    """Return a row for each filter, training mean first; "" without a depth camera."""
+    if FILTERS not in run.tables:
+        return ""
     rows = run.tables[FILTERS].set_index(["model", "score"])
     models = dict.fromkeys(rows.index.get_level_values("model"))
     names = [

@@ -213,13 +213,12 @@ def decides(group: Group, claim: Claim) -> bool:
     return not group.synthetic or claim.about == "method"
 
 
-def shared_takes(group: Group) -> str:
-    """Return a note on the datasets of a ``group`` that share takes, "" if no two do."""
-    parts: dict[tuple[str, ...], list[str]] = {}
+def shared_takes(group: Group) -> list[list[str]]:
+    """Return the datasets of a ``group`` that have the same takes, each set of several."""
+    by_files: dict[tuple[str, ...], list[str]] = {}
     for run in group.runs:
-        parts.setdefault(tuple(run.raw_hashes), []).append(run.dataset)
-    sharing = [names for names in parts.values() if len(names) > 1]
-    return "; ".join(f"{join_names(names)} share takes" for names in sharing)
+        by_files.setdefault(tuple(run.raw_hashes), []).append(run.dataset)
+    return [datasets for datasets in by_files.values() if len(datasets) > 1]
 
 
 def joined_text(group: Group, joined: Joined) -> str:

@@ -15,9 +15,7 @@ MISSING = "–"
 # characters, other than line ends, with the marks that turn the direction of a line
 CONTROL = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
 # start of a tag that the pages do not use themselves
-TAG = re.compile(
-    r'<(?=[A-Za-z/!?])(?!br>|/?details>|/?summary>|a id="[\w-]+">|/a>|!--)'
-)
+TAG = re.compile(r'<(?=[A-Za-z/!?])(?!br>|a id="[\w-]+">|/a>|!--)')
 # emphasis, code and targets of links in a name
 MARKUP = re.compile(r"(?<!\\)[*`]|(?<=\])\(")
 IMAGE = re.compile(r"(?<=.)!\[")  # in a name: the pages' own figures begin a line

@@ -130,7 +130,7 @@ def test_claims_are_under_their_figure_with_the_verdict_of_every_group(grouped):
     assert "- the statement<br>**no recording ✓ holds (0.2)**\n" in others
     own = "*(the paper's own arm)*<br>**youBot synthetic holds (0.2877)**"
     assert own in others
-    assert "<summary>1 claims without evidence" in others
+    assert "1 claims without evidence in these datasets: absent." in others
     assert "[The more](figures/more.png)" in others
     assert "| youBot, synthetic (`youbot`) | 0 | 0 | 1: std | 0 |" in page
     assert "| UR5, real (`ur5`) | 0 | 0 | 1: std | 0 |" in page
@@ -384,23 +384,3 @@ def test_a_claim_in_per_cent_has_its_value_and_interval_in_per_cent():
     independent = groups(run, claims=parse_claims([claim]))[0]
     (verdict,) = independent.verdicts["no recording"]
     assert case_count(verdict) == "5.75 %, interval 5.52 to 8 %"
-
-
-def test_the_errors_of_a_sum_of_errors_are_printed_apart():
-    parts = [
-        {"quantity": n, "column": "standard_error"}
-        for n in ("mean_of_sigma_s", "sigma_s")
-    ]
-    claim = STUDY | {
-        "id": "sum",
-        "rule": "standard_errors",
-        "limit": 2.638,
-        "published": 0.3,
-    }
-    claim |= {"value": {"quantity": "sigma_s"}, "standard_error": parts}
-    rows = [evidence_row("sigma_s", 0.25, standard_error=3e-8)]
-    rows.append(evidence_row("mean_of_sigma_s", 0.26, standard_error=0.02))
-    run = replace(RUNS[1], tables={"evidence": evidence_table(rows)})
-    text = published_and_ours(run, groups(run, claims=parse_claims([claim])))
-    expected = "| 0.25 [0.1972, 0.3028] (standard errors up to: sampling 0.02, which decides, and"
-    assert f"{expected} quadrature 3e-08) |" in text

@@ -40,9 +40,6 @@ TABLE = '<div class="table">'
 FOLDED = ("model_card", "errata")  # pages whose sections are folded
 IN_CARDS = "report"  # page whose parts under headings of level 3 are beside each other
 FOLD = r"<details><summary>\1</summary>\2</details>\n"
-UNSEEN = re.compile(  # a folded paragraph
-    r"<p>&lt;details&gt;&lt;summary&gt;(.*?)&lt;/summary&gt;(.*?)&lt;/details&gt;</p>"
-)
 FOLDS = re.compile(r"(<h2 .*?</h2>)(.*?)(?=<h2 |\Z)", re.DOTALL)
 # an anchor before a heading, as the Markdown of the errata states it
 ANCHOR = re.compile(
@@ -142,7 +139,6 @@ def _arranged(html: str, file: Path) -> str:
     html = html.replace("<table>", f"{TABLE}\n<table>")
     html = html.replace("</table>", "</table>\n</div>")
     html = html.replace("&lt;br&gt;", "<br>")  # line ends in a table's cells
-    html = UNSEEN.sub(FOLD, html)
     html = ANCHOR.sub(rf'\2<span id="{file.stem}--\1"></span>', html)
     html = FIGURE.sub(r"\1</p>\n<p>\2</p>", html)
     if file.stem in FOLDED:
