@@ -97,9 +97,11 @@ def _estimate(fitted: Mapping[str, float], key: str, estimator: str, few: bool) 
 def floors(here: Run) -> str:
     """Return σ̂_B of the printed problem over the bound ε and the weight, "" without its table."""
     rows = here.tables.get(FLOORS, pd.DataFrame())
-    if not len(rows):
+    fitted = here.metrics.get("fit_wishart", {})
+    if not len(rows) or "sigma_b_about_the_sample_mean" not in fitted:
         return ""
-    fitted = here.metrics["fit_wishart"]
+    if "model" in rows:  # of several Wishart models the first
+        rows = rows[rows["model"] == rows["model"].iloc[0]]
     by_floor = rows.pivot(index="ratio", columns="floor", values="sigma_b")
     by_floor = by_floor[sorted(by_floor, reverse=True)]
     header = ["weight α₂/α₁ (rad)", *(f"ε = {floor:g}" for floor in by_floor)]

@@ -214,9 +214,10 @@ def test_three_estimators_are_side_by_side_and_an_unbounded_one_has_no_number(gr
 def test_sigma_b_over_the_bound_and_the_weight_is_a_table(grouped):
     floors = {"floor": [0.01, 0.5] * 2, "ratio": [1e-3, 1e-3, 2e-3, 2e-3]}
     floors["sigma_b"] = [11.978, 0.22633, 11.06, 0.195]
+    floors = pd.concat([pd.DataFrame(floors).assign(model=m) for m in ("first", "b")])
     known = {"sigma_b_about_the_sample_mean": 0.4085}
     known |= {"fitted_mean_of_b_11": 1.433, "fitted_mean_of_b_22": 1.0166}
-    tables = RUNS[0].tables | {"sigma_b_floors": pd.DataFrame(floors)}
+    tables = RUNS[0].tables | {"sigma_b_floors": floors}
     run = replace(RUNS[0], metrics={"fit_wishart": FIT | known}, tables=tables)
 
     text = published_and_ours(run, grouped)

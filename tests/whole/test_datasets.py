@@ -29,7 +29,6 @@ from project_copy import (
 
 from pipeline.configuration import config
 from pipeline.core import contracts
-from pipeline.verdicts.decision import NO_EVIDENCE
 from pipeline.verdicts.run import read_run
 
 pytestmark = pytest.mark.slow
@@ -230,6 +229,6 @@ def test_forces_alone_go_through_every_stage_and_are_scored_on_all_rows(
     assert {*entries.size().loc["study"]} == {3}
     drawn = json.loads(Path("reports/towing/captions.json").read_text())
     assert "wrench_marginals" in drawn and "wrench_density" not in drawn
-    decided = pd.read_csv("reports/towing/claims.csv").query("dataset == 'towing'")
-    of_joints = decided.loc[decided["value"].isna(), "verdict"]
-    assert len(of_joints) and {*of_joints} == {NO_EVIDENCE}
+    # the numbers of a trial are not decided
+    decided = pd.read_csv("reports/towing/claims.csv")
+    assert "towing" not in {*decided["dataset"]}

@@ -184,8 +184,8 @@ def test_an_edit_reruns_what_depends_on_it_and_going_back_restores_the_committed
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("stage", ["wrench", "publish"])
-def test_a_stage_that_fails_names_the_commands_that_restore_its_results(copy, stage):
+def test_a_stage_that_fails_names_the_commands_that_restore_its_results(copy):
+    stage = "wrench"
     code, before = copy / f"pipeline/stages/{stage}.py", outputs(copy, stage)
     sound = code.read_text()
     first = re.search(r"\n    (?:settings|name) = config", sound)[0]
