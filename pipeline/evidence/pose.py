@@ -4,13 +4,21 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 import pandas as pd
+from numpy import ndarray
 from numpy.random import Generator
 
 from pipeline.arm.interface import Chain
 from pipeline.core.errors import ModelDomainError
 from pipeline.models.joint_error.samples import JointRun
 from pipeline.models.model import MotionModel, frobenius
-from pipeline.statistics.pose_effect import NORM, pose_effect, windows_of
+from pipeline.statistics.pose_effect import (
+    ALL,
+    DIFFERING,
+    NORM,
+    REPEATED,
+    pose_effect,
+    windows_of,
+)
 
 NUMBERS = dict.fromkeys(["exponent", "low", "high", "power"], float)
 NUMBERS |= {"windows": int, "groups": int, "spread": float, "needed": float}
@@ -23,42 +31,82 @@ def pose_table(
     generator: Callable[[str], Generator],
 ) -> pd.DataFrame:
     """Return the table ``pose_effect``: the exponent of ‖J⁺‖ and of each model's standard deviation
-    in the size of the joints' noise, after the joint speed, with its interval over motions. Runs of
-    one motion count as one. Steps at singular poses are left out. No row for too few windows. Each
-    model has a random stream of ``generator`` of its own.
+    in the size of the joints' noise, after the joint speed, with its interval over motions; for all
+    noise, for the part that differs between repetitions of a motion and for the part that repeats
+    (:func:`noise_parts`). Runs of one motion count as one. Steps at singular poses are left out. No
+    row for too few windows. Each row has a random stream of ``generator`` of its own.
     """
-    motions: dict[str, dict[str, list]] = {}
+    by_motion: dict[str, list[JointRun]] = {}
     for run in runs:
+        by_motion.setdefault(run.motion, []).append(run)
+    samples: dict[tuple[str, str], list[tuple[ndarray, ndarray, ndarray]]] = {}
+    for repetitions in by_motion.values():
+        steps = [RunSteps(run, chain, models) for run in repetitions]
+        parts = noise_parts([of_run.noise for of_run in steps])
+        for part, noises in parts.items():
+            for name in steps[0].shapes:
+                selected = []
+                for of_run, noise in zip(steps, noises, strict=False):
+                    selected.append(of_run.samples(name, noise))
+                joined = tuple(map(np.concatenate, zip(*selected, strict=True)))
+                samples.setdefault((part, name), []).append(joined)
+    rows = []
+    for (part, name), motions in samples.items():
+        suffix = "" if part == ALL else f".{part}"
+        stream = generator(f"predict.pose.{name}{suffix}")
+        effect = pose_effect(windows_of(motions), stream)
+        if effect is not None:
+            exponent, *others = effect
+            rows.append((part, name, *exponent[:3], *others))
+    table = pd.DataFrame(rows, columns=["noise", "quantity", *NUMBERS])
+    return table.astype(NUMBERS)  # also without rows
+
+
+class RunSteps:
+    """Steps of one run: noise (M, n) in rad, and pose quantities (M, n) by name in ``shapes``."""
+
+    def __init__(
+        self, run: JointRun, chain: Chain, models: Mapping[str, MotionModel]
+    ) -> None:
         q, dq = run.measured[:-1], np.diff(run.command, axis=0)
-        regular = ~chain.singular(q)
-        q, dq = q[regular], dq[regular]
-        noise = np.diff(run.measured, axis=0)[regular] - dq
-        shapes = {
-            NORM: np.repeat(
-                frobenius(chain.inverse_jacobian(q))[:, None], q.shape[1], 1
-            )
-        }
+        self.regular = ~chain.singular(q)
+        self.steps = dq
+        self.noise = np.diff(run.measured, axis=0) - dq
+        q, dq = q[self.regular], dq[self.regular]
+        norms = frobenius(chain.inverse_jacobian(q))[:, None]
+        self.shapes = {NORM: np.repeat(norms, q.shape[1], axis=1)}
         v = np.matvec(chain.jacobian(q), dq)
         for name, model in models.items():
             try:
                 covariance = model.covariance(chain, q, v)
             except ModelDomainError:  # no covariance at this dispersion
                 continue
-            shapes[name] = np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1))
-        for name, x in shapes.items():
-            motions.setdefault(name, {}).setdefault(run.motion, []).append(
-                (noise, dq, x)
-            )
-    rows = []
-    for name, by_motion in motions.items():
-        whole = [
-            tuple(map(np.concatenate, zip(*each, strict=True)))
-            for each in by_motion.values()
-        ]
-        stream = generator(f"predict.pose.{name}")
-        if (found := pose_effect(windows_of(whole), stream)) is not None:
-            exponent, *others = found
-            rows.append((name, *exponent[:3], *others))
-    return pd.DataFrame(rows, columns=["quantity", *NUMBERS]).astype(
-        NUMBERS
-    )  # also without rows
+            variances = np.diagonal(covariance, axis1=-2, axis2=-1)
+            self.shapes[name] = np.sqrt(variances)
+
+    def samples(self, name: str, noise: ndarray) -> tuple[ndarray, ndarray, ndarray]:
+        """Return ``noise``, commanded steps and the pose quantity ``name`` at the first steps, as
+        many as ``noise`` has, without singular poses.
+        """
+        regular = self.regular[: len(noise)]
+        count = int(np.count_nonzero(regular))
+        return (
+            noise[regular],
+            self.steps[: len(noise)][regular],
+            self.shapes[name][:count],
+        )
+
+
+def noise_parts(noises: Sequence[ndarray]) -> dict[str, list[ndarray]]:
+    """Return by name all noise of the repetitions of a motion, each (M, n) in rad, and of two or
+    more repetitions over their common steps the mean over the repetitions, which is a repeated
+    tracking error, and the deviations from it with the variance of the noise of one repetition.
+    """
+    parts = {ALL: list(noises)}
+    if len(noises) < 2:
+        return parts
+    length = min(map(len, noises))
+    common = np.stack([noise[:length] for noise in noises])
+    mean = common.mean(axis=0)
+    factor = np.sqrt(len(noises) / (len(noises) - 1))
+    return parts | {DIFFERING: [*(factor * (common - mean))], REPEATED: [mean]}

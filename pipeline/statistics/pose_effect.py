@@ -22,6 +22,7 @@ from pipeline.statistics.takes import Difference, jackknife_counts, jackknife_di
 NORM = (
     "norm of the inverse Jacobian"  # name of a pose quantity in the table pose_effect
 )
+ALL, DIFFERING, REPEATED = "all", "differing", "repeated"  # parts of the noise
 WINDOW = 10  # steps
 BLOCKS = 8  # of a single motion
 MOVING = 0.05  # share of the joint's greatest speed below which a step does not count

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pipeline.core.rng import stream
-from pipeline.evidence.pose import pose_table
+from pipeline.evidence.pose import noise_parts, pose_table
 from pipeline.models.joint_error.samples import JointRun
 from pipeline.models.model import frobenius
 from pipeline.statistics.curves import POWER
@@ -98,4 +98,15 @@ def test_the_table_has_the_exponent_of_noise_that_grows_with_the_norm_but_for_si
     table = pose_table(
         [start], chain, {}, partial(stream, 5)
     )  # too few windows: numbers without rows
-    assert table.empty and set(table.dtypes[1:].astype(str)) == {"float64", "int64"}
+    assert table.empty and set(table.dtypes[2:].astype(str)) == {"float64", "int64"}
+
+
+def test_noise_parts_are_what_repeats_and_what_differs_with_the_variance_of_one_run():
+    rng = np.random.default_rng(9)
+    repeated = np.sin(np.linspace(0, 9, 5000))[:, None] * [3e-3, 1e-3]
+    runs = [repeated + rng.normal(0.0, 1e-4, (5000 + n, 2))[:5000] for n in range(4)]
+    parts = noise_parts(runs)
+    assert [*parts] == ["all", "differing", "repeated"]
+    np.testing.assert_allclose(parts["repeated"][0], repeated, atol=3e-4)
+    assert np.std(parts["differing"]) == pytest.approx(1e-4, rel=0.03)
+    assert [*noise_parts(runs[:1])] == ["all"]  # nothing repeats in a single run

@@ -181,7 +181,8 @@ def test_changes_tell_decisions_from_chance_and_count_other_seeds_as_chance():
         "holds": 1,
         "fails": 1,
     }
-    table = pd.concat([table, pd.DataFrame([both])]).assign(about="method")
+    table = pd.concat([table, pd.DataFrame([both])])
+    table = table.assign(about="method", cases=table["holds"] + table["fails"])
     changed = (
         changes(table).set_index(["grid", "claim", "factor"])["changed"].sort_index()
     )
@@ -199,3 +200,24 @@ def test_changes_tell_decisions_from_chance_and_count_other_seeds_as_chance():
     )
     facts = stage.facts({"robustness": table}, options_of("robustness"))
     assert (facts["decisions"], facts["lucky"], facts["names"]) == (1, 2, "none")
+
+
+@pytest.mark.parametrize(
+    ("holds", "fails", "verdict", "changed"),
+    [
+        (2, 0, stage.HOLDS, False),
+        (0, 2, stage.FAILS, False),
+        (0, 0, stage.UNKNOWN, False),
+        (1, 1, stage.BOTH, True),
+        # no evidence with one of two seeds
+        (1, 0, stage.BOTH, True),
+        (0, 1, stage.BOTH, True),
+    ],
+)
+def test_a_seed_without_evidence_changes_a_verdict_by_chance(
+    holds, fails, verdict, changed
+):
+    row = {"grid": "motion", "factor": "", "level": "", "claim": "a", "about": "method"}
+    table = pd.DataFrame([row | {"cases": 2, "holds": holds, "fails": fails}])
+    (result,) = changes(table).itertuples()
+    assert (result.base, result.changed) == (verdict, changed)

@@ -90,7 +90,7 @@ def test_the_answer_on_the_pose_follows_from_interval_and_power(tmp_path, monkey
     numbers += [(0.1, -0.2, 0.6, 0.9), (0.1, -0.2, 0.4, 0.7)]
     table = pd.DataFrame(numbers, columns=["exponent", "low", "high", "power"])
     table = table.assign(
-        quantity=pose.NORM, windows=40, groups=8, spread=0.1, needed=0.2
+        noise=pose.ALL, quantity=pose.NORM, windows=40, groups=8, spread=0.1, needed=0.2
     )
     run = Run("ur5", "paper", False, ["a"], ["x"], {}, {}, {"pose_effect": table})
     (tmp_path / "ur5.json").write_text(run.to_json())

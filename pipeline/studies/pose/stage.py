@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from pipeline.figures import style
 from pipeline.statistics.curves import POWER
-from pipeline.statistics.pose_effect import NORM
+from pipeline.statistics.pose_effect import ALL, DIFFERING, NORM
 from pipeline.studies.frame import NoAnswerError, Tables, concatenate, interval, number
 from pipeline.verdicts.run import read_run
 
@@ -63,13 +63,28 @@ def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
     found, shown = tables["pose"], ["power", "spread", "needed"]
     text = map(interval, found["exponent"], found["low"], found["high"])
     found = found.assign(exponent=[*text], **found[shown].map(number))
-    norm = [*found[found["quantity"] == NORM].itertuples()]
-    cells = found[["dataset", "quantity", "exponent", *shown, "answer"]].to_numpy()
-    return {"norm": norm, "answers": ANSWERS, "cells": cells}
+    of_norm = found[found["quantity"] == NORM]
+    answered = of_norm[of_norm["noise"] == of_norm["dataset"].map(_decisive(of_norm))]
+    columns = ["dataset", "noise", "quantity", "exponent", *shown, "answer"]
+    return {
+        "norm": [*answered.itertuples()],
+        "answers": ANSWERS,
+        "cells": found[columns].to_numpy(),
+    }
+
+
+def _decisive(rows: pd.DataFrame) -> dict[str, str]:
+    """Return the part of the noise that answers the question by dataset: what differs between
+    repetitions, else all noise.
+    """
+    parts = dict.fromkeys(rows["dataset"], ALL)
+    differing = rows.loc[rows["noise"] == DIFFERING, "dataset"]
+    return parts | dict.fromkeys(differing, DIFFERING)
 
 
 def draw(pose: pd.DataFrame) -> Figure:
-    """Draw the exponents with their intervals by dataset."""
+    """Draw the exponents in the decisive part of the noise with their intervals by dataset."""
+    pose = pose[pose["noise"] == pose["dataset"].map(_decisive(pose))]
     names = list(dict.fromkeys(pose["dataset"]))
     figure, ((axes,),) = style.panels(style.TWO_COLUMNS, 1.2 + 0.45 * len(names))
     for shift, (quantity, look) in zip((-0.2, 0.0, 0.2), LOOKS.items(), strict=True):

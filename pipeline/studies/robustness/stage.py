@@ -19,12 +19,18 @@ from pipeline.studies.frame import MISSING, Tables, trials
 from pipeline.studies.robustness import grid
 from pipeline.studies.simulated import FACTORS, Laboratory, require_factors
 from pipeline.verdicts.claims import Claim, read_claims
-from pipeline.verdicts.decision import FAILS, HOLDS, UNKNOWN, claim_verdicts
+from pipeline.verdicts.decision import (
+    FAILS,
+    HOLDS,
+    SPEED_LAW,
+    UNKNOWN,
+    claim_verdicts,
+)
 from pipeline.verdicts.run import ArmNames
 
 HERE = Path(__file__).parent
 TRACK, ARTICULATE = Path("data/track"), Path("data/articulate")
-BOTH = "both"
+BOTH = "differs"  # verdicts of the seeds
 PARTS = ("decisions", "laboratory")
 NAMES = {
     "lasting": "duration of deviations",
@@ -48,10 +54,17 @@ def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
     else:
         parts += laboratory_verdicts(*common)
     rows = pd.concat(cases.drop_duplicates("claim") for cases in parts)
-    rows = rows.assign(holds=rows["verdict"] == HOLDS, fails=rows["verdict"] == FAILS)
-    keys, counts = ["grid", "factor", "level", "claim", "about"], ["holds", "fails"]
+    # the rule holds where it holds for the speed law too
+    rows = rows.assign(
+        cases=1,
+        holds=rows["verdict"].isin([HOLDS, SPEED_LAW]),
+        fails=rows["verdict"] == FAILS,
+    )
+    keys = ["grid", "factor", "level", "claim", "about"]
+    counts = ["cases", "holds", "fails"]
     counted = rows.groupby(keys, sort=False)[counts].sum().reset_index()
-    evident = counted.groupby(["grid", "claim"])[counts].transform("sum").any(axis=1)
+    decided = counted.groupby(["grid", "claim"])[["holds", "fails"]]
+    evident = decided.transform("sum").any(axis=1)
     return {"robustness": counted[evident].reset_index(drop=True)}
 
 
@@ -122,19 +135,26 @@ def laboratory_verdicts(
         yield rows.assign(grid=condition.study, factor=factor, level=level)
 
 
+def verdict_of_cases(cases: int, holds: int, fails: int) -> str:
+    """Return the verdict that all ``cases`` have, BOTH if they differ: in a case that neither holds
+    nor fails the claim has no evidence.
+    """
+    if holds == cases:
+        return HOLDS
+    if fails == cases:
+        return FAILS
+    return UNKNOWN if holds == fails == 0 else BOTH
+
+
 def changes(robustness: pd.DataFrame) -> pd.DataFrame:
     """Return the ``base`` verdict by part (decisions, laboratory), grid, factor and claim, and True
     if a level changes it.
     """
-    words = {
-        (1, 1): BOTH,
-        (1, 0): HOLDS,
-        (0, 1): FAILS,
-        (0, 0): UNKNOWN,
-    }  # some hold, some fail
-    some = zip(robustness["holds"] > 0, robustness["fails"] > 0, strict=True)
+    words = []
+    for row in robustness.itertuples():
+        words.append(verdict_of_cases(row.cases, row.holds, row.fails))
     decisions = robustness["grid"] == "decisions"
-    rows = robustness.assign(verdict=[words[pair] for pair in some])
+    rows = robustness.assign(verdict=words)
     rows = rows.assign(part=rows["grid"].where(decisions, "laboratory"))
     first = rows.loc[rows["factor"] == grid.BASE, ["grid", "claim", "verdict"]]
     rows = rows.merge(
