@@ -49,9 +49,9 @@ smoke: $(READY)
 real: $(READY)
 	python tests/whole/copies.py .real ur5 ur5_planar ur5_rounds lwr4
 
-# The same analysis of synthetic recordings: another arm, forces without an arm, and the youBot's recordings with another task.
+# The same analysis of synthetic recordings: another arm, forces without an arm, the youBot with another task and with other causes of its noise.
 synthetic: $(READY)
-	python tests/whole/copies.py .real lwr4_lab youbot_redundant towing
+	python tests/whole/copies.py .real lwr4_lab youbot_redundant youbot_sway youbot_poses towing
 
 # All stages in a clean clone of the commit, without any earlier output; fails if a result differs from the commit.
 audit: $(READY)

@@ -203,12 +203,13 @@ def _compose(
             composed = hydra_compose("config", overrides=overrides)
         OmegaConf.set_struct(composed, False)
         option = OmegaConf.to_container(composed, resolve=False)["dataset"]
-        if keys := list(datasheet.common_keys(option, sheet.values, "dataset.")):
+        facts = datasheet.facts_beside(option, sheet.values)
+        if keys := list(datasheet.common_keys(option, facts, "dataset.")):
             message = (
                 f"also in {option_file.name}: {', '.join(keys)}; keep each in one file"
             )
             raise ConfigError(message, key=keys[0], file=sheet.file)
-        merged = OmegaConf.merge(composed, {"dataset": sheet.values}, *changes)
+        merged = OmegaConf.merge(composed, {"dataset": facts}, *changes)
         return OmegaConf.to_container(merged, resolve=True)
     except (HydraException, OmegaConfBaseException, TypeError, ValueError) as error:
         raise ConfigError(str(error).splitlines()[0]) from None

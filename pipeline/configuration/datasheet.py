@@ -64,6 +64,12 @@ def to_fill_in(keys: list[str]) -> list[ConfigError]:
     ]
 
 
+def facts_beside(option: dict[str, Any], sheet: dict[str, Any]) -> dict[str, Any]:
+    """Return the sections of a datasheet that the ``option`` file does not leave out by null."""
+    left_out = {key for key, value in option.items() if value is None}
+    return {key: value for key, value in sheet.items() if key not in left_out}
+
+
 def common_keys(
     option: dict[str, Any], sheet: dict[str, Any], prefix: str
 ) -> Iterator[str]:

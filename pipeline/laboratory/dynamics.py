@@ -211,7 +211,8 @@ def swing(
     for i in range(t.size - 1):
         now = servo[..., i, :]
         wanted = speed[i] + options.servo_gain * (goal[i] - now)
-        servo[..., i + 1, :] = now + dt * gain[..., i, :] * wanted
+        turned = np.clip(gain[..., i, :] * wanted, -chain.max_speed, chain.max_speed)
+        servo[..., i + 1, :] = now + dt * turned
     pace = np.linalg.norm(speed, axis=1) / np.linalg.norm(chain.max_speed)
     share = options.sway_rest + (1 - options.sway_rest) * pace**options.speed_exponent
     sway = chance.sway * options.sway_std

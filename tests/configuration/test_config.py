@@ -236,6 +236,13 @@ def test_a_stage_gets_the_sections_that_it_declares_and_no_others(sections):
     assert vars(dataset) == dict.fromkeys(names)
 
 
+def test_a_null_in_the_option_file_leaves_a_section_of_the_datasheet_out(sections):
+    shared = sections("dataset.force", "dataset.mocap").dataset
+    alone = sections("dataset.force", "dataset.mocap", dataset="youbot_sway").dataset
+    assert shared.force is not None and alone.force is None
+    assert alone.mocap == shared.mocap
+
+
 def test_a_study_of_motion_is_refused_without_a_robot_and_the_papers_stage_is_not(
     sections, monkeypatch, tmp_path
 ):
