@@ -14,6 +14,7 @@ from marker_takes import marker_places
 from planar_poses import load_arm
 from sample_options import made
 from scipy.spatial.transform import Rotation
+from synthetic_session import TRAJECTORY
 
 from pipeline.arm.model import Arm
 from pipeline.configuration.config import compose_config
@@ -100,6 +101,7 @@ def counts_of(quality: list[dict]) -> dict[str, float]:
 def dataset() -> Dataset:
     """The synthetic dataset's own options, for a motion of 1.8 s and a coarse camera."""
     options = compose_config(ROOT / "params.yaml").dataset
+    options.laboratory["trajectory"] = TRAJECTORY
     options.motion = Motion(RATE, STEPS)
     options.mocap.training, options.mocap.test = "optitrack/*.csv", None
     options.depth.height, options.depth.width = SIZE

@@ -1,13 +1,12 @@
-"""The arm and the motion of the synthetic dataset, as its own options give them."""
+"""The arm and the motion of the dataset youbot_sway, as its own options give them."""
 
-from omegaconf import OmegaConf
 from planar_poses import load_arm
 
-from pipeline.configuration.config import CONF
+from pipeline.configuration.config import CONF, dataset_values
 from pipeline.laboratory.causes import sway
 from pipeline.laboratory.options import DynamicsOptions, TrajectoryOptions
 
-DATASET = OmegaConf.to_container(OmegaConf.load(CONF / "dataset" / "youbot.yaml"))
+DATASET = dataset_values(CONF / "dataset" / "youbot_sway.yaml")
 ROBOT, LABORATORY = DATASET["robot"], DATASET["laboratory"]
 ARM = load_arm(ROBOT["urdf"], ROBOT["joints"], ROBOT["tool"], ROBOT["locked"])
 TRAJECTORY = TrajectoryOptions(**LABORATORY["trajectory"])

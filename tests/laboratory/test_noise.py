@@ -41,7 +41,7 @@ TAKES = 60
 DATASETS = {
     values["laboratory"]["cause"]: values
     for values in map(dataset_values, sorted((CONF / "dataset").glob("youbot*.yaml")))
-    if values["name"] != "youbot_redundant" and values["laboratory"]
+    if values["name"] != "youbot_redundant" and values.get("laboratory")
 }
 PUBLISHED = published_values(
     parse_claims(read_yaml(ROOT / "pipeline/verdicts/claims.yaml")["claims"])
