@@ -21,6 +21,7 @@ from pipeline.models.kinds import options_type
 
 CONF = Path(__file__).parents[1] / "conf"
 COMPOSED = Path("data/config.yaml")
+ENVIRONMENT = re.compile(r"\$\{\s*oc\.env\b")  # an interpolation of OmegaConf
 GROUPS = (
     "dataset",
     "filter",
@@ -209,10 +210,29 @@ def _compose(
                 f"also in {option_file.name}: {', '.join(keys)}; keep each in one file"
             )
             raise ConfigError(message, key=keys[0], file=sheet.file)
+        _require_plain({"dataset": sheet.values}, file=sheet.file)
         merged = OmegaConf.merge(composed, {"dataset": facts}, *changes)
+        _require_plain(OmegaConf.to_container(merged, resolve=False))
         return OmegaConf.to_container(merged, resolve=True)
     except (HydraException, OmegaConfBaseException, TypeError, ValueError) as error:
         raise ConfigError(str(error).splitlines()[0]) from None
+
+
+def _require_plain(values: Any, key: str = "", **evidence: object) -> None:
+    """Raise ConfigError for a text in ``values`` that reads a variable of the environment, whose
+    value would stand in a committed file.
+    """
+    if isinstance(values, dict):
+        for name, value in values.items():
+            _require_plain(value, f"{key}.{name}" if key else str(name), **evidence)
+    elif isinstance(values, list):
+        for place, value in enumerate(values):
+            _require_plain(value, f"{key}[{place}]", **evidence)
+    elif isinstance(values, str) and ENVIRONMENT.search(values):
+        message = f"{values!r} reads a variable of the environment, whose value the run would write"
+        raise ConfigError(
+            f"{message} to committed files: write the value", key=key, **evidence
+        )
 
 
 def dataset_values(option_file: Path) -> dict[str, Any]:

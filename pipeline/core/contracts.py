@@ -182,8 +182,14 @@ def write_text(text: str, file: Path) -> None:
 
 @contextmanager
 def replacing(folder: Path) -> Iterator[Path]:
-    """Yield an empty folder; it replaces ``folder``, or a link's target, on success, else goes."""
-    folder = Path(folder).resolve() if Path(folder).is_symlink() else Path(folder)
+    """Yield an empty folder; it replaces ``folder`` on success, else it is removed. Raises
+    ContractError where ``folder`` is a link: what lies there may not be the stage's.
+    """
+    folder = Path(folder)
+    if folder.is_symlink():
+        message = f"the output folder is a link to {folder.readlink()}, whose content the stage "
+        message += "would replace: remove the link, and run it again"
+        raise ContractError(message, file=folder)
     partial = _partial(folder)
     partial.mkdir(parents=True)
     try:

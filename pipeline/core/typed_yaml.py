@@ -1,6 +1,7 @@
 """YAML files of keys and values, read with libyaml; duplicate keys are errors."""
 
 import re
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -14,11 +15,13 @@ class Loader(yaml.CSafeLoader):
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict:
         """Return the mapping; raises YAMLError where a key occurs twice."""
-        keys = [key.value for key, _ in node.value]
-        if twice := sorted({key for key in keys if keys.count(key) > 1}):
+        scalars = [k for k, _ in node.value if isinstance(k, yaml.ScalarNode)]
+        numbers = Counter(key.value for key in scalars)
+        twice = [key for key, number in numbers.items() if number > 1]
+        if twice:
             where = node.start_mark.line + 1
             raise yaml.YAMLError(
-                f"key {twice[0]!r} occurs twice in the mapping of line {where}"
+                f"key {min(twice)!r} occurs twice in the mapping of line {where}"
             )
         return super().construct_mapping(node, deep)
 
@@ -29,8 +32,31 @@ Loader.yaml_implicit_resolvers = {
     ]
     for first, resolvers in yaml.CSafeLoader.yaml_implicit_resolvers.items()
 }
+# levels of nesting: option files have up to 8, and libyaml ends the process at some ten thousand
+MOST_DEEP = 100
 FLOAT = re.compile(r"[-+]?\d[\d_]*(\.[\d_]*)?[eE][-+]?\d+$")
 Loader.add_implicit_resolver("tag:yaml.org,2002:float", FLOAT, list("-+0123456789"))
+
+
+def _require_finite(text: str | bytes) -> None:
+    """Raise YAMLError for more than MOST_DEEP levels, and for an alias in what it stands for."""
+    anchors = []  # of the mappings and lists that are open
+    for event in yaml.parse(text, yaml.CSafeLoader):
+        if isinstance(event, yaml.CollectionStartEvent):
+            anchors.append(event.anchor)
+        elif isinstance(event, yaml.CollectionEndEvent):
+            anchors.pop()
+        elif isinstance(event, yaml.AliasEvent) and event.anchor in anchors:
+            where = event.start_mark.line + 1
+            message = (
+                f"alias *{event.anchor} in line {where} stands for what contains it"
+            )
+            raise yaml.YAMLError(f"{message}: write the values out")
+        if len(anchors) > MOST_DEEP:
+            where = event.start_mark.line + 1
+            raise yaml.YAMLError(
+                f"line {where} nests more than {MOST_DEEP} levels deep"
+            )
 
 
 def read_yaml(file: Path) -> dict[str, Any]:
@@ -49,6 +75,7 @@ def read_yaml(file: Path) -> dict[str, Any]:
 def parse_yaml(text: str | bytes, **evidence: object) -> Any:
     """Return the value of ``text``; raises ConfigError with ``evidence`` where it is not YAML."""
     try:
+        _require_finite(text)
         return yaml.load(text, Loader)
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         message = f"cannot be read as YAML: {' '.join(str(error).split())}"

@@ -373,6 +373,8 @@ def test_values_of_both_files_are_in_the_configuration(sheet, compose):
         ("about.page", "1", "'page'"),
         ("depth.clock_offset", "early", "clock_offset"),
         ("mocap.markrs", {}, "did you mean markers"),
+        ("depth.takes", "${oc.env:HOME}/kinect", "variable of the environment"),
+        ("force.log.rate", "${oc.decode:${ oc.env:RATE}}", "variable of the environ"),
     ],
 )
 def test_a_wrong_value_or_key_is_named_with_the_datasheet(
@@ -383,9 +385,17 @@ def test_a_wrong_value_or_key_is_named_with_the_datasheet(
         compose()
     error = refused.value
     assert words in error.message and "\n" not in str(error)
-    assert (
-        error.evidence["file"] == sheet and key.split(".")[0] in error.evidence["key"]
-    )
+    assert error.evidence["file"] == sheet
+    assert key.split(".")[0] in error.evidence["key"]
+
+
+def test_a_variable_of_the_environment_in_an_override_is_refused_with_its_key(compose):
+    with pytest.raises(ConfigError, match="variable of the environment") as refused:
+        compose(overrides='{filter: {particles: "${oc.env:HOME}"}}')
+    assert refused.value.evidence["key"] == "filter.particles"
+    # an interpolation of another option stays possible
+    composed = compose(overrides='{filter: {particles: "${seed}"}}')
+    assert composed.filter.particles == composed.seed
 
 
 def test_every_dataset_has_a_datasheet_with_nothing_to_fill_in():

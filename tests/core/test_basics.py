@@ -13,6 +13,7 @@ import time
 from importlib import import_module
 from multiprocessing import get_context
 from pathlib import Path
+from time import process_time
 
 import numpy as np
 import pytest
@@ -109,6 +110,38 @@ def test_yaml_that_is_ambiguous_or_holds_no_keys_is_refused_with_its_file(
     with pytest.raises(ConfigError) as caught:
         read_yaml(file)
     assert caught.value.evidence["file"] == file
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"a: " + b"[" * 40_000 + b"]" * 40_000, "line 1 nests more than 100 levels"),
+        (b"a:\n  " + b"- " * 40_000 + b"1\n", "line 2 nests more than 100 levels"),
+        (b"{a: " * 40_000, "line 1 nests more than 100 levels"),
+        (b"a: &x {b: *x}\n", r"alias \*x in line 1 stands for what contains it"),
+        (b"a: &x\n- [*x]\n", r"alias \*x in line 2 stands for what contains it"),
+        (b"? &k [a]\n: 1\n? *k\n: 2\n", "unhashable key"),
+        (b"? {a: 1}\n: 1\n? {a: 1}\n: 2\n", "unhashable key"),
+    ],
+)
+def test_yaml_that_cannot_be_values_is_refused_in_plain_words(tmp_path, content, words):
+    file = tmp_path / "a.yaml"
+    file.write_bytes(content)
+    with pytest.raises(ConfigError, match=words) as refused:
+        read_yaml(file)
+    assert "\n" not in str(refused.value)
+
+
+def test_the_time_of_a_mapping_grows_with_its_keys(tmp_path):
+    """Ten times the keys take 100 times as long if each is compared with all others."""
+    seconds = {}
+    for keys in (2_000, 20_000):
+        file = tmp_path / f"{keys}.yaml"
+        file.write_text("".join(f"k{i}: 1\n" for i in range(keys)))
+        start = process_time()
+        assert len(read_yaml(file)) == keys
+        seconds[keys] = process_time() - start
+    assert seconds[20_000] < 40 * seconds[2_000]
 
 
 def test_a_users_own_setting_is_overwritten_by_the_command():

@@ -287,9 +287,8 @@ def test_a_folder_is_replaced_whole_or_stays_as_it_was(tmp_path):
     folder, left = tmp_path / "track", tmp_path / ".track.999999999.partial"
     left.mkdir()
     (left / "torn").write_text("torn")  # of a killed run
-    (link := tmp_path / "link").symlink_to(folder)
-    for place, name in ((folder, "old"), (link, "new")):
-        with contracts.replacing(place) as partial:
+    for name in ("old", "new"):
+        with contracts.replacing(folder) as partial:
             assert not list(partial.iterdir())
             (partial / name).write_text(name)
             assert not (folder / "new").exists()
@@ -303,4 +302,20 @@ def test_a_folder_is_replaced_whole_or_stays_as_it_was(tmp_path):
             (partial / "newer").write_text("newer")
             raise error
     assert [path.name for path in folder.iterdir()] == ["new"]
-    assert {path.name for path in tmp_path.iterdir()} == {"link", "track"}
+    assert {path.name for path in tmp_path.iterdir()} == {"track"}
+
+
+@pytest.mark.parametrize("exists", [True, False])
+def test_an_output_folder_that_is_a_link_is_refused_and_its_content_stays(
+    tmp_path, exists
+):
+    foreign, link = tmp_path / "foreign", tmp_path / "track"
+    if exists:
+        foreign.mkdir()
+        (foreign / "thesis").write_text("mine")
+    link.symlink_to(foreign)
+    with pytest.raises(ContractError, match=r"is a link to .*foreign") as refused:
+        with contracts.replacing(link):
+            pass
+    assert refused.value.evidence["file"] == link and link.is_symlink()
+    assert [path.name for path in foreign.glob("*")] == ["thesis"] * exists
