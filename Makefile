@@ -47,7 +47,7 @@ smoke: $(READY)
 
 # The same analysis of recordings of real robots: the report compares the verdicts.
 real: $(READY)
-	python tests/whole/copies.py .real ur5 ur5_planar ur5_rounds lwr4
+	python tests/whole/copies.py .real ur5 ur5_planar ur5_rounds lwr4 youbot_real
 
 # The same analysis of synthetic recordings: another arm, forces without an arm, the youBot with another task and with other causes of its noise.
 synthetic: $(READY)

@@ -94,7 +94,10 @@ def _motion(dataset: Dataset, raw: Path, folder: Path, errors: list) -> list[dic
             angles = {name: read.actual for name, read in movements.items()}
             exported = {name: rounding(measured) for name, measured in angles.items()}
             require_distinct("movements", angles, tolerances=exported)
-        if not errors:
+        if not errors and dataset.robot is None:
+            for name, read in movements.items():
+                quality += joint_logs.count_rows(name, read.counts)
+        elif not errors:
             with collecting(errors):
                 trajectory, joints, counts = joint_logs.joint_log_rows(
                     movements, dataset

@@ -17,6 +17,7 @@ from pipeline.core.options.dataset import Dataset
 from pipeline.formats.joints.log import OPTION, LogOptions
 from pipeline.recordings import movement, repetitions
 from pipeline.recordings.commands import (
+    UNFILLED,
     circular_joints,
     require_pair,
     wrong_commands,
@@ -44,7 +45,8 @@ class LoggedTake(NamedTuple):
 
 def read_dataset_movement(name: str, place: Path, dataset: Dataset) -> LoggedMovement:
     """Return the movement ``name`` in ``place``; see :func:`movement.read_logged_movement`."""
-    log, rate, urdf = dataset.joint_log, dataset.motion.rate, dataset.robot.urdf
+    log, rate = dataset.joint_log, dataset.motion.rate
+    urdf = UNFILLED if dataset.robot is None else dataset.robot.urdf
     return movement.read_logged_movement(name, place, log, rate, urdf)
 
 
@@ -147,6 +149,12 @@ def joint_log_rows(
         table,
         quality,
     )
+
+
+def count_rows(name: str, counts: Mapping[str, float]) -> list[dict]:
+    """Return the quality rows of the ``counts`` of the movement ``name``."""
+    notes = [(key, n, movement.UNITS.get(key, "count")) for key, n in counts.items()]
+    return [quality_row(name, "training", "joint log", *note) for note in notes]
 
 
 def find_takes(

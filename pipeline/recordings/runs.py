@@ -147,7 +147,8 @@ def _moving_joints(
 def runs_of_dataset(dataset: Dataset) -> RunsOfLogs:
     """Return :func:`joint_runs` of the robot's joints in the dataset's logs."""
     rate, noise = dataset.motion.rate, dataset.motion.pose_noise
-    return joint_runs(read_movements(dataset), rate, dataset.robot.joints, noise)
+    joints = () if dataset.robot is None else dataset.robot.joints
+    return joint_runs(read_movements(dataset), rate, joints, noise)
 
 
 def _runs_of(

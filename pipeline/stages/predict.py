@@ -12,6 +12,7 @@ from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ModelDomainError, RecordingError, SingularJacobianError
 from pipeline.core.filters import MEMORY, NONE
 from pipeline.evidence.pose import pose_table
+from pipeline.evidence.step_noise import step_noise
 from pipeline.filtering.linear import baseline_predictions
 from pipeline.models.joint_error.fit import FAMILY, runs_of
 from pipeline.models.joint_error.held_out import joint_tables
@@ -41,6 +42,10 @@ def run() -> None:
     with contracts.replacing(OUT) as folder:
         if settings.dataset.robot is None:
             print("predict: the dataset has no robot; there is no pose to predict")
+            if settings.dataset.joint_log is not None:
+                tables = _tables_of_logs(settings.dataset, settings.compute)
+                for name, table in tables.items():
+                    contracts.write(table, name, folder)
             return
         recorded = training_steps(settings.dataset.robot, settings.dataset.motion)
         options = settings.models
@@ -51,6 +56,16 @@ def run() -> None:
         tables = {"ranges": ranges} | _joint_tables(settings, recorded, options)
         for name, table in (tables | _predictions(settings, recorded, options)).items():
             contracts.write(table, name, folder)
+
+
+def _tables_of_logs(dataset, compute) -> dict[str, pd.DataFrame]:
+    """Return the tables of the joint error laws and of the noise of a step, on all runs of logs
+    whose motions need not repeat.
+    """
+    runs, unused = runs_of_dataset(dataset)
+    each = partial(run_trials, compute=compute, label="predict: held-out motions")
+    tables = joint_tables(runs, config.model_options(FAMILY), unused, each)
+    return tables | {"step_noise": step_noise(runs)}
 
 
 def _joint_tables(

@@ -2,6 +2,7 @@
 smoke scale; ``… FOLDER DATASET…`` runs it on other datasets and takes their evidence back.
 """
 
+import os
 import shutil
 import subprocess
 import sys
@@ -10,34 +11,50 @@ from pathlib import Path
 sys.path += [str(Path(__file__).parents[1] / folder) for folder in ("..", "helpers")]
 from project_copy import ROOT, SMOKE, copy_project, set_parameters
 
-from pipeline.core.typed_yaml import read_yaml
+from pipeline.configuration.config import CONF, dataset_values
+from pipeline.core.errors import RecordingError
+from pipeline.recordings.inventory import PULLED, listing, raw_folder
 
 # beside the project, where the datasheets of real robots say that their recordings are
 BESIDE = ROOT.parent / "shared"
 EVIDENCE = "reports/datasets"  # a file a dataset, which the report compares
 
 
-def reproduce(copy: Path, *targets: str, **parameters: object) -> bool:
-    """Copy the project, set ``parameters`` and run ``dvc repro``; return its success."""
+def reproduce(
+    copy: Path, *targets: str, pulled: Path | None = None, **parameters: object
+) -> bool:
+    """Copy the project with the ``pulled`` recordings, set ``parameters`` and run ``dvc repro``;
+    return its success.
+    """
     copy_project(copy)
+    if pulled is not None:
+        shutil.copytree(ROOT / pulled, copy / pulled, dirs_exist_ok=True)
     set_parameters(copy, **parameters)
-    return (
-        subprocess.run(["dvc", "repro", *targets], cwd=copy, check=False).returncode
-        == 0
-    )
+    command = ["dvc", "repro", *targets]
+    return subprocess.run(command, cwd=copy, check=False).returncode == 0
+
+
+def recordings_of(dataset: str) -> Path | None:
+    """Return the folder of a real dataset's recordings, from the project's root: the pulled ones,
+    else those beside the project; None where the laboratory records them. RecordingError without
+    recordings.
+    """
+    stated = dataset_values(CONF / "dataset" / f"{dataset}.yaml")["recordings"]
+    place = raw_folder(stated)
+    if place.parts[0] != ".." and not place.is_relative_to(PULLED):
+        return None
+    listing(place)
+    return place
 
 
 def main(folder: Path, *datasets: str) -> int:
     """Run on the smoke scale, or on the ``datasets``; the first that fails ends it."""
-    for dataset in datasets:
-        place = Path(read_yaml(ROOT / f"data/raw/{dataset}/dataset.yaml")["recordings"])
-        if ".." in place.parts and not (ROOT / place).is_dir():
-            origin = f"data/raw/{dataset}/README.md says where they come from"
-            print(
-                f"error: no recordings of {dataset} in {place}; {origin}",
-                file=sys.stderr,
-            )
-            return 1
+    os.chdir(ROOT)
+    try:
+        places = {dataset: recordings_of(dataset) for dataset in datasets}
+    except RecordingError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     if not datasets:
@@ -47,10 +64,12 @@ def main(folder: Path, *datasets: str) -> int:
             f"smoke: every stage ran in {folder / 'project'}; its numbers mean nothing"
         )
         return 0
-    (folder / BESIDE.name).symlink_to(BESIDE)
+    if BESIDE.is_dir():
+        (folder / BESIDE.name).symlink_to(BESIDE)
     (ROOT / EVIDENCE).mkdir(parents=True, exist_ok=True)
-    for dataset in datasets:
-        if not reproduce(folder / dataset, "score", dataset=dataset):
+    for dataset, place in places.items():
+        pulled = place if place and place.is_relative_to(PULLED) else None
+        if not reproduce(folder / dataset, "score", pulled=pulled, dataset=dataset):
             return 1
         evidence = folder / dataset / "data/score/evidence.json"
         shutil.copyfile(evidence, ROOT / EVIDENCE / f"{dataset}.json")

@@ -4,6 +4,7 @@ import hashlib
 import os
 import subprocess
 import sys
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -32,6 +33,7 @@ def test_every_public_recording_is_pinned_by_revision_and_hash():
         "ur5",
         "lwr4",
         "kr300",
+        "youbot_real",
     }
     for file in imports:
         source, out = content(file)
@@ -57,6 +59,25 @@ def test_a_dataset_finds_pulled_recordings_first_and_the_message_names_the_comma
         "logs/arm"
     )
     assert list(listing(folder)["file"]) == ["log.csv"]
+
+
+def test_copies_take_the_pulled_recordings_and_name_the_command_without_them(
+    tmp_path, monkeypatch
+):
+    monkeypatch.syspath_prepend(ROOT / "tests/whole")
+    copies = import_module("copies")
+    monkeypatch.chdir(tmp_path)
+    assert copies.recordings_of("youbot_sway") is None
+    folder = Path("data/recordings/youbot_real")
+    folder.mkdir(parents=True)
+    with pytest.raises(RecordingError, match=r"pull -R youbot_real` brings them"):
+        copies.recordings_of("youbot_real")
+    (folder / "log.txt").write_text("1\n")
+    assert copies.recordings_of("youbot_real") == folder
+    pulled = Path("data/recordings/ur5")
+    pulled.mkdir()
+    (pulled / "log.csv").write_text("1\n")
+    assert copies.recordings_of("ur5") == pulled
 
 
 @pytest.mark.slow

@@ -376,7 +376,9 @@ class Dataset:
     recordings: (
         str  # folder of the raw files: in the project, beside it (../NAME) or absolute
     )
-    robot: Robot | None  # null where only forces were recorded
+    robot: (
+        Robot | None
+    )  # null where only forces were recorded, or logs without repetitions
     motion: Motion | None  # null where only forces were recorded
     trajectory: str | None = None  # file of the commanded trajectory
     mocap: Mocap | None = None
@@ -397,6 +399,12 @@ class Dataset:
         if ".." in Path(self.recordings).parts[1:]:
             message = "must be in the project, beside it (../NAME) or an absolute path"
             raise Fault("recordings", f"{message}, got {self.recordings}")
+        if (
+            self.robot is None
+            and self.motion is not None
+            and self.joint_log is not None
+        ):
+            return self  # logs are analysed joint by joint, without a Jacobian
         if self.robot is None or self.motion is None:
             parts = (
                 "robot",
