@@ -51,6 +51,20 @@ MENDS = {".bag": "rosbag reindex", ".mcap": "mcap recover", ".db3": "ros2 bag re
 PROFILE = re.compile(rb"\x89MCAP0\r\n\x01.{8}(.)\0{3}", re.DOTALL)
 SERIALIZATION = re.compile(rb"serialization_format: *[\"']?(\w+)")
 ROS1, ROS2 = "ros1", "cdr"  # serializations
+# types of messages that may have commanded or measured angles, and are not read
+OF_JOINTS = (
+    "control_msgs/msg/JointTrajectoryControllerState",
+    "control_msgs/msg/JointControllerState",
+    "control_msgs/msg/MultiDOFStateStamped",
+    "control_msgs/msg/DynamicJointState",
+    "trajectory_msgs/msg/JointTrajectory",
+    "std_msgs/msg/Float64MultiArray",
+    "std_msgs/msg/Float32MultiArray",
+)
+NOT_READ = (
+    "{} is not read: if it has commanded angles (desired or reference) or measured ones (actual or "
+    "feedback), publish them as JointState, or save a table of them"
+)
 FOREIGN = "{} is serialised as {!r}, where ROS 2 writes cdr"
 _streams: list[Iterator] = []  # open message stream of the reading process
 
@@ -83,6 +97,9 @@ def _summary(file: Path) -> Summary:
                 _decoder(connection)
             except RecordingError as error:
                 foreign = foreign | {connection.topic: error.message}
+            if connection.msgtype in OF_JOINTS:
+                unread = NOT_READ.format(connection.msgtype.rpartition("/")[2])
+                foreign = foreign | {connection.topic: unread}
         duration = reader.duration * 1e-9 if counts.total() else 0.0
         topics = {topic: (kind, number) for (topic, kind), number in counts.items()}
         storages = getattr(getattr(reader, "storage", None), "storages", ())

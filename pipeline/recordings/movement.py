@@ -14,6 +14,7 @@ from pipeline.core.angles import MOST_TURNS, TURN, unwrap, whole_turns
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.dataset import SIGNALS, JointLogSection
 from pipeline.formats import joints as joint_formats
+from pipeline.formats import rosbag
 from pipeline.formats.format import Kind, format_of, formats_in, is_bag
 from pipeline.formats.joints.log import (
     OPTION,
@@ -306,6 +307,9 @@ def read_logged_movement(
     if missing := [signal for signal in SIGNALS[:2] if signal not in signals]:
         where = "signals" if single else " and ".join(missing)
         message = f"no option names the {' and '.join(missing)} angles of {name}"
+        if is_bag(movement):
+            unread = rosbag.summary(movement).passed_over
+            message += "".join(f"; {topic}: {why}" for topic, why in unread.items())
         raise ConfigError(message, key=f"{OPTION}.{where}")
     delay = options.target_delay
     delays = delay if isinstance(delay, Mapping) else {name: delay}

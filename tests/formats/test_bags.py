@@ -1,19 +1,24 @@
 """Bags of both ROS versions: topics, messages, joint states by name, and what is refused."""
 
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 from ros_bags import Message, image, write_bag
+from sample_options import made
+from source_code import ROOT
 from written_logs import refusal
 
-from pipeline.core.errors import RecordingError
+from pipeline.core.errors import ConfigError, RecordingError
+from pipeline.core.options.dataset import JointLogSection
 from pipeline.formats.format import is_bag
 from pipeline.formats.joints.log import JOINT_STATE, LogOptions, read_joint_bag
-from pipeline.formats.rosbag import choose_topic, messages, seconds, topics
-from pipeline.recordings.movement import read_movement
+from pipeline.formats.rosbag import choose_topic, messages, seconds, summary, topics
+from pipeline.recordings.movement import read_logged_movement, read_movement
 from pipeline.tools.inspect.command import inspect
 
+CASES = ROOT.parent / "shared/cases"
 IMAGE, INFO = "sensor_msgs/msg/Image", "sensor_msgs/msg/CameraInfo"
 PIXELS = np.arange(12, dtype=np.uint16).reshape(3, 4)
 START = 1700000000.0
@@ -181,6 +186,29 @@ def test_what_other_publishers_send_is_passed_over_and_repeated_messages_are_dro
     )
     names = ("messages_of_other_joints", "doubled_rows")
     assert {name: log.counts[name] for name in names if name in log.counts} == counted
+
+
+@pytest.mark.parametrize(
+    "kind", ["std_msgs/msg/Float64MultiArray", "trajectory_msgs/msg/JointTrajectory"]
+)
+def test_a_topic_that_may_have_the_command_is_named_as_not_read_with_the_remedy(
+    tmp_path, kind
+):
+    held = {"/joint_states": states(), "/commands": []}
+    bag = write_bag(tmp_path, "sqlite3", held, kinds={"/commands": kind})
+    words = f"{kind.rpartition('/')[2]} is not read.*publish them as JointState"
+    assert re.search(words, summary(bag).passed_over["/commands"])
+    options = made(JointLogSection, joints=["a", "b"])
+    with pytest.raises(ConfigError, match=f"target angles of run; /commands: {words}"):
+        read_logged_movement("run", bag, options, 100.0)
+
+
+def test_the_state_of_a_controller_is_named_as_not_read():
+    case = CASES / "45-commands-in-controller-state/run_1"
+    if not case.is_dir():
+        pytest.skip("the cases are not beside the project")
+    (topic,) = summary(case).passed_over
+    assert topic == "/scaled_pos_joint_traj_controller/state"
 
 
 def test_efforts_and_velocities_are_read_as_what_they_are(tmp_path):
