@@ -36,8 +36,8 @@ def figures_in() -> dict[str, Drawing]:
     figures = {}
     for file in Path(__file__).parent.glob("*.yaml"):
         module = import_module(f"pipeline.figures.{file.stem}")
-        for name, known in read_yaml(file).items():
-            figures[name] = Drawing(getattr(module, name), **known)
+        for name, stated in read_yaml(file).items():
+            figures[name] = Drawing(getattr(module, name), **stated)
     return dict(sorted(figures.items()))
 
 

@@ -117,7 +117,7 @@ def wrench_density(
     figure, grid = style.panels(
         style.TWO_COLUMNS, 0.4 + 1.75 * layout["rows"], **layout
     )
-    tension = max(max(each.tension) for each in configurations.values())
+    tension = max(max(robots.tension) for robots in configurations.values())
     limits = [(force_density[c].min(), force_density[c].max()) for c in ("fx", "fy")]
     shades = {"cmap": "CMRmap_r", "vmin": 0, "vmax": force_density["density"].max()}
     cross = {"color": style.SKY, "markersize": 6, "markeredgewidth": 1.0}

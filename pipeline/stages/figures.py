@@ -19,12 +19,13 @@ def run() -> None:
     if contracts.exists("deviation", SCORE):  # it has the models with a fit
         fitted = set(contracts.read("deviation", SCORE)["source"])
         models = [model for model in models if model in fitted]
-    own = json.loads((SCORE / "evidence.json").read_text(encoding="utf-8"))
+    evidence = json.loads((SCORE / "evidence.json").read_text(encoding="utf-8"))
+    recordings = "simulated recordings" if evidence["synthetic"] else "recordings"
     options = {
         "models": models[:DRAWN],
         "joints": robot.joints if robot else [],
         "mode": settings.simulation.mode,
         "configurations": force.configurations if force else {},
-        "recordings": "simulated " * own["synthetic"] + "recordings",
+        "recordings": recordings,
     }
     draw_all(OUT, options, settings.compute)

@@ -106,10 +106,10 @@ def version() -> str:
 def require_datasets(claims: Sequence[Claim], papers: Sequence[str]) -> None:
     """Raise ConfigError for a reason or a dataset of the ``papers`` that names no dataset."""
     named = {*papers}.union(*(claim.why for claim in claims))
-    known = config.option_names("dataset")
-    unknown = sorted(named - {*known})
+    datasets = config.option_names("dataset")
+    unknown = sorted(named - {*datasets})
     if unknown:
-        message = f"no dataset {', '.join(unknown)}; there are {', '.join(known)}"
+        message = f"no dataset {', '.join(unknown)}; there are {', '.join(datasets)}"
         raise ConfigError(message, file=CLAIMS, key="why or recordings_of_the_paper")
 
 

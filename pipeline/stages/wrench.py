@@ -30,8 +30,8 @@ def run() -> None:
     options, force = settings.wrench, settings.dataset.force
     stream = rng.stream(settings.seed, "wrench.study")
     trials = partial(run_trials, compute=settings.compute)
-    each = partial(trials, label="wrench: study")
-    sigma, errors, spread = run_study(options, stream, each)
+    repeats = partial(trials, label="wrench: study")
+    sigma, errors, spread = run_study(options, stream, repeats)
     tables = {"sigma_s": [sigma], "wrench_errors": [errors], "wrench_spread": [spread]}
     metrics = {}
     if force is None:

@@ -30,21 +30,21 @@ def published_and_ours(here: Run, groups: Sequence[Group]) -> str:
     """Return the fitted parameters of ``here`` by estimator, σ̂_B over ε and weight, then the other
     published numbers and those of each run of the same arm.
     """
-    own = next(group for group in groups if here.dataset in group.verdicts)
-    verdicts = own.verdicts[here.dataset]
+    group = next(group for group in groups if here.dataset in group.verdicts)
+    verdicts = group.verdicts[here.dataset]
     published = {verdict.claim.id: verdict.claim.published for verdict in verdicts}
     fitted = here.metrics.get("fit_gaussian", {}) if here.arm.numbered else {}
     levels = noise_levels(fitted, published)
     few = few_takes(here)
     if levels:
         levels = levels | _determination(fitted)
-    parts = [say("published", few=few, levels=levels)]
+    paragraphs = [say("published", few=few, levels=levels)]
     rows = _parameter_rows(here, published, levels, few)
     if rows:
-        parts.append(table(["parameter", "published", *ESTIMATORS.values()], rows))
-    parts.append(floors(here))
-    parts.append(_numbers(here, groups))
-    return "\n\n".join(part for part in parts if part)
+        header = ["parameter", "published", *ESTIMATORS.values()]
+        paragraphs.append(table(header, rows))
+    paragraphs += [floors(here), _numbers(here, groups)]
+    return "\n\n".join(text for text in paragraphs if text)
 
 
 def _determination(fitted: Mapping[str, float]) -> dict[str, list[str]]:
@@ -134,11 +134,11 @@ def _numbers(here: Run, groups: Sequence[Group]) -> str:
             by_run = [verdict, *([None] * (len(by_run) - 1))]
         if not _cases(by_run[0]):
             continue
-        first, *others = by_run
+        first, *of_other_runs = by_run
         cells = [_values(_cases(first), few_takes(here))]
-        cells += [
-            " / ".join(number(case.value, 3) for case in _cases(v)) for v in others
-        ]
+        for of_run in of_other_runs:
+            values = [number(case.value, 3) for case in _cases(of_run)]
+            cells.append(" / ".join(values))
         is_input = INPUTS.get(claim.id, "no") if here.synthetic else "no"
         rows.append([*_name_and_published(claim, _cases(first)), is_input, *cells])
     if not rows:
@@ -148,16 +148,21 @@ def _numbers(here: Run, groups: Sequence[Group]) -> str:
 
 def _columns(here: Run, groups: Sequence[Group]) -> dict[str, Sequence[Verdict]]:
     """Return the verdicts of ``here`` and of the other runs of its arm, by heading."""
-    columns = {}
+    first, columns = {}, {}
     for group in groups:
         for run in group.runs:
-            if run.arm == here.arm:
-                cause = (
-                    f" ({run.cause})" if run.cause else " (real)" * (not run.synthetic)
-                )
-                columns[f"{run.dataset}{cause}"] = group.verdicts[run.dataset]
-    own = next(name for name in columns if name.split(" ")[0] == here.dataset)
-    return {own: columns.pop(own)} | columns
+            if run.dataset == here.dataset:
+                first[_heading(run)] = group.verdicts[run.dataset]
+            elif run.arm == here.arm:
+                columns[_heading(run)] = group.verdicts[run.dataset]
+    return first | columns
+
+
+def _heading(run: Run) -> str:
+    """Return the name of the dataset with the cause of its noise, or "real"."""
+    if not run.synthetic:
+        return f"{run.dataset} (real)"
+    return f"{run.dataset} ({run.cause})" if run.cause else run.dataset
 
 
 def _cases(verdict: Verdict | None) -> list[Case]:
@@ -170,7 +175,7 @@ def _cases(verdict: Verdict | None) -> list[Case]:
 def _name_and_published(claim: Claim, cases: Sequence[Case]) -> tuple[str, str]:
     unit = f" ({claim.unit})" if claim.unit else ""
     names = " / ".join(case.case for case in cases if case.case)
-    name = ", ".join(part for part in (claim.parameter, names) if part)
+    name = f"{claim.parameter}, {names}" if names else claim.parameter
     return name + unit, " / ".join(number(case.published) for case in cases)
 
 

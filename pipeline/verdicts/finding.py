@@ -36,11 +36,12 @@ def rounded(value: float) -> str:
 
 def _independent(rows: Sequence[Row]) -> str:
     """Return the sentence on the claims that need no recording."""
-    own = [row for row in rows if not row.group.runs]
-    if not own:
+    independent = [row for row in rows if not row.group.runs]
+    if not independent:
         return ""
-    counts = {word: len(own[0].claims[word]) for word in COUNTED}
-    failing = [joined.claim.id for joined in own[0].claims[FAILS]]
+    claims = independent[0].claims
+    counts = {word: len(claims[word]) for word in COUNTED}
+    failing = [joined.claim.id for joined in claims[FAILS]]
     decided = counts[HOLDS] + counts[FAILS]
     return say("finding_wrench", holds=counts[HOLDS], decided=decided, failing=failing)
 
@@ -67,7 +68,7 @@ def _real(groups: Sequence[Group]) -> str:
     noise and against the law of the speed.
     """
     by_model: dict[str, dict[str, pd.Series]] = {}
-    leading, robots = [], []
+    leading = []
     for group in groups:
         run = group.runs[0] if group.runs else None
         if run is None or run.synthetic or "predictions" not in run.tables:
@@ -80,19 +81,16 @@ def _real(groups: Sequence[Group]) -> str:
             if pd.notna(difference["difference"]):
                 by_model.setdefault(plain_name(model), {})[robot] = difference
         means = log_scores(run)["mean"]
-        robots.append(robot)
-        if SPEED in means and all(
-            means[SPEED] > means[model] for model in scored if model in means
-        ):
+        matrix = [means[model] for model in scored if model in means]
+        if SPEED in means and means[SPEED] > max(matrix, default=float("inf")):
             leading.append(robot)
     if not by_model:
         return ""
-    clauses = [_against_constant(name, found) for name, found in by_model.items()]
-    higher = [
-        name
-        for name, found in by_model.items()
-        if any(difference["low"] > 0 for difference in found.values())
-    ]
+    clauses, higher = [], []
+    for name, by_robot in by_model.items():
+        clauses.append(_against_constant(name, by_robot))
+        if any(difference["low"] > 0 for difference in by_robot.values()):
+            higher.append(name)
     return say("finding_real", clauses=clauses, higher=higher, leading=leading)
 
 

@@ -159,14 +159,16 @@ def equations_page(
     """Return ``reports/equations.md``, each item with the ``sources`` of :func:`citations`."""
     rows = []
     for item in items:
-        by = [
-            f"[`{own.name}`](../{own.file.as_posix()})"
-            for own in sources[item.cited_as]
+        code = [
+            f"[`{source.name}`](../{source.file.as_posix()})"
+            for source in sources[item.cited_as]
         ]
-        tests = (test.partition("::") for test in item.tests)
-        shown = "<br>".join(f"[`{name}`](../{file})" for file, _, name in tests)
-        by = "<br>".join(by) or f"no code: {item.without_code}"
-        rows.append((item.title, item.place, item.says, by, shown))
+        tests = []
+        for test in item.tests:
+            file, _, name = test.partition("::")
+            tests.append(f"[`{name}`](../{file})")
+        places = "<br>".join(code) or f"no code: {item.without_code}"
+        rows.append((item.title, item.place, item.says, places, "<br>".join(tests)))
     return render("equations.md", rows=rows)
 
 

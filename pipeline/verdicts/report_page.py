@@ -135,8 +135,11 @@ def trial_page(here: Run, drawn: Drawn) -> str:
 
 def _other_robots(here: Run, groups: Sequence[Group]) -> list[Run]:
     """Return the first run of each group without ``here``."""
-    others = [group for group in groups if here.dataset not in group.verdicts]
-    return [group.runs[0] for group in others if group.runs]
+    return [
+        group.runs[0]
+        for group in groups
+        if group.runs and here.dataset not in group.verdicts
+    ]
 
 
 def readme_with_results(text: str, groups: Sequence[Group], rows: Sequence[Row]) -> str:
@@ -191,17 +194,17 @@ def speeds(here: Run) -> str:
     """Return a sentence on true joint angles beyond the robot's speed limits, "" for none and if
     they are not known.
     """
-    known = here.metrics.get("recordings", {})
+    numbers = here.metrics.get("recordings", {})
     reached = {}
     for joint in here.joints:
-        speed = known.get(f"true_{joint}_greatest_speed_rad_per_s")
-        limit = known.get(f"true_{joint}_speed_limit_rad_per_s")
+        speed = numbers.get(f"true_{joint}_greatest_speed_rad_per_s")
+        limit = numbers.get(f"true_{joint}_speed_limit_rad_per_s")
         if speed is not None and limit is not None and speed > limit:
             reached[joint] = speed
     if not reached:
         return ""
     joint = max(reached, key=reached.get)
-    return say("speeds", joint=joint, known=known)
+    return say("speeds", joint=joint, known=numbers)
 
 
 def summary_numbers(here: Run, rows: Sequence[Row]) -> dict[str, float]:
@@ -228,9 +231,7 @@ def claim_lines(groups: Sequence[Group]) -> dict[str, list[tuple[Claim, str]]]:
     the figure that shows it ("" without one); the paper's first.
     """
     by_group = [joined_verdicts(group) for group in groups]
-    ordered = sorted(
-        zip(*by_group, strict=True), key=lambda of: of[0].claim.source == PROJECT
-    )
+    ordered = sorted(zip(*by_group, strict=True), key=_is_projects)
     lines: dict[str, list[tuple[Claim, str]]] = defaultdict(list)
     for of_claim in ordered:
         claim = of_claim[0].claim
@@ -244,6 +245,10 @@ def claim_lines(groups: Sequence[Group]) -> dict[str, list[tuple[Claim, str]]]:
             cells = cells[:1]
         lines[label].append((claim, " · ".join(cells)))
     return lines
+
+
+def _is_projects(of_claim: Sequence[Joined]) -> bool:
+    return of_claim[0].claim.source == PROJECT
 
 
 def readings(runs: Sequence[Run]) -> str:
@@ -305,9 +310,12 @@ def figures(
             caption = further.pop(name, None)
             if caption:
                 pictures.append((name, caption["title"], _look(here, name, caption)))
-        own = lines.get(item.label, [])
-        with_verdict = [line for line in own if line[1]] if pictures else []
-        unseen += [claim for claim, text in own if (claim, text) not in with_verdict]
+        with_verdict = []
+        for claim, text in lines.get(item.label, []):
+            if pictures and text:
+                with_verdict.append((claim, text))
+            else:
+                unseen.append(claim)
         shown.append(Figure(item, pictures, with_verdict))
     for claim, text in lines.get("", []):
         if text:
@@ -421,9 +429,9 @@ def recordings_page(run: Run) -> str:
             f"{n.replace('_', ' ')} {wording.number(x)}" for n, x in counts.items()
         ]
         counted.append((name, ", ".join(texts)))
-    kept = run.tables.get("kept", pd.DataFrame())
-    kept = kept.astype(object).fillna("").astype(str).to_numpy().tolist()
-    words = {"run": run, "kept": kept, "lost": counted, "unseen": UNSEEN}
+    account = run.tables.get("kept", pd.DataFrame()).astype(object).fillna("")
+    rows = account.astype(str).to_numpy().tolist()
+    words = {"run": run, "kept": rows, "lost": counted, "unseen": UNSEEN}
     return render("recordings.md", **words)
 
 

@@ -47,17 +47,15 @@ def result(run: Run) -> list[str]:
     if "predictions" in run.tables:
         means = log_scores(run)["mean"].sort_values(ascending=False, kind="stable")
         best, pairs = means.index[0], pairs_of(run)
-        matrix, known = _is_matrix(run, best), pairs.index[pairs["difference"].notna()]
-        others = [
-            pairs.loc[best, n] for n in means.index if _is_matrix(run, n) != matrix
-        ][:1]
-        models = [name for name in ("gaussian", "wishart") if (name, ADDITIVE) in known]
+        matrix, scored = _is_matrix(run, best), pairs.index[pairs["difference"].notna()]
+        rivals = [n for n in means.index if _is_matrix(run, n) != matrix]
+        models = [n for n in ("gaussian", "wishart") if (n, ADDITIVE) in scored]
         additive = {plain_name(name): pairs.loc[name, ADDITIVE] for name in models}
         words = {
             "best": plain_name(best),
             "mean": means[best],
             "matrix": matrix,
-            "rivals": others,
+            "rivals": [pairs.loc[best, name] for name in rivals[:1]],
         }
         sentences += [
             say("best", run=run, **words),
@@ -66,8 +64,8 @@ def result(run: Run) -> list[str]:
     if FILTERS in run.tables:
         rows = run.tables[FILTERS].query("score == 'log_score' and difference.notna()")
         rows = rows.set_index("model").sort_values("difference", ascending=False)
-        linear = [own for name, own in rows.iterrows() if name == MEMORY]
-        particle = [own for name, own in rows.iterrows() if name not in (NONE, MEMORY)]
+        linear = [row for name, row in rows.iterrows() if name == MEMORY]
+        particle = [row for name, row in rows.iterrows() if name not in (NONE, MEMORY)]
         sentences.append(say("best_filter", particle=particle, linear=linear))
     return [*filter(None, sentences)]
 
@@ -155,10 +153,10 @@ def predictors(run: Run) -> str:
         "difference to the training mean, all steps",
         *means,
     ]
-    cells = (
-        [plain_name(n), differences.get(n, MISSING), *own]
-        for n, own in means.iterrows()
-    )
+    cells = []
+    for model, by_steps in means.iterrows():
+        against_mean = differences.get(model, MISSING)
+        cells.append([plain_name(model), against_mean, *by_steps])
     return table(header, cells)
 
 
@@ -201,11 +199,11 @@ def filters(run: Run) -> str:
     scores |= {"log score": "log_score"}
     cells = []
     for name in names:
-        own = rows["mean"].reindex([(name, score) for score in scores.values()])
-        cells.append([_labels([name]), *own])
-        if pd.notna(own.iloc[-1]) and pd.notna(rows.loc[(name, "log_score"), "low"]):
+        means = rows["mean"].reindex([(name, score) for score in scores.values()])
+        cells.append([_labels([name]), *means])
+        if pd.notna(means.iloc[-1]) and pd.notna(rows.loc[(name, "log_score"), "low"]):
             against = difference(rows.loc[(name, "log_score")])
-            cells[-1][-1] = f"{number(own.iloc[-1])} ({against})"
+            cells[-1][-1] = f"{number(means.iloc[-1])} ({against})"
     return table(["filter", *scores], cells)
 
 

@@ -103,16 +103,17 @@ def groups_of(runs: Sequence[Run], decided: Sequence[Decided]) -> list[Group]:
     independent = d.WITHOUT_RECORDING
     groups = [Group(independent, (), {independent: verdicts[independent]})]
     components = _components(runs)
-    first, *others = components or [()]
-    names = [*ROBOTS.values()]
-    others.sort(key=lambda runs: _place(robot_name(runs), names))
-    for component in filter(None, [first, *others]):
+    ordered = components[:1] + sorted(components[1:], key=_place)
+    for component in ordered:
         by_dataset = {run.dataset: verdicts[run.dataset] for run in component}
         groups.append(Group(robot_name(component), tuple(component), by_dataset))
     return groups
 
 
-def _place(name: str, names: Sequence[str]) -> int:
+def _place(runs: Sequence[Run]) -> int:
+    """Return the place of the robot of ``runs`` in ROBOTS, the last for another."""
+    names = [*ROBOTS.values()]
+    name = robot_name(runs)
     return names.index(name) if name in names else len(names)
 
 
@@ -168,8 +169,8 @@ def _joined_verdict(group: Group, by_dataset: Mapping[str, Verdict]) -> Joined:
     causes = {name: cause for name, cause in group.cause_of.items() if name in words}
     by_cause = {cause: words[name] for name, cause in causes.items()}
     over_causes = _of_causes([*by_cause.values()])
-    others = [word for name, word in words.items() if name not in causes]
-    word = _of_datasets([over_causes, *others])
+    without_cause = [word for name, word in words.items() if name not in causes]
+    word = _of_datasets([over_causes, *without_cause])
     claim = next(iter(by_dataset.values())).claim
     return Joined(claim, word, by_cause, evident)
 

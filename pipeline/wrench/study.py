@@ -96,7 +96,7 @@ def expected_unbounded_sigma_s(bounds: models.Bounds, agents: int) -> ndarray:
     v = _at_attachments(ratio * (np.eye(p) - p * along), bounds)
     u = v + _at_attachments((1 - squared_length) * along, bounds)
     ranges = (bounds.tension, bounds.tension_sd)
-    scale = agents * sum(float(_uniform_mean(np.square, each)) for each in ranges)
+    scale = agents * sum(float(_uniform_mean(np.square, bound)) for bound in ranges)
 
     def integrand(r: float) -> float:
         s = r / scale
@@ -152,7 +152,7 @@ def expected_sigma_s(
 def variance_errors(modelled: ndarray, covariance: ndarray) -> ndarray:
     """Return the paper's error ‖diag Cov(W) − Var‖/‖Var‖ (...) of the ``modelled`` covariance."""
     true, model = (
-        np.diagonal(each, axis1=-2, axis2=-1) for each in (covariance, modelled)
+        np.diagonal(matrix, axis1=-2, axis2=-1) for matrix in (covariance, modelled)
     )
     return np.linalg.norm(model - true, axis=-1) / np.linalg.norm(true, axis=-1)
 
@@ -198,9 +198,9 @@ def run_study(
     the covariance error.
     """
     repeats = list(enumerate(rng.spawn(options.repeats)))
+    by_table = zip(*run(partial(_repeat, options), repeats), strict=True)
     return tuple(
-        pd.concat(chain.from_iterable(part), ignore_index=True)
-        for part in zip(*run(partial(_repeat, options), repeats), strict=True)
+        pd.concat(chain.from_iterable(tables), ignore_index=True) for tables in by_table
     )
 
 
