@@ -2,15 +2,23 @@
 against modelled forces.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from itertools import combinations
 
 import numpy as np
 import pandas as pd
 
 from pipeline.core.columns import matrices, members, values
-from pipeline.evidence.table import difference_row, evidence_row, evidence_table
+from pipeline.evidence.table import (
+    RECORDED,
+    difference_row,
+    evidence_row,
+    evidence_table,
+)
 from pipeline.statistics.curves import variation
 from pipeline.statistics.takes import (
+    NORMAL_QUANTILE,
+    equal_covariances_p_value,
     jackknife_difference,
     part_means,
     wrench_summary,
@@ -103,15 +111,7 @@ def wrench_evidence(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
                 rows.append(evidence_row(name, own[value], **keys))
     tests = _records(tables, "force_test")
     independent = {own["configuration"]: own["effective_samples"] for own in tests}
-    for own in _records(tables, "force_moments"):
-        for c in COMPONENTS if own["source"] == "measured" else ():
-            error = np.sqrt(own[f"var_{c}"] / independent[own["configuration"]])
-            keys = {
-                "entry": c,
-                "configuration": own["configuration"],
-                "standard_error": error,
-            }
-            rows.append(evidence_row("mean_force", own[c], **keys))
+    rows += _force_rows(_records(tables, "force_moments"), independent)
     for own in tests:
         keys = {"configuration": own["configuration"], "estimator": own["form"]}
         rows.append(
@@ -126,3 +126,54 @@ def wrench_evidence(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
 
 def _records(tables: Mapping[str, pd.DataFrame], name: str) -> list[dict]:
     return tables[name].to_dict("records") if name in tables else []
+
+
+def _force_rows(
+    moments: Sequence[Mapping[str, float | str]], independent: Mapping[str, float]
+) -> list[dict[str, object]]:
+    """Return the measured mean forces and variances, the modelled minus the measured ones, and the
+    p-values of equal covariances of two configurations, from the table ``force_moments`` and the
+    numbers of ``independent`` samples by configuration.
+    """
+    rows = []
+    measured = {
+        row["configuration"]: row for row in moments if row["source"] == "measured"
+    }
+    modelled = {
+        row["configuration"]: row for row in moments if row["source"] == "modelled"
+    }
+    for name, record in measured.items():
+        for component in COMPONENTS:
+            keys = {"entry": component, "configuration": name}
+            variance = record[f"var_{component}"]
+            error = np.sqrt(variance / independent[name])
+            relative = np.sqrt(2 / (independent[name] - 1))
+            mean = {"value": record[component], "standard_error": error}
+            rows.append(evidence_row("mean_force", **mean, **keys))
+            rows.append(
+                evidence_row("force_variance", variance, model=RECORDED, **keys)
+            )
+            if name not in modelled:
+                continue
+            keys["rival"] = RECORDED
+            off = modelled[name][component] - record[component]
+            wider = modelled[name][f"var_{component}"] - variance
+            for quantity, value, std in (
+                ("mean_force", off, error),
+                ("force_variance", wider, relative * variance),
+            ):
+                ends = value + NORMAL_QUANTILE * std * np.array([-1.0, 1.0])
+                rows.append(evidence_row(quantity, value, *ends, std, **keys))
+    for first, second in combinations(measured, 2):
+        covariances = [_covariance(measured[name]) for name in (first, second)]
+        counts = [independent[name] for name in (first, second)]
+        p_value = equal_covariances_p_value(covariances, counts)
+        keys = {"configuration": f"{first}, {second}"}
+        rows.append(evidence_row("p_value_between_configurations", p_value, **keys))
+    return rows
+
+
+def _covariance(record: Mapping[str, float | str]) -> np.ndarray:
+    """Return the covariance (2, 2) in N² of the planar force of a row of ``force_moments``."""
+    shared = record["cov"]
+    return np.array([[record["var_fx"], shared], [shared, record["var_fy"]]])

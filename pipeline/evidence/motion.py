@@ -7,6 +7,7 @@ from itertools import combinations_with_replacement, permutations, product
 import numpy as np
 import pandas as pd
 
+from pipeline.core.errors import ModelDomainError, SingularJacobianError
 from pipeline.evidence.case import Takes
 from pipeline.evidence.table import (
     RECORDED,
@@ -16,14 +17,16 @@ from pipeline.evidence.table import (
     following_rows,
 )
 from pipeline.models.closed_loop import ClosedLoopFit
-from pipeline.models.model import MotionModel
+from pipeline.models.model import MotionModel, frobenius
 from pipeline.models.prediction import modelled_noise
 from pipeline.models.steps import Recorded, recorded_deviation
 from pipeline.recordings.commands import constant_speed
 from pipeline.statistics.curves import (
+    CLOSE_TO_ONE,
     NO_NOISE,
     VARYING,
     ModelledNoise,
+    correlation,
     following_tests,
     jackknifed_mean_error,
     jackknifed_spreads,
@@ -32,6 +35,7 @@ from pipeline.statistics.curves import (
 )
 from pipeline.statistics.scores import log_score_differences
 from pipeline.statistics.takes import (
+    NORMAL_QUANTILE,
     fast_against_slow,
     jackknife_difference,
     lag_one_correlation,
@@ -44,6 +48,8 @@ NOISE = {
     "correlation_omega": "correlation_omega_{}",
 }
 PAPERS = ("sigma_b", "u", "alpha")
+DEXTERITY_POSES, LEAST_POSES = 2000, 20  # drawn, and least that remain
+DEXTERITY_STEP = 1e-3  # m or rad, of a task row
 Rows = Iterator[dict[str, object]]
 
 
@@ -207,6 +213,51 @@ def noise_rows(outcomes: Mapping[str, Outcome], training: Recorded) -> Rows:
     for model, rival in permutations(std, 2):
         own = jackknife_difference(std[model] - std[rival])
         yield difference_row("mean_error_variation", own, model=model, rival=rival)
+
+
+def dexterity_evidence(
+    outcomes: Mapping[str, Outcome], takes: Takes, rng: np.random.Generator
+) -> pd.DataFrame:
+    """Return for each model the correlation between ln of ‖J⁺‖ and ln of its total variance, mean
+    over the directions of a task step of one size, with Fisher's interval. The poses are drawn
+    within the joint limits, with ‖J⁺‖ up to the greatest of the training takes. No row for a model
+    without noise, with noise that does not depend on the pose, or without a variance.
+    """
+    chain = takes.training.chain
+    lower, upper = (
+        np.clip(chain.lower, -np.pi, np.pi),
+        np.clip(chain.upper, -np.pi, np.pi),
+    )
+    poses = rng.uniform(lower, upper, (DEXTERITY_POSES, len(lower)))
+    poses = poses[~chain.singular(poses)]
+    norms = frobenius(chain.inverse_jacobian(poses))
+    greatest = frobenius(chain.inverse_jacobian(takes.training.q)).max()
+    poses, norms = poses[norms < greatest], norms[norms < greatest]
+    rows = []
+    for name, outcome in outcomes.items():
+        if outcome.model is None or len(poses) < LEAST_POSES:
+            continue
+        if not outcome.model.traits.needs_jacobian:
+            continue
+        variances = []
+        try:
+            for v in DEXTERITY_STEP * np.eye(len(chain.task)):
+                commands = np.broadcast_to(v, (len(poses), len(v)))
+                covariance = outcome.model.covariance(chain, poses, commands)
+                variances.append(np.trace(covariance, axis1=-2, axis2=-1))
+        except (ModelDomainError, SingularJacobianError):
+            continue
+        total = np.mean(variances, axis=0)
+        noisy = np.isfinite(total) & (total > 0)  # a bound of the norm ends the noise
+        count = int(np.count_nonzero(noisy))
+        if count < LEAST_POSES:
+            continue
+        value = correlation(np.log(norms[noisy]), np.log(total[noisy]))
+        half = NORMAL_QUANTILE / np.sqrt(count - 3)
+        transformed = np.arctanh(np.clip(value, -CLOSE_TO_ONE, CLOSE_TO_ONE))
+        ends = np.tanh(transformed + half * np.array([-1.0, 1.0]))
+        rows.append(evidence_row("dexterity_correlation", value, *ends, model=name))
+    return evidence_table(rows)
 
 
 def prediction_evidence(predictions: pd.DataFrame, pairs: pd.DataFrame) -> pd.DataFrame:

@@ -21,7 +21,12 @@ from pipeline.core.errors import (
 from pipeline.evidence.case import KINDS, Choices, Recordings, Takes
 from pipeline.evidence.filters import filter_evidence
 from pipeline.evidence.instruments import camera_evidence
-from pipeline.evidence.motion import Outcome, motion_evidence, noise_tests
+from pipeline.evidence.motion import (
+    Outcome,
+    dexterity_evidence,
+    motion_evidence,
+    noise_tests,
+)
 from pipeline.filtering.linear import autocorrelated_filter, linear_filter, white_steps
 from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.particle_filter import FilterTrial, Start, take_posterior
@@ -248,6 +253,7 @@ def case_evidence(
     takes, limits = recordings.takes, recordings.variation_limits
     outcomes = {**outcomes, **_speed_control(case, recordings, outcomes)}
     parts = [motion_evidence(outcomes, takes, case.mode, limits)]
+    parts.append(dexterity_evidence(outcomes, takes, recordings.generator("dexterity")))
     refusals = {
         f"{model}: {why}"
         for model, result in outcomes.items()

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 from numpy import ndarray
-from scipy.special import fdtrc, stdtrit
+from scipy.special import chdtrc, fdtrc, stdtrit
 
 from pipeline.core.errors import ModelDomainError
 
@@ -135,6 +135,22 @@ def zero_mean_p_value(values: ndarray) -> float:
     squared = takes * center @ np.linalg.solve(covariance, center)
     ratio = squared * (takes - number) / ((takes - 1) * number)
     return float(fdtrc(number, takes - number, ratio))
+
+
+def equal_covariances_p_value(
+    covariances: Sequence[ndarray], counts: Sequence[float]
+) -> float:
+    """Return the p-value of Box's test that the populations of the sample ``covariances`` (p, p) of
+    ``counts`` independent normal samples have one covariance (Box 1949, the χ² approximation).
+    """
+    degrees = np.array(counts) - 1
+    size, groups = len(covariances[0]), len(covariances)
+    pooled = np.einsum("g,gij->ij", degrees, covariances) / degrees.sum()
+    logarithms = np.linalg.slogdet(np.array(covariances))[1]
+    ratio = degrees.sum() * np.linalg.slogdet(pooled)[1] - degrees @ logarithms
+    bias = np.sum(1 / degrees) - 1 / degrees.sum()
+    factor = 1 - bias * (2 * size**2 + 3 * size - 1) / (6 * (size + 1) * (groups - 1))
+    return float(chdtrc(size * (size + 1) * (groups - 1) / 2, factor * ratio))
 
 
 def jackknife_counts(takes: int) -> ndarray:

@@ -1,6 +1,7 @@
 """Rows of evidence: what a table of outcomes gives, by its keys, in known cases."""
 
 from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -11,7 +12,11 @@ from pipeline.core.filters import MEMORY, NONE, closed
 from pipeline.core.rng import stream
 from pipeline.evidence.filters import filter_evidence
 from pipeline.evidence.instruments import camera_evidence, wrench_evidence
+from pipeline.evidence.motion import Outcome, dexterity_evidence
 from pipeline.evidence.table import KEYS, depends_on, evidence_row, evidence_table
+from pipeline.models.additive.law import AdditiveModel
+from pipeline.models.gaussian.law import GaussianModel
+from pipeline.models.kinds import build_model
 from pipeline.statistics.scores import FOLLOWS, Filtered
 
 JOINTS = ("hip", "knee")
@@ -140,9 +145,7 @@ def test_the_study_of_the_wrench_has_rows_by_number_of_cables_and_no_force_witho
     assert (greatest["low"], greatest["high"]) == (0.2, 0.4)
     errors = evidence.query("quantity == 'mean_error_of_variances'")["standard_error"]
     assert errors.tolist() == pytest.approx([0.1, 0.01])
-    assert {*evidence["quantity"]} == {name for name, _ in values.index} and len(
-        evidence
-    ) == 8
+    assert len(evidence) == 6 and not evidence["quantity"].str.contains("force").any()
     force = {
         "configuration": "C1",
         "source": ["measured", "modelled"],
@@ -173,8 +176,28 @@ def test_the_study_of_the_wrench_has_rows_by_number_of_cables_and_no_force_witho
         [name, "C1", entry, *two] for entry in ("11", "22") for name, *two in expected
     ]
     assert both[columns].to_numpy().tolist() == rows
-    means = wrench_evidence(tables).query("quantity == 'mean_force'").set_index("entry")
+    means = (
+        wrench_evidence(tables)
+        .query("quantity == 'mean_force' and rival == ''")
+        .set_index("entry")
+    )
     assert means[["value", "standard_error"]].T.to_dict("list") == {
         "fx": [3.1, 0.2],
         "fy": [5, 0.1],
     }
+
+
+def test_the_variance_of_a_matrix_model_follows_dexterity_by_its_law(chain, poses):
+    """‖J⁻¹‖ is large at low dexterity: the inverse Gaussian form has less variance there."""
+    wishart = {"kind": "wishart", "decomposition": "qr_transposed", "sigma_b": 0.2}
+    models = {
+        "additive": AdditiveModel(1e-6 * np.eye(3)),
+        "gaussian": GaussianModel(alpha=0.1, u=30.0),
+        "wishart": build_model(wishart),
+    }
+    outcomes = {name: Outcome(model=model) for name, model in models.items()}
+    takes = SimpleNamespace(training=SimpleNamespace(chain=chain, q=poses))
+    evidence = dexterity_evidence(outcomes, takes, np.random.default_rng(1))
+    rows = evidence.set_index("model")
+    assert {*rows.index} == {"gaussian", "wishart"}
+    assert rows.loc["gaussian", "high"] < 0 < rows.loc["wishart", "low"]
