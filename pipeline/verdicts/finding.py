@@ -117,8 +117,9 @@ def _against_constant(model: str, by_robot: dict[str, pd.Series]) -> str:
 
 
 def _estimators(groups: Sequence[Group]) -> str:
-    """Return the sentence on σ̂_B over the bound ε, of the first run that has its table."""
-    for run in (run for group in groups for run in group.runs):
+    """Return the sentence on σ̂_B over the bound ε, of the arm with the most causes: the paper's."""
+    by_causes = sorted(groups, key=lambda group: -len({*group.cause_of.values()}))
+    for run in (run for group in by_causes for run in group.runs):
         fitted = run.metrics.get("fit_wishart", {})
         if "sigma_b_least_over_floors" in fitted:
             published = _published(groups)

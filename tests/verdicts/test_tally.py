@@ -164,6 +164,20 @@ def test_synthetic_datasets_of_another_arm_or_without_a_cause_are_not_joined():
     assert [len(group.runs) for group in found] == [1, 1, 1, 1]
 
 
+def test_the_finding_takes_the_printed_estimator_from_the_arm_with_the_causes():
+    fitted = {"sigma_b_moments": 0.2271, "sigma_b_least_over_floors": 0.2263}
+    fitted |= {"sigma_b_greatest_over_floors": 11.978}
+    own = a_run("own", 0.1)
+    own.metrics["fit_wishart"] = dict.fromkeys(fitted, 0.0123)
+    lab = a_run("lab", 0.1, cause="sway")
+    lab.metrics["fit_wishart"] = fitted
+    found = groups(own, lab)
+
+    (text,) = [text for text in finding(found, []) if "printed problem" in text]
+
+    assert "returns 0.226 to 12 by a bound" in text and "gives 0.227." in text
+
+
 def a_scored_run(dataset: str, wishart: float, speed: float) -> Run:
     """Return a real run whose Wishart model is ``wishart`` nats above constant noise."""
     run = a_run(dataset, 0.1)
