@@ -40,6 +40,13 @@ IN_DEGREES = {"yes": "deg", "no": "rad"}
 LONGEST_GAP = 10  # longest interpolated gap, in median steps of the column
 SPARSEST = 50  # greatest number of rows per number in a column
 MEND = "export it again, or mend the line"
+LIST = re.compile(r"[\[(]\s*[-+.\d][-+.\deE,;\s]*[\])]")
+LISTS = "lists of numbers"
+WIDE, WIDER = 100, 10  # least columns, and columns over rows, of a table on its side
+# number with a mark for thousands and a decimal mark, or with two marks for thousands
+THOUSANDS = re.compile(
+    r"[+-]?\d{1,3}(?:([.'\u2019 ])\d{3}(?:\1\d{3})*,\d+|([,'\u2019 ])\d{3}(?:\2\d{3})*\.\d+)"
+)
 DATE = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}|\d{1,2}:\d{2}(:\d{2})?")
 
 
@@ -107,6 +114,8 @@ class Sheet:
                 "".join(row[column : column + 1]) for row in (self.last, self.labels)
             )
             content = "dates or times" if DATE.search(cell) else "words"
+            if LIST.fullmatch(cell):
+                content = LISTS
             contents[label or str(column)] = "nothing" if cell in MISSING else content
         return contents
 
@@ -300,6 +309,8 @@ def _sheet(
         counts["remark_rows"] = remarks
     above = lines[:top], labels, units, label_line
     lines, places = [lines[n] for n in rows], [places[n] for n in rows]
+    _require_upright(len(lines), len(last), file, places[0])
+    _require_plain_numbers(lines, places, mark, numeric, file)
     signs = [
         sign for sign in ".," if sign != mark and any(sign in row for row in lines)
     ]
@@ -320,6 +331,31 @@ def _sheet(
         raise RecordingError(message, file=file, line=places[0], key=key)
     lines = delimited.with_nanoseconds(lines, labels, mark, sign or ".")
     return Sheet(file, *above, lines, places, mark, sign or ".", numeric, counts)
+
+
+def _require_upright(rows: int, columns: int, file: Path, line: int) -> None:
+    """Raise RecordingError for a table of far more ``columns`` than ``rows``."""
+    if columns >= WIDE and columns > WIDER * rows:
+        message = f"the table of {rows} rows and {columns} columns lies on its side, one row per "
+        message += "signal: transpose it, so that each row holds the values of one time"
+        raise RecordingError(message, file=file, line=line)
+
+
+def _require_plain_numbers(
+    lines: list[str], places: list[int], mark: str, numeric: list[int], file: Path
+) -> None:
+    """Raise RecordingError for the first ``numeric`` cell with marks for thousands."""
+    for line, place in zip(lines, places, strict=True):
+        if not THOUSANDS.search(line):
+            continue
+        cells = split_line(line, mark)
+        for column in numeric:
+            cell = "".join(cells[column : column + 1])
+            if match := THOUSANDS.fullmatch(cell):
+                sign = {".": "point", ",": "comma"}.get(match[1] or match[2], "mark")
+                message = f"column {column + 1} holds {cell!r} from this line on: a {sign} for "
+                message += "thousands; write the numbers without it"
+                raise RecordingError(message, file=file, line=place)
 
 
 def _sections(lines: list[str], places: list[int], mark: str) -> tuple[int, int]:
@@ -352,11 +388,17 @@ def _numeric_columns(split: list[list[str]]) -> list[int]:
         [cell for cell in cells if cell not in MISSING]
         for cells in zip(*alike, strict=True)
     ]
-    return [
-        n
-        for n, cells in enumerate(filled)
-        if 2 * count_numbers(cells) >= len(cells) > 0
-    ]
+    numeric = []
+    for column, cells in enumerate(filled):
+        numbers = sum(is_number(one) or is_thousands(one) for one in cells)
+        if 2 * numbers >= len(cells) > 0:
+            numeric.append(column)
+    return numeric
+
+
+def is_thousands(cell: str) -> bool:
+    """Return whether a ``cell`` is a number with marks for thousands and a decimal mark."""
+    return THOUSANDS.fullmatch(cell) is not None
 
 
 def _first_row(

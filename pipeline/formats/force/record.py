@@ -13,9 +13,17 @@ import numpy as np
 
 from pipeline.core.errors import RecordingError
 from pipeline.formats import rosbag
-from pipeline.formats.delimited import UNITS, bare, plain_unit, spelled
+from pipeline.formats.delimited import (
+    UNITS,
+    bare,
+    is_rowlike,
+    plain_unit,
+    separator_of,
+    spelled,
+    split_line,
+)
 from pipeline.formats.force.calibration import Calibration
-from pipeline.formats.format import Format, Kind
+from pipeline.formats.format import Format, Head, Kind
 from pipeline.formats.number_sheet import Sheet, read_sheet
 
 FORCES, TORQUES = ("fx", "fy", "fz"), ("tx", "ty", "tz")
@@ -24,6 +32,7 @@ KINDS = (
 )
 OPTION = "dataset.force.log"
 KEY = f"{OPTION}.columns"
+HEADER_LINES = 40  # lines in which the labels of a table of forces are looked for
 FEWEST = (
     10  # least number of samples; fewer rows may be settings that look like numbers
 )
@@ -340,7 +349,17 @@ def _sample(message: object) -> list[float]:
     ]
 
 
+def _begins(head: Head) -> bool:
+    """Return whether labels of three axes of forces, and of few other columns, are above a row."""
+    for number, line in enumerate(head.lines[:HEADER_LINES]):
+        cells = split_line(line, separator_of(line))
+        axes = [axis for axis in map(axis_of, cells) if axis]
+        if {"fx", "fy", "fz"} <= {*axes} and 2 * len(axes) >= len(cells):
+            return any(map(is_rowlike, head.lines[number + 1 : number + 3]))
+    return False
+
+
 FORMAT = (
     Format("forces in a ROS bag", Kind.FORCE, read_force_bag, option="bag"),
-    Format("table of forces", Kind.FORCE, read_force_table, option="table"),
+    Format("table of forces", Kind.FORCE, read_force_table, _begins, option="table"),
 )

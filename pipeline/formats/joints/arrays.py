@@ -18,6 +18,7 @@ from pipeline.formats.joints import names as meanings
 from pipeline.formats.joints.log import OPTION, JointLog, LogOptions, increasing
 
 HDF5 = (b"MATLAB 7.3", b"\x89HDF")  # HDF5 files, which may also have the suffix .mat
+WANTED = {"actual": "measured angles", "target": "commanded angles"}
 MEMBER = slice(30, 286)  # bytes of a ZIP file that contain the name of its first member
 Arrays = dict[str, np.ndarray]
 
@@ -81,8 +82,14 @@ def read_arrays(file: Path, options: LogOptions) -> JointLog:
         chosen = [columns[label] for label in labels if label in columns]
         if not labels or len(chosen) < len(labels) or len({*map(len, chosen)}) > 1:
             shapes = [f"{name} {one.shape}" for name, one in sorted(data.items())]
-            message = f"the {quantity} must be an array with one row of numbers per time, found "
-            message += f"{', '.join(labels) or 'no such name'}; name the array, or its columns as "
+            if labels:
+                message = f"the {quantity} must be arrays with one row of numbers per time, found "
+                message += f"{', '.join(labels)}; name the array, or its columns as "
+            else:
+                message = f"no name of an array states the {WANTED.get(quantity, quantity)}; name "
+                message += (
+                    f"the array in signals ({quantity}: [ARRAY]), or its columns as "
+                )
             message += (
                 f"ARRAY:COLUMN{advice}. The file has {', '.join(shapes) or 'no arrays'}"
             )
@@ -188,7 +195,12 @@ def _numeric(value: object) -> np.ndarray:
 
 def _mat(file: Path) -> Arrays:
     """Return the matrices of a MATLAB file; ``rec.q`` is the matrix ``q`` in the struct ``rec``."""
-    arrays = dict(_flatten("", loadmat(file, simplify_cells=True)))
+    content = loadmat(file, simplify_cells=True)
+    arrays = dict(_flatten("", content))
+    if "None" in content and not arrays:  # an object, such as a table or a timeseries
+        message = "a table or another object of MATLAB is not read: save its columns as arrays, or "
+        message += "as a struct (table2struct(T, 'ToScalar', true))"
+        raise RecordingError(message, file=file)
     # MATLAB stores a vector as a matrix with one row or one column
     return {
         name: one.ravel() if 1 in one.shape else one for name, one in arrays.items()
@@ -201,10 +213,37 @@ def _flatten(
     for name, value in struct.items():
         if isinstance(value, Mapping):
             yield from _flatten(f"{path}{name}.", value)
+        elif _are_structs(value):
+            yield from _flatten_structs(f"{path}{name}", value)
         elif path or not (
             name.startswith("__") or name == "None"
         ):  # "None": an opaque object
             yield f"{path}{name}", _numeric(value)
+
+
+def _are_structs(value: object) -> bool:
+    """Return whether ``value`` is an array of structs with the same fields."""
+    if not isinstance(value, np.ndarray | list) or not len(value):
+        return False
+    fields = {tuple(item) if isinstance(item, Mapping) else None for item in value}
+    return None not in fields and len(fields) == 1
+
+
+def _flatten_structs(
+    path: str, structs: Sequence[Mapping[str, object]]
+) -> Iterator[tuple[str, np.ndarray]]:
+    """Yield the arrays of ``structs``: one row per struct if a field is a number in all, such as a
+    time, else the arrays of each struct by its number from 1.
+    """
+    rows = any(all(np.ndim(s[name]) == 0 for s in structs) for name in structs[0])
+    if not rows:
+        for number, struct in enumerate(structs, start=1):
+            yield from _flatten(f"{path}({number}).", struct)
+        return
+    for name in structs[0]:
+        values = [np.asarray(struct[name]) for struct in structs]
+        if len({value.shape for value in values}) == 1:
+            yield f"{path}.{name}", _numeric(np.stack(values))
 
 
 def _parquet(file: Path) -> Arrays:

@@ -148,7 +148,7 @@ def _logged_runs(folder: Path, assigned: dict[str, str]) -> RunsOfLogs | None:
         raise ConfigError(message, key="--set")
     found = joint_runs(logs.movements, logs.rate, pose_noise=stated)
     unused = logs.unused | found.unused
-    print(LOGGED.render(suggested=logs.suggested, runs=found.runs, unused=unused))
+    print(LOGGED.render(**logs._asdict() | {"runs": found.runs, "unused": unused}))
     return RunsOfLogs(found.runs, unused)
 
 

@@ -30,6 +30,7 @@ class FolderLogs(NamedTuple):
     rate: float
     unused: dict[str, str]  # recording → reason
     suggested: dict[str, list[str]]  # suggestion that was taken → recordings
+    clocks: list[str]  # columns, arrays or files of the times, or "even rows"
     missing: dict[str, str]  # without a log: key that no file states → value to correct
 
 
@@ -43,19 +44,21 @@ def folder_logs(
     recorded = _recorded_logs(folder, assigned, only)
     read: dict[str, tuple[LoggedMovement, float]] = {}
     taken: dict[str, dict[str, str]] = {}
+    clocks: dict[str, str] = {}
     unused: dict[str, str] = {}
     for take in recorded.of("joint_log"):
         try:
             values, suggested = _values(recorded, take, folder, assigned)
             read[take.name] = _read(take, values)
             taken[take.name] = suggested
+            clocks[take.name] = _clock_of(take, values)
         except PipelineError as error:
             unused[take.name] = str(error)
     for finding in recorded.unplaced:
         if finding.kind in (Kind.JOINTS, Kind.TABLE):
             unused[printable_path(finding.file, folder)] = _reason_unplaced(finding)
     if not read:
-        return FolderLogs({}, 0.0, unused, {}, missing_values(recorded, assigned))
+        return FolderLogs({}, 0.0, unused, {}, [], missing_values(recorded, assigned))
     rows = Counter()
     for movement, rate in read.values():
         rows[(*movement.joints,), rate] += len(movement.actual)
@@ -73,7 +76,10 @@ def folder_logs(
         name: movement for name, (movement, _) in read.items() if name not in unused
     }
     suggested = _recordings_by_suggestion({name: taken[name] for name in movements})
-    return FolderLogs(movements, usual_rate, unused, suggested, {})
+    used = {name: clocks[name] for name in movements}
+    return FolderLogs(
+        movements, usual_rate, unused, suggested, [*dict.fromkeys(used.values())], {}
+    )
 
 
 def _recorded_logs(
@@ -202,6 +208,18 @@ def _log_values(values: Mapping[str, Any]) -> dict[str, Any]:
         for key, value in values.items()
         if key.startswith(SECTION)
     }
+
+
+def _clock_of(take: PlacedTake, values: Mapping[str, Any]) -> str:
+    """Return the clock of a ``take`` with these ``values``, in words."""
+    time = values.get("joint_log.time", 0)
+    if take.finding.kind == Kind.JOINTS and time == 0:
+        return f"the times {take.finding.facts.get('time', 'of the messages')}"
+    if time is None:
+        return "motion.rate, for even rows"
+    return (
+        f"the times in column {time}" if isinstance(time, int) else f"the times {time}"
+    )
 
 
 def _count_joints(take: PlacedTake, log: Mapping[str, Any]) -> int:

@@ -30,7 +30,7 @@ from pipeline.formats.joints.log import (
     read_joint_table,
 )
 from pipeline.formats.joints.values import signals_by_values
-from pipeline.formats.number_sheet import Sheet, read_sheet
+from pipeline.formats.number_sheet import LISTS, Sheet, read_sheet
 from pipeline.recordings import commands, movement
 from pipeline.recordings.lags import lag
 from pipeline.recordings.repetitions import excursions
@@ -143,6 +143,13 @@ def add_table(finding: Finding, form: Format) -> None:
         finding.ask("content")
     if {*ANGLES} <= {*signals}:
         _add_signals(finding, sheet, signals, clock)
+        return
+    lists = [name for name, content in sheet.left_out.items() if content == LISTS]
+    if lists:
+        finding.stops.append(
+            f"the cells of {', '.join(lists)} are lists of numbers: write each number in a "
+            "column of its own, or save the table as Parquet"
+        )
 
 
 def _ask_signals(

@@ -59,7 +59,7 @@ def run(
     draft.fill(assigned, suggested, motion, ask)
     draft.write()
     keys = draft.open_values()
-    if "joint_log.start" in keys:
+    if "joint_log.start" in keys and not draft.shown:
         try:
             draft.show_motions()
             print("new-dataset: --motion NUMBER selects one of these motions")
@@ -190,6 +190,7 @@ class Draft:
     text: str
     recorded: RecordingLayout
     folder: Path
+    shown: bool = False  # whether the motions were printed
 
     def values(self) -> dict[str, Any]:
         """Return the values of both files; ConfigError for a text that is no YAML."""
@@ -289,6 +290,7 @@ class Draft:
     def show_motions(self) -> list[FoundMotion]:
         """Print the motions in the logs, numbered from 1, and return them."""
         offered = motions_in_logs(self.values())
+        self.shown = True
         if not offered:
             raise ConfigError(
                 "the logs have no motion from rest to rest and no repeated motion"
@@ -333,7 +335,8 @@ class Draft:
     def _ask_value(self, key: str) -> None:
         if key in (hints := self.open_values()):
             entry = self._entries().get(key, template.Entry())
-            print("; ".join(filter(None, [f"\n{key}: {hints[key]}", entry.note])))
+            note = "" if entry.note in hints[key] else entry.note
+            print("; ".join(filter(None, [f"\n{key}: {hints[key]}", note])))
             _accept_answer(partial(self.answer, key), entry.text)
 
 
