@@ -124,6 +124,9 @@ def test_a_filter_has_the_noise_of_a_pose_by_its_loop_and_the_training_mean_its_
     ):
         np.testing.assert_array_equal(filters[name].measurement, expected)
     np.testing.assert_allclose(filters["additive"].error, 0.02)
+    # the posterior's covariance is zero: the bound is the noise of a measured pose
+    expected = np.broadcast_to(np.sqrt(np.diag(2 * noise[0])), truth.shape)
+    np.testing.assert_allclose(filters["additive"].bound, expected)
     # an open loop has half the noise of ω at rest, which is of two poses
     np.testing.assert_allclose(2 * noise[0], training.measurement)
     assert not np.allclose(*noise)

@@ -4,6 +4,7 @@ training takes alone.
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from pipeline.core.errors import ModelDomainError
 from pipeline.filtering import linear
@@ -91,6 +92,19 @@ def test_the_autocorrelated_law_is_the_one_that_takes_were_drawn_with(poses):
     assert np.all(
         linear.autocorrelation(poses, 0 * NOISE)[lags] < correlation[lags] - 0.005
     )
+
+
+def test_the_autocorrelation_of_few_takes_is_not_biased_by_their_mean():
+    """Four takes: with the noise of four, not of three, the first lag would be 8 % too high."""
+    rng, repeats, takes, steps, keep = np.random.default_rng(5), 300, 4, 200, 0.5
+    noise = np.array([[0.25]])
+    fresh = rng.standard_normal((repeats, takes, steps, 1)) * np.sqrt(1 - keep**2)
+    fresh[:, :, 0] /= np.sqrt(1 - keep**2)
+    deviations = lfilter([1.0], [1.0, -keep], fresh, axis=2)
+    poses = deviations + 0.5 * rng.standard_normal(deviations.shape)
+    first = [linear.autocorrelation(of_repeat, noise)[1] for of_repeat in poses]
+    expected = keep * (1 - 1 / steps)
+    assert np.mean(first) == pytest.approx(expected, rel=0.03)
 
 
 def test_the_autocorrelated_filter_is_calibrated_and_without_measurements_the_training_mean(

@@ -131,6 +131,16 @@ def test_bias_covariance_and_duration_of_encoder_errors_are_those_drawn(keep):
         np.testing.assert_allclose(covariance, size * SPREAD, atol=size * 8e-7)
 
 
+def test_the_covariance_of_few_takes_is_not_biased_by_their_mean():
+    """Four takes: divided by their number, it would be a quarter too small."""
+    rng, repeats, takes = np.random.default_rng(3), 400, 4
+    root = np.linalg.cholesky(SPREAD)
+    errors = rng.standard_normal((repeats, takes, 40, len(SPREAD))) @ root.T
+    covariances = [encoder_noise(of_repeat, DT).covariance for of_repeat in errors]
+    mean = np.mean(covariances, axis=(0, 1))
+    np.testing.assert_allclose(mean, SPREAD, atol=0.05 * SPREAD.max())
+
+
 DATASET = Dataset(
     name="t",
     recordings=".",

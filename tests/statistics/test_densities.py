@@ -113,6 +113,14 @@ def test_the_distance_of_one_variable_is_twice_the_integrated_squared_difference
 
 
 @pytest.mark.usefixtures("few_permutations")
+def test_the_true_division_counts_among_the_permutations():
+    rng = np.random.default_rng(61)
+    a = rng.standard_normal((40, 2))
+    _, p_value = energy_test(a, a + 100.0, rng)
+    assert p_value == 1 / (1 + densities.PERMUTATIONS)
+
+
+@pytest.mark.usefixtures("few_permutations")
 def test_p_values_of_one_law_are_uniform_and_of_two_are_not():
     rngs = np.random.default_rng(62).spawn(400)
 

@@ -6,10 +6,12 @@ import numpy as np
 import pandas as pd
 import pytest
 from cable_systems import planar_cables, sample_wrench
+from scipy.stats import multivariate_normal
 
 from pipeline.statistics import densities
 from pipeline.wrench import models
 from pipeline.wrench.measured_force import (
+    _divergence,
     force_moments,
     force_test,
     measured_wrenches,
@@ -82,6 +84,19 @@ def sigma_s_of(system: models.CableSystem) -> np.ndarray:
     """(6, 6) the Σ_S with which the matrix model has the covariance of the cables."""
     unbounded = models.unbounded_sigma_s(system)
     return models.optimal_sigma_s(unbounded, "full")[0]
+
+
+def test_the_divergence_is_the_mean_log_ratio_of_the_two_normal_densities():
+    law = multivariate_normal([1.0, 2.0], [[2.0, 0.5], [0.5, 1.0]])
+    other = multivariate_normal([0.0, 2.5], [[3.0, -1.0], [-1.0, 4.0]])
+    drawn = law.rvs(200_000, random_state=np.random.default_rng(7))
+    ratios = law.logpdf(drawn) - other.logpdf(drawn)
+    error = ratios.std() / np.sqrt(len(ratios))
+    divergence = _divergence(law.mean, law.cov, other.mean, other.cov)
+    assert divergence == pytest.approx(ratios.mean(), abs=4 * error)
+    # control: the term of the log-determinant is far larger than the band
+    ratio = np.linalg.det(np.linalg.solve(other.cov, law.cov))
+    assert abs(np.log(ratio)) / 2 > 100 * error
 
 
 def test_rows_are_those_that_the_cables_give_and_moments_are_over_the_length():

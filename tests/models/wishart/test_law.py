@@ -14,7 +14,7 @@ from scipy import stats
 from pipeline.core.errors import ModelDomainError
 from pipeline.models.draws import draw_steps
 from pipeline.models.wishart.decomposition import PIVOTED_LU, Decomposition, factors
-from pipeline.models.wishart.law import WishartModel
+from pipeline.models.wishart.law import WishartModel, step_variances
 from pipeline.models.wishart.quadrature import blurred_log_density
 from pipeline.randommatrix import wishart
 
@@ -68,6 +68,17 @@ def test_the_exact_moments_are_those_of_algorithm_1(chain, step, decomposition):
     nominal = POSE + chain.inverse_jacobian(POSE) @ step
     assert np.abs((drawn.mean(axis=0) - nominal) / error).max() > 12
     np.testing.assert_allclose((mean - POSE) / (nominal - POSE), 64 / 60, rtol=1e-12)
+
+
+@pytest.mark.parametrize("sigma_b", [0.25, 0.5, 0.7])
+@pytest.mark.parametrize("m", [1, 2, 3, 6])
+def test_the_variances_of_a_step_are_those_of_the_inverse_wishart_law(sigma_b, m):
+    d = wishart.degrees_of_freedom(sigma_b, m)
+    along, across = step_variances(d, m)
+    variances = np.atleast_2d(stats.invwishart(d, d * np.eye(m)).var())
+    assert along == pytest.approx(variances[0, 0], rel=1e-12)
+    if m > 1:
+        assert across == pytest.approx(variances[0, 1], rel=1e-12)
 
 
 def test_moments_end_where_the_theory_says(chain, step):
