@@ -1,27 +1,174 @@
-"""Closed forms of the planar chain of three revolute joints, for whole batches of joint angles.
+"""Serial chains of revolute and prismatic joints. All of them, planar or in space, have the
+kinematics of :mod:`pipeline.arm.kinematics`.
 
-Frame of the plane: x horizontal, z up (the two task axes), rotations positive about y = z × x; task
-rows in the order x (m), z (m), φ (rad). With cumulative angles φ_j = s_1 q_1 + … + s_j q_j and link
-vectors r_j (at q = 0) the joints are at O_{j+1} = O_j + R(φ_j) r_j, O_4 being the end-effector EE.
+A pose is the tip's position (3, m) and rotation (9, row by row) in the base's axes. The Jacobian is
+geometric: rows of the tip's velocity and of its angular velocity times the task's characteristic
+length, in the base's axes.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
 from numpy import ndarray
 
-from pipeline.arm.interface import ArmConstants, Chain
+from pipeline.arm.interface import Mechanism
+from pipeline.arm.kinematics import ArmConstants, evaluate, link_constants
+from pipeline.arm.rotations import rotation_vector
+from pipeline.arm.rows import JOINTS, block_rows
 from pipeline.core.columns import PLANE
 
-SINGULAR_SINE = 1e-3  # |det J|/(l1 l2) = |sin q2|, below which a pose is singular
+# least singular value of J at a regular pose, divided by :meth:`Chain.scale`: a task step of 1e-3
+# of the arm's size then needs a joint step of at most 1 rad
+LEAST_SINGULAR = 1e-3
+# rows of velocity and angular velocity; phi is about the normal of a plane, its y axis
+ROWS = {"x": 0, "y": 1, "z": 2, "rx": 3, "ry": 4, "rz": 5, "phi": 4}
+
+
+class Chain(Mechanism):
+    """A chain of n joints with a task of m rows; see :func:`pipeline.arm.model.chain_of`."""
+
+    task: tuple[str, ...]  # m names of ROWS
+    length: float  # m by which angular rows are multiplied
+    # (n + 1, 12) rotation (9, row by row) and translation (3, m) of the joint frames (z along the
+    # axis) and the tip's frame, each in the previous frame, the first in the base frame
+    placements: ndarray
+    sliding: ndarray  # (n,) True for a prismatic joint
+
+    @property
+    def lengths(self) -> ndarray:
+        """(n,) distances in m between consecutive frames of the joints and the tip."""
+        return np.linalg.norm(self.placements[1:, 9:], axis=1)
+
+    @cached_property
+    def scale(self) -> float:
+        """Magnitude of the entries of J in m: the reach or, if greater, the characteristic length.
+        The reach is at least 1 with prismatic joints, which are at zero.
+        """
+        rows = np.array([ROWS[name] for name in self.task])
+        reach = self.lengths.sum()
+        if self.sliding.any():
+            reach = max(reach, 1.0)
+        return float(max(reach * np.any(rows < 3), self.length * np.any(rows >= 3)))
+
+    @cached_property
+    def constants(self) -> ArmConstants:
+        """Constants of the chain for compiled code."""
+        rows = np.array([ROWS[name] for name in self.task])
+        units = np.where(rows < 3, 1.0, self.length)
+        sliding = self.sliding.astype(float)
+        least = LEAST_SINGULAR * self.scale
+        return ArmConstants(
+            *link_constants(self.placements), sliding, rows, units, least
+        )
+
+    def _evaluate(self, q: ndarray, first: int, last: int) -> ndarray:
+        """(..., last − first) rows of :func:`evaluate` from ``first`` on, at ``q`` (..., n)."""
+        q = np.asarray(q, dtype=float)
+        joints = np.ascontiguousarray(q.reshape(-1, q.shape[-1]).T)
+        rows = evaluate(self.constants, joints)[first:last]
+        return np.ascontiguousarray(rows.T).reshape(*q.shape[:-1], last - first)
+
+    def pose(self, q: ndarray) -> ndarray:
+        """(..., 12) pose of the tip."""
+        return self._evaluate(q, 0, 12)
+
+    def joint_points(self, q: ndarray) -> ndarray:
+        """(..., n + 1, 3) a point of each joint's axis and the tip, m."""
+        n = len(self.lower)
+        rows = self._evaluate(q, 0, JOINTS + 6 * n)
+        axes = rows[..., JOINTS:].reshape(*rows.shape[:-1], n, 6)
+        return np.concatenate([axes[..., 3:], rows[..., None, :3]], axis=-2)
+
+    def jacobian(self, q: ndarray) -> ndarray:
+        """(..., m, n) J(q) in m/rad (1 for a prismatic joint). A revolute joint with the axis e
+        through p gives the tip the velocity e × (tip − p) and angular velocity e, a prismatic joint
+        e.
+        """
+        n, m = len(self.lower), len(self.task)
+        first = block_rows(n, m).jacobian
+        rows = self._evaluate(q, first, first + m * n)
+        return rows.reshape(*rows.shape[:-1], m, n)
+
+    def displacement(self, start: ndarray, end: ndarray) -> ndarray:
+        """(..., m) difference of the positions of the poses ``start`` and ``end`` (..., 12), and
+        rotation vector of R_end·R_startᵀ times the length.
+        """
+        start, end = np.broadcast_arrays(
+            np.asarray(start, float), np.asarray(end, float)
+        )
+        before, after = (x[..., 3:].reshape(*x.shape[:-1], 3, 3) for x in (start, end))
+        turned = rotation_vector(after @ before.swapaxes(-1, -2))
+        way = np.concatenate([end[..., :3] - start[..., :3], turned], axis=-1)
+        return way[..., self.constants.rows] * self.constants.units
+
+    def coordinates(self, q: ndarray) -> ndarray:
+        """(M+1, m) task rows of a motion ``q`` (M+1, n), in m and rad, rotations from the first
+        pose.
+        """
+        pose, rows = self.pose(q), self.constants.rows
+        turned = self.displacement(pose[:1], pose)
+        return np.where(rows < 3, pose[:, np.minimum(rows, 2)], turned)
+
+    def singular(self, q: ndarray) -> ndarray:
+        """(...,) True where the least singular value is below its bound, or ``q`` is not finite."""
+        finite, least = np.isfinite(q).all(axis=-1), LEAST_SINGULAR * self.scale
+        jacobian = self.jacobian(np.where(finite[..., None], q, 0.0))
+        square, others = jacobian @ jacobian.swapaxes(-1, -2), len(self.task) - 1
+        # det JJᵀ ≤ least squared singular value times a power of the mean of the others
+        mean = np.trace(square, axis1=-2, axis2=-1) / max(others, 1)
+        near = ~(np.linalg.det(square) > 4 * least**2 * mean**others)
+        result = np.array(~finite)
+        singular_values = np.linalg.svd(jacobian[near], compute_uv=False)
+        result[near] |= ~(singular_values[..., -1] >= least)
+        return result[()]
+
+    @np.errstate(invalid="ignore")  # a pose may be infinite
+    def inverse_jacobian(self, q: ndarray, *, what: str = "pose") -> ndarray:
+        """(..., n, m) J⁺ = Jᵀ(JJᵀ)⁻¹; raises SingularJacobianError naming a singular ``what``."""
+        jacobian, square = self.jacobian(q), len(self.task) == len(self.sliding)
+        across = jacobian.swapaxes(-1, -2)
+        try:
+            inverse = np.linalg.inv(jacobian if square else jacobian @ across)
+        except np.linalg.LinAlgError:
+            self.require_regular(q, what=what)
+            raise
+        inverse = inverse if square else across @ inverse
+        # the least singular value is at least 1/‖J⁺‖_F
+        norm = np.linalg.norm(inverse, axis=(-2, -1))
+        doubtful = ~(norm * LEAST_SINGULAR * self.scale <= 1)
+        if doubtful.any() and self.singular(np.asarray(q)[doubtful]).any():
+            self.require_regular(q, what=what)
+        return inverse
+
+
+@dataclass(frozen=True)
+class SerialChain(Chain):
+    """A chain by its placements."""
+
+    task: tuple[str, ...]
+    length: float
+    placements: ndarray
+    sliding: ndarray
+    lower: ndarray  # (n,) joint limits, rad or m; infinite without a limit
+    upper: ndarray
+    max_speed: ndarray  # (n,) rad/s or m/s; infinite without a limit
 
 
 @dataclass(frozen=True)
 class PlanarChain(Chain):
-    """Geometry of a planar 3R chain; :func:`pipeline.arm.model.chain_of` reads it from a URDF."""
+    """A planar chain of three revolute joints by its links; :func:`pipeline.arm.model.chain_of`
+    reads it from a URDF.
+
+    Frame of the plane: x horizontal, z up (the two task axes), rotations positive about its normal
+    y = z × x; task rows in the order x (m), z (m), φ (rad). With cumulative angles φ_j = s_1 q_1 +
+    … + s_j q_j and link vectors r_j (at q = 0) the joints are at O_{j+1} = O_j + R(φ_j) r_j, O_4
+    being the end-effector EE.
+    """
 
     task: ClassVar[tuple[str, ...]] = PLANE
+    length: ClassVar[float] = 1.0
     origin: ndarray  # (2,) O1 in the plane, m
     links: ndarray  # (3, 2) link vectors at q = 0, m
     signs: ndarray  # (3,) +1 or -1: sense of each joint about the plane's normal
@@ -29,16 +176,38 @@ class PlanarChain(Chain):
     upper: ndarray  # (3,)
     max_speed: ndarray  # (3,) rad/s
 
-    @property
-    def lengths(self) -> ndarray:
-        """(3,) lengths of the three segments O1O2, O2O3, O3EE in m."""
-        return np.hypot(*self.links.T)
+    @cached_property
+    def placements(self) -> ndarray:
+        """(4, 12) frames of the joints and the tip, which has the plane's axes at q = 0."""
+        frames = [joint_axes(sign) for sign in self.signs] + [np.eye(3)]
+        vectors = np.insert(np.vstack([self.origin, self.links]), 1, 0.0, axis=1)
+        result, before = [], np.eye(3)
+        for frame, vector in zip(frames, vectors, strict=True):
+            result.append(np.append(before.T @ frame, before.T @ vector))
+            before = frame
+        return np.array(result)
+
+    @cached_property
+    def sliding(self) -> ndarray:
+        """(3,) False: all joints are revolute."""
+        return np.zeros(3, dtype=bool)
 
     @property
     def straight(self) -> float:
         """Angle of the second joint in rad, modulo π, at which the first two links are in line."""
         first, second = np.arctan2(*self.links[:2].T)
         return float(self.signs[1] * (first - second))
+
+    def points(self, q: ndarray) -> ndarray:
+        """(..., 4, 2) positions of O1, O2, O3 and EE in m for joint angles ``q`` (..., 3)."""
+        return self.joint_points(q)[..., [0, 2]]
+
+    def coordinates(self, q: ndarray) -> ndarray:
+        """(..., 3) task rows x, z (m) and φ (rad), which is zero at zero angles and keeps whole
+        turns, at ``q`` (..., 3).
+        """
+        phi = np.cumsum(self.signs * np.asarray(q, dtype=float), axis=-1)[..., -1:]
+        return np.concatenate([self.pose(q)[..., [0, 2]], phi], axis=-1)
 
     def segment_headings(self, q: ndarray) -> ndarray:
         """(..., 3) angles ψ_j in rad about y from the z axis to the segments O_jO_{j+1}."""
@@ -51,71 +220,12 @@ class PlanarChain(Chain):
         middle = (self.lower + self.upper) / 2
         return q - 2 * np.pi * np.round((q - middle) / (2 * np.pi))
 
-    def _segments(self, q: ndarray) -> tuple[ndarray, ndarray]:
-        """x and z (3, ...) in m of the segments, contiguous along the batch."""
-        over = (3, *[1] * (np.ndim(q) - 1))
-        turns = np.moveaxis(np.asarray(q, dtype=float), -1, 0) * self.signs.reshape(
-            over
-        )
-        heading = np.cumsum(turns, axis=0)
-        sine, cosine = np.sin(heading), np.cos(heading)
-        x, z = (column.reshape(over) for column in self.links.T)
-        return cosine * x + sine * z, cosine * z - sine * x
 
-    def points(self, q: ndarray) -> ndarray:
-        """(..., 4, 2) positions of O1, O2, O3 and EE in m for joint angles ``q`` (..., 3)."""
-        steps = np.moveaxis(np.stack(self._segments(q)), (0, 1), (-1, -2))
-        start = np.broadcast_to(self.origin, (*steps.shape[:-2], 1, 2))
-        return np.concatenate([start, self.origin + np.cumsum(steps, axis=-2)], axis=-2)
-
-    def pose(self, q: ndarray) -> ndarray:
-        """(..., 3) end-effector pose (x, z, φ) in m, m, rad."""
-        phi = np.cumsum(self.signs * np.asarray(q, dtype=float), axis=-1)[..., -1:]
-        return np.concatenate([self.points(q)[..., -1, :], phi], axis=-1)
-
-    def displacement(self, start: ndarray, end: ndarray) -> ndarray:
-        """(..., 3) displacement from poses ``start`` to ``end`` (..., 3); φ keeps whole turns."""
-        return end - start
-
-    def jacobian(self, q: ndarray) -> ndarray:
-        """(..., 3, 3) Jacobian J(q): rows x, z, φ, columns the joints (m/rad, m/rad, 1)."""
-        x, z = self._segments(q)
-        result = np.empty((*np.shape(q), 3))
-        for j, sign in enumerate(self.signs):
-            result[..., 0, j], result[..., 1, j] = (
-                sign * z[j:].sum(0),
-                -sign * x[j:].sum(0),
-            )
-        result[..., 2, :] = self.signs
-        return result
-
-    def singular(self, q: ndarray) -> ndarray:
-        """(...,) True where the first two links are in line, or ``q`` is not finite."""
-        bent = np.abs(np.sin(np.asarray(q)[..., 1] - self.straight)) >= SINGULAR_SINE
-        return ~(bent & np.isfinite(q).all(axis=-1))
-
-    def inverse_jacobian(self, q: ndarray, *, what: str = "pose") -> ndarray:
-        """(..., 3, 3) J(q)⁻¹ in closed form; raises :class:`SingularJacobianError` naming the first
-        singular ``what``. The first two joints move the wrist O3 at v − φ̇·k×(EE − O3), the third
-        joint adds the rest of φ̇.
-        """
-        self.require_regular(q, what=what)
-        (ax, bx, tx), (az, bz, tz) = self._segments(q)
-        cross, wx, wz = az * bx - ax * bz, ax + bx, az + bz
-        first = bx / cross, bz / cross, (bz * tx - bx * tz) / cross
-        second = -wx / cross, -wz / cross, (wx * tz - wz * tx) / cross
-        result = np.empty((*np.shape(q), 3))
-        for column, phi in enumerate((0.0, 0.0, 1.0)):
-            one, two = first[column], second[column]
-            for row, step in enumerate((one, two, phi - one - two)):
-                result[..., row, column] = self.signs[row] * step
-        return result
-
-    def numbers(self) -> ArmConstants:
-        """Constants of the chain for compiled code; ``least`` is SINGULAR_SINE."""
-        plane = np.concatenate([self.links.ravel(), self.signs, self.origin])
-        other = np.empty((0, 6)), np.zeros(3), np.array([0, 2, 4]), np.ones(3)
-        return ArmConstants(plane, *other, SINGULAR_SINE)
+def joint_axes(sign: float) -> ndarray:
+    """(3, 3) axes, in columns, of a planar chain's joint frame: x is the plane's, z is the joint's
+    axis, ``sign`` times the plane's normal y.
+    """
+    return np.array([[1.0, 0.0, 0.0], [0.0, 0.0, sign], [0.0, -sign, 0.0]])
 
 
 def segment_frames(chain: PlanarChain, q: ndarray) -> tuple[ndarray, ndarray]:
@@ -123,10 +233,10 @@ def segment_frames(chain: PlanarChain, q: ndarray) -> tuple[ndarray, ndarray]:
     (x, normal y, z) at ``q`` (..., 3) in rad. Segment j starts at O_j; its axes, the columns of its
     rotation, are z towards O_{j+1}, y along the normal, x = y × z.
     """
-    origin, psi = np.zeros((*np.shape(q), 3)), chain.segment_headings(q)
-    origin[..., [0, 2]] = chain.points(q)[..., :-1, :]
+    origin, psi = chain.joint_points(q)[..., :-1, :], chain.segment_headings(q)
+    sine, cosine = np.sin(psi), np.cos(psi)
     rotation = np.zeros((*psi.shape, 3, 3))
-    rotation[..., 0, 0], rotation[..., 0, 2] = np.cos(psi), np.sin(psi)
-    rotation[..., 2, 0], rotation[..., 2, 2] = -np.sin(psi), np.cos(psi)
+    rotation[..., 0, 0], rotation[..., 0, 2] = cosine, sine
+    rotation[..., 2, 0], rotation[..., 2, 2] = -sine, cosine
     rotation[..., 1, 1] = 1.0
     return rotation, origin

@@ -1,9 +1,7 @@
-"""Interface of the kinematics of robots, constants of a chain for compiled code, and table of a
-commanded trajectory.
-"""
+"""Interface of the kinematics of robots, and the table of a commanded trajectory."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy import ndarray
@@ -14,16 +12,7 @@ from pipeline.core.errors import SingularJacobianError
 if TYPE_CHECKING:  # an exported model is loaded with NumPy alone
     import pandas as pd
 
-
-class ArmConstants(NamedTuple):
-    """Constants of a chain of n joints with m task rows; ``plane`` or ``frames`` is empty."""
-
-    plane: ndarray  # (11,) of a planar chain: links x and z (3·2, m), signs (3), origin (2, m)
-    frames: ndarray  # (n + 2, 6) of a serial chain: :func:`pipeline.arm.serial.joint_frames`
-    sliding: ndarray  # (n,) 1 for a prismatic, 0 for a revolute joint
-    rows: ndarray  # (m,) task rows: 0 to 2 are velocity, 3 to 5 angular velocity
-    units: ndarray  # (m,) factor of a row: 1, or a length in m for an angular row
-    least: float  # least singular value of the Jacobian at a regular pose
+    from pipeline.arm.chain import Chain
 
 
 class Mechanism(Protocol):
@@ -92,19 +81,8 @@ class Mechanism(Protocol):
         return np.all((q >= self.lower) & (q <= self.upper), axis=-1)
 
 
-class Chain(Mechanism, Protocol):
-    """A serial arm with constants for compiled code."""
-
-    def numbers(self) -> ArmConstants:
-        """Constants of the chain for compiled code."""
-
-    def coordinates(self, pose: ndarray) -> ndarray:
-        """(M+1, m) task rows of the poses ``pose`` (M+1, p) of a motion, in m and rad."""
-        return pose
-
-
 def trajectory_table(
-    chain: Chain, q: ndarray, rate: float, joints: Sequence[str] = ()
+    chain: "Chain", q: ndarray, rate: float, joints: Sequence[str] = ()
 ) -> "pd.DataFrame":
     """Table of xᵈ and ẋᵈ for commanded joint angles ``q`` (M+1, n) in rad at ``rate`` per second.
     Columns are k, t, the families x and v of the task rows (SI), and for a redundant arm the speeds
@@ -114,14 +92,16 @@ def trajectory_table(
     import pandas as pd
 
     pose, k = chain.pose(q), np.arange(len(q))
-    steps = chain.displacement(pose[:-1], pose[1:]), np.diff(q, axis=0)
-    v, u = (np.vstack([each * rate, np.zeros((1, each.shape[1]))]) for each in steps)
-    x = chain.coordinates(pose)
-    table = (
-        {"k": k, "t": k / rate}
-        | spread("x", chain.task, x)
-        | spread("v", chain.task, v)
-    )
+    task_steps = chain.displacement(pose[:-1], pose[1:])
+    joint_steps = np.diff(q, axis=0)
+    table = {"k": k, "t": k / rate}
+    table |= spread("x", chain.task, chain.coordinates(q))
+    table |= spread("v", chain.task, _speeds(task_steps, rate))
     if len(chain.task) < q.shape[1]:
-        table |= spread("u", joints, u)
+        table |= spread("u", joints, _speeds(joint_steps, rate))
     return pd.DataFrame(table)
+
+
+def _speeds(steps: ndarray, rate: float) -> ndarray:
+    """(M+1, n) speeds per second of ``steps`` (M, n), zero in the last row."""
+    return np.vstack([steps * rate, np.zeros((1, steps.shape[1]))])

@@ -1,73 +1,129 @@
-"""Compiled kinematics of any serial chain, a block of poses at a time (:mod:`pipeline.arm.rows`).
+"""Compiled frames, Jacobians and displacements of a serial chain, a block of poses at a time
+(:mod:`pipeline.arm.rows`).
 
-The argument ``arm`` is the chain's :class:`pipeline.arm.interface.ArmConstants`.
+The argument ``arm`` is the chain's :class:`ArmConstants`. Loops over :func:`lanes` also run on
+arrays of poses without a compiler, as in an exported model.
 """
 
+from typing import NamedTuple
+
 import numpy as np
+from numpy import ndarray
 
 from pipeline.arm.rows import (
+    COSINE,
     JOINTS,
     POSITION,
     ROTATION,
     SINE,
     TURN,
     WIDTH,
-    add_dot,
     fill,
-    scale,
+    rows_of,
 )
-from pipeline.arm.serial import FRAME_COSINE, FRAME_SHIFT, FRAME_SINE, FRAME_TURN
-from pipeline.core.compiled import inlined, inner
+from pipeline.core.compiled import compiled, inlined, inner, lanes
 from pipeline.core.elementary import sine_cosine
 
-COSINE = SINE + 1
+# columns of a link: turn about z (rad), cosine and sine of the tilt about x, shift before the
+# tilt (3, m)
+LINK_TURN, LINK_COSINE, LINK_SINE, LINK_SHIFT = 0, 1, 2, 3
 # coefficients of atan(t)/t in t²; up to t = tan(π/16) the first omitted term is below rounding
 ARC = tuple((-1.0) ** k / (2 * k + 1) for k in range(12))
 
 
+class ArmConstants(NamedTuple):
+    """Constants of a chain of n joints with m task rows."""
+
+    base: ndarray  # (12,) position (m) and rotation, row by row, of the first joint's frame
+    links: ndarray  # (n, 6) from a joint's frame to the next or the tip: :func:`link_constants`
+    tip_turn: float  # rad, turn of the tip about the z axis of the last frame
+    sliding: ndarray  # (n,) 1 for a prismatic, 0 for a revolute joint
+    rows: ndarray  # (m,) task rows: 0 to 2 are velocity, 3 to 5 angular velocity
+    units: ndarray  # (m,) factor of a row: 1, or a length in m for an angular row
+    least: float  # least singular value of the Jacobian at a regular pose
+
+
+def link_constants(placements: ndarray) -> tuple[ndarray, ndarray, float]:
+    """Return ``base``, ``links`` and ``tip_turn`` of :class:`ArmConstants` for the ``placements``
+    (n + 1, 12), rotation (9) and translation (3, m). A placement's rotation is R_z(β)R_x(α)R_z(γ):
+    β is added to the turn of the previous joint, γ to the turn of the next one.
+    """
+    links, turn = np.zeros((len(placements) - 1, 6)), 0.0
+    for joint, placement in enumerate(placements):
+        rotation, shift = placement[:9].reshape(3, 3), placement[9:]
+        if joint == 0:
+            base = np.concatenate([shift, rotation.ravel()])
+            continue
+        x, y = rotation[:2, 2]
+        # turn of at most a right angle after which z is tilted about x alone
+        before = np.arctan2(-x if y >= 0 else x, abs(y))
+        cosine, sine = np.cos(before), np.sin(before)
+        back = np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+        rotation, shift = back @ rotation, back @ shift
+        links[joint - 1] = turn + before, rotation[2, 2], -rotation[1, 2], *shift
+        turn = np.arctan2(-rotation[0, 1], rotation[0, 0])
+    return base, links, float(turn)
+
+
+@compiled
+def evaluate(arm, q):
+    """Return the rows of a block up to the Jacobian's (``lower``, P), at the poses ``q`` (n, P) in
+    rad or m: tip, axes of the joints, and J row by row.
+    """
+    rows, poses = rows_of(len(arm.sliding), len(arm.rows)), q.shape[1]
+    block = np.zeros((rows.lower, WIDTH))
+    result = np.empty((rows.lower, poses))
+    for start in range(0, poses, WIDTH):
+        count = min(WIDTH, poses - start)
+        tip(arm, q, start, count, block)
+        task_jacobian(arm, block, rows.jacobian, count)
+        turn_tip(arm, block, count)
+        result[:, start : start + count] = block[:, :count]
+    return result
+
+
 @inner
 def tip(arm, q, start, count, block):
-    """Fill the tip's rotation and position, and each joint's axis and a point of the axis, in the
-    base frame, at ``count`` poses of ``q`` (n, P) in rad or m from ``start`` on.
+    """Fill the tip's position, its rotation before the turn of :func:`turn_tip`, and each joint's
+    axis and a point of the axis, in the base frame, at ``count`` poses of ``q`` (n, P) in rad or m
+    from ``start`` on.
     """
-    flat, n = block.reshape(-1), len(arm.sliding)
+    flat = block.reshape(-1)
     for k in range(12):
-        fill(block, k, 1.0 if k in (3, 7, 11) else 0.0, count)
-    for frame in range(n + 2):
-        turn, joint = arm.frames[frame, FRAME_TURN], frame - 1
-        if 0 <= joint < n and arm.sliding[joint] == 0.0:
-            angle = q[joint, start : start + count]
-            for i in range(count):
-                sine, cosine = sine_cosine(turn + angle[i])
-                flat[SINE * WIDTH + i], flat[COSINE * WIDTH + i] = sine, cosine
-        else:
+        fill(block, POSITION + k, arm.base[k], count)
+    for joint in range(len(arm.sliding)):
+        coordinate, link = q[joint, start : start + count], arm.links[joint]
+        turn = link[LINK_TURN]
+        sliding = arm.sliding[joint] > 0.0
+        if sliding:
+            for k in range(3):
+                for i in lanes(count):
+                    way = block[ROTATION + 3 * k + 2, i] * coordinate[i]
+                    block[POSITION + k, i] += way
+        axis = JOINTS + 6 * joint
+        for k in range(3):
+            for i in lanes(count):
+                block[axis + k, i] = block[ROTATION + 3 * k + 2, i]
+                block[axis + 3 + k, i] = block[POSITION + k, i]
+        if sliding:
             sine, cosine = sine_cosine(turn)
             fill(block, SINE, sine, count)
             fill(block, COSINE, cosine, count)
-        _follow(0, arm.frames[frame], flat, count)
-        _follow(1, arm.frames[frame], flat, count)
-        _follow(2, arm.frames[frame], flat, count)
-        if frame < n:
-            first = JOINTS + 6 * frame
-            if arm.sliding[frame] > 0.0:
-                way = q[frame, start : start + count]
-                for k in range(3):
-                    for i in range(count):
-                        block[POSITION + k, i] += (
-                            block[ROTATION + 3 * k + 2, i] * way[i]
-                        )
-            for k in range(3):
-                for i in range(count):
-                    block[first + k, i] = block[ROTATION + 3 * k + 2, i]
-                    block[first + 3 + k, i] = block[POSITION + k, i]
+        else:
+            for i in lanes(count):
+                sine, cosine = sine_cosine(turn + coordinate[i])
+                flat[SINE * WIDTH + i], flat[COSINE * WIDTH + i] = sine, cosine
+        _follow(0, link, flat, count)
+        _follow(1, link, flat, count)
+        _follow(2, link, flat, count)
 
 
 @inlined
-def _follow(k, frame, flat, count):
+def _follow(k, link, flat, count):
     """Rotate row ``k`` (a literal) of the frames about the z axis, then shift and tilt it."""
-    c, s = frame[FRAME_COSINE], frame[FRAME_SINE]
-    px, py, pz = frame[FRAME_SHIFT], frame[FRAME_SHIFT + 1], frame[FRAME_SHIFT + 2]
-    for i in range(count):
+    c, s = link[LINK_COSINE], link[LINK_SINE]
+    px, py, pz = link[LINK_SHIFT], link[LINK_SHIFT + 1], link[LINK_SHIFT + 2]
+    for i in lanes(count):
         at = (ROTATION + 3 * k) * WIDTH + i
         sine, cosine = flat[SINE * WIDTH + i], flat[COSINE * WIDTH + i]
         x, y, z = flat[at], flat[at + WIDTH], flat[at + 2 * WIDTH]
@@ -76,6 +132,18 @@ def _follow(k, frame, flat, count):
         flat[at] = along
         flat[at + WIDTH] = across * c + z * s
         flat[at + 2 * WIDTH] = z * c - across * s
+
+
+@inner
+def turn_tip(arm, block, count):
+    """Turn the last frame of :func:`tip` about its z axis into the tip's frame."""
+    sine, cosine = sine_cosine(arm.tip_turn)
+    for k in range(3):
+        first, second = ROTATION + 3 * k, ROTATION + 3 * k + 1
+        for i in lanes(count):
+            x, y = block[first, i], block[second, i]
+            block[first, i] = x * cosine + y * sine
+            block[second, i] = y * cosine - x * sine
 
 
 @inner
@@ -93,81 +161,17 @@ def task_jacobian(arm, block, first, count):
                 JOINTS + 6 * j,
                 arm.sliding[j] > 0.0,
             )
-            ay, az, py, pz = axis + y, axis + z, axis + 3 + y, axis + 3 + z
             if row < 3 and not sliding:
-                for i in range(count):
-                    block[entry, i] = block[ay, i] * (
-                        block[POSITION + z, i] - block[pz, i]
-                    ) - block[az, i] * (block[POSITION + y, i] - block[py, i])
+                point = axis + 3
+                for i in lanes(count):
+                    lever_y = block[POSITION + y, i] - block[point + y, i]
+                    lever_z = block[POSITION + z, i] - block[point + z, i]
+                    moment = block[axis + y, i] * lever_z - block[axis + z, i] * lever_y
+                    block[entry, i] = moment
             else:
                 factor = unit if row < 3 or not sliding else 0.0
-                for i in range(count):
+                for i in lanes(count):
                     block[entry, i] = factor * block[axis + row % 3, i]
-
-
-@inner
-def cholesky(block, jacobian, lower, inverse, m, n, shift, count):
-    """Fill L of JJᵀ − ``shift``·I = LLᵀ from row ``lower`` on (m·m) and 1/L_rr from ``inverse`` on;
-    NaN if there is no factor. The relative error of J⁺ is at most 1e-10 at a regular pose.
-    """
-    for r in range(m):
-        for s in range(r + 1):
-            entry = lower + r * m + s
-            fill(block, entry, 0.0, count)
-            add_dot(block, entry, 1.0, jacobian + r * n, jacobian + s * n, n, count)
-            add_dot(block, entry, -1.0, lower + r * m, lower + s * m, s, count)
-            if s < r:
-                scale(block, entry, inverse + s, count)
-            else:
-                for i in range(count):
-                    root = np.sqrt(block[entry, i] - shift)
-                    block[entry, i] = root
-                    block[inverse + r, i] = 1.0 / root
-
-
-@inner
-def mark_singular(block, arm, jacobian, lower, spare, out, count):
-    """Set row ``out`` to 1 where a singular value of J is below ``arm.least``, i.e. JJᵀ − least²·I
-    has no factor, else to 0; m·m + m rows from ``spare`` on are scratch. Most blocks need no such
-    factor: (det L)² is at most the least squared singular value times the (m − 1)th power of the
-    mean of the other squares.
-    """
-    m, n, least = len(arm.rows), len(arm.sliding), arm.least
-    fill(block, out, 1.0, count)
-    fill(block, spare, 0.0, count)
-    for r in range(m):
-        add_dot(block, spare, 1.0, lower + r * m, lower + r * m, r + 1, count)
-    for r in range(m):
-        for i in range(count):
-            square = block[lower + r * m + r, i] * block[lower + r * m + r, i]
-            block[out, i] *= square * ((m - 1) / block[spare, i] if r > 0 else 1.0)
-    near = 0
-    for i in range(count):
-        near += 0 if block[out, i] > 4.0 * least * least else 1  # NaN too
-    fill(block, out, 0.0, count)
-    if near == 0:
-        return
-    cholesky(block, jacobian, spare, spare + m * m, m, n, least * least, count)
-    for r in range(m):
-        for i in range(count):
-            block[out, i] = block[out, i] if block[spare + r * m + r, i] > 0.0 else 1.0
-
-
-@inner
-def solve_lower(block, lower, inverse, m, x, count):
-    """Replace the m rows x by L⁻¹x, with L and 1/L_rr of :func:`cholesky`."""
-    for r in range(m):
-        add_dot(block, x + r, -1.0, lower + r * m, x, r, count)
-        scale(block, x + r, inverse + r, count)
-
-
-@inner
-def solve_upper(block, lower, inverse, m, x, count):
-    """Replace the m rows x by L⁻ᵀx."""
-    for r in range(m - 1, -1, -1):
-        at = lower + (r + 1) * m + r
-        add_dot(block, x + r, -1.0, at, x + r + 1, m - r - 1, count, m)
-        scale(block, x + r, inverse + r, count)
 
 
 @inner
@@ -176,15 +180,16 @@ def add_displacement(arm, target, block, out, share, count):
     ``out`` on, at the poses whose :func:`tip` is in the ``block``.
     """
     if np.any(arm.rows > 2):
+        turn_tip(arm, block, count)
         rotation_vectors(target, block.reshape(-1), count)
     for r in range(len(arm.rows)):
         row, factor = arm.rows[r], share * arm.units[r]
-        for i in range(count):
-            block[out + r, i] += factor * (
-                target[row] - block[POSITION + row, i]
-                if row < 3
-                else block[TURN + row - 3, i]
-            )
+        if row < 3:
+            for i in range(count):
+                block[out + r, i] += factor * (target[row] - block[POSITION + row, i])
+        else:
+            for i in range(count):
+                block[out + r, i] += factor * block[TURN + row - 3, i]
 
 
 @inner

@@ -11,9 +11,7 @@ import numpy as np
 import pinocchio as pin
 from numpy import ndarray
 
-from pipeline.arm.chain import PlanarChain
-from pipeline.arm.interface import Chain
-from pipeline.arm.serial import SerialChain
+from pipeline.arm.chain import Chain, PlanarChain, SerialChain
 from pipeline.arm.urdf import Tree, describe, read_urdf
 from pipeline.core.columns import PLANE, SPACE
 from pipeline.core.errors import ConfigError

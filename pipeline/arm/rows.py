@@ -4,7 +4,7 @@ at consecutive poses: LLVM vectorises loops over a row without branches or calls
 
 from typing import NamedTuple
 
-from pipeline.core.compiled import inner
+from pipeline.core.compiled import inner, lanes
 
 WIDTH = 256  # poses of a block: a smaller block needs more calls, a larger exceeds the cache
 # rows of the kinematics of a pose: position (3, m) and rotation (9, row by row) of the tip; sine
@@ -60,28 +60,28 @@ rows_of = inner(block_rows)
 @inner
 def fill(block, out, value, count):
     """Set row ``out`` of the ``block`` to ``value`` at the first ``count`` poses."""
-    for i in range(count):
+    for i in lanes(count):
         block[out, i] = value
 
 
 @inner
 def copy(block, out, x, count):
     """Set row ``out`` to row ``x``."""
-    for i in range(count):
+    for i in lanes(count):
         block[out, i] = block[x, i]
 
 
 @inner
 def scale(block, out, x, count):
     """Multiply row ``out`` by row ``x``."""
-    for i in range(count):
+    for i in lanes(count):
         block[out, i] *= block[x, i]
 
 
 @inner
 def add_product(block, out, sign, x, y, count):
     """Add ``sign``·row ``x``·row ``y`` to row ``out``."""
-    for i in range(count):
+    for i in lanes(count):
         block[out, i] += sign * (block[x, i] * block[y, i])
 
 
@@ -91,7 +91,7 @@ def add_dot(block, out, sign, x, y, n, count, by=1):
     for j in range(0, n - 2, 3):
         x0, y0 = x + by * j, y + j
         x1, x2, y1, y2 = x0 + by, x0 + 2 * by, y0 + 1, y0 + 2
-        for i in range(count):
+        for i in lanes(count):
             block[out, i] += sign * (
                 block[x0, i] * block[y0, i]
                 + block[x1, i] * block[y1, i]
@@ -104,8 +104,14 @@ def add_dot(block, out, sign, x, y, n, count, by=1):
 @inner
 def dot(block, out, x, y, n, count):
     """Set row ``out`` to Σ_j row (``x`` + j)·row (``y`` + j), j < ``n``."""
-    fill(block, out, 0.0, count)
-    add_dot(block, out, 1.0, x, y, n, count)
+    whole = 3 if n >= 3 else 0
+    if whole == 0:
+        fill(block, out, 0.0, count)
+    else:
+        for i in lanes(count):
+            first, second = block[x, i] * block[y, i], block[x + 1, i] * block[y + 1, i]
+            block[out, i] = first + second + block[x + 2, i] * block[y + 2, i]
+    add_dot(block, out, 1.0, x + whole, y + whole, n - whole, count)
 
 
 @inner
@@ -113,5 +119,5 @@ def add_combination(block, out, factors, at, x, n, count):
     """Add Σ_j ``factors``[``at`` + j]·row (``x`` + j), j < ``n``, to row ``out``."""
     for j in range(n):
         factor, row = factors[at + j], x + j
-        for i in range(count):
+        for i in lanes(count):
             block[out, i] += factor * block[row, i]

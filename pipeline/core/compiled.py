@@ -87,3 +87,8 @@ def inner(function: Callable) -> Callable:
 def inlined(function: Callable) -> Callable:
     """Decorate an inner function that LLVM inlines, so that loops around it are vectorised."""
     return numba.njit(forceinline=True, **INNER)(function)
+
+
+# indices of poses: compiled loops visit one after the other; the exported reader, which has no
+# compiler, replaces ``lanes`` by a function that returns one array of all indices
+lanes = range

@@ -7,7 +7,7 @@ import pandas as pd
 from numpy import ndarray
 from numpy.random import Generator
 
-from pipeline.arm.interface import Chain
+from pipeline.arm.chain import Chain
 from pipeline.core.errors import ModelDomainError
 from pipeline.models.joint_error.samples import JointRun
 from pipeline.models.model import MotionModel, frobenius

@@ -12,8 +12,7 @@ import numpy as np
 from numpy import ndarray
 from numpy.random import Generator
 
-from pipeline.arm.chain import SINGULAR_SINE, PlanarChain
-from pipeline.arm.interface import Chain
+from pipeline.arm.chain import Chain
 from pipeline.core import rng as streams
 from pipeline.core.errors import DegenerateFilterError, ModelDomainError
 from pipeline.core.options.analysis import Filter
@@ -110,15 +109,11 @@ def particle_filter(
     poses, rejected = initial_particles(
         start, chain, options.particles, rng, measurements.take
     )
-    limits = [np.array(each, dtype=float) for each in (chain.lower, chain.upper)]
-    planar = isinstance(chain, PlanarChain)
-    singular = (
-        [chain.straight, float(np.arcsin(SINGULAR_SINE))] if planar else [0.0, 0.0]
-    )
+    limits = [np.array(limit, dtype=float) for limit in (chain.lower, chain.upper)]
     # no effective sample size is below 0
     threshold = float(options.threshold) if options.scheme != "none" else 0.0
     scheme = sampling.SCHEMES.index(options.scheme)
-    setting = sampling.Setting((*limits, *singular), frames, scheme, threshold)
+    setting = sampling.Setting(tuple(limits), frames, scheme, threshold)
     q = np.array(poses.T, order="C")
     particles, record = sampling.fresh_arrays(*q.shape, len(commands.v) + 1)
     steps = setting, q, particles, record, rng

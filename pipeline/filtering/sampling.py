@@ -168,18 +168,13 @@ def weighted_moments(weights, q, mean, covariance, scratch):
 
 
 @inner
-def keep_inside(domain, before, q, log_weights, outside):
-    """Set the weight of particles ``q`` (n, P) outside D_q to zero, move them back to ``before``,
-    and return the number of them that had weight. ``outside`` (P,) is scratch. ``domain`` is the
-    joint limits, the singular angle of a planar chain's second joint (rad, modulo π) and the least
-    distance from it. The distance is 0 for a serial chain, whose steps from singular poses are NaN.
+def keep_inside(limits, before, q, log_weights, outside):
+    """Set the weight of particles ``q`` (n, P) beyond the joint ``limits`` to zero, move
+    them back to ``before``, and return the number of them that had weight. ``outside`` (P,) is
+    scratch. A step from a singular pose is NaN, which is beyond every limit.
     """
-    lower, upper, straight, clearance = domain
-    second, lost = q[1 if len(q) > 1 else 0], 0
-    for i in range(len(second)):
-        half_turns = (second[i] - straight) * (1 / np.pi)
-        bent = np.pi * abs(half_turns - np.floor(half_turns + 0.5)) >= clearance
-        outside[i] = 0.0 if bent else 1.0
+    (lower, upper), lost = limits, 0
+    outside[: len(log_weights)] = 0.0
     for j in range(len(q)):
         angle, low, high = q[j], lower[j], upper[j]
         for i in range(len(angle)):
@@ -195,9 +190,9 @@ def keep_inside(domain, before, q, log_weights, outside):
 
 
 class Setting(NamedTuple):
-    """Domain D_q (:func:`keep_inside`), measurements and resampling of one filter."""
+    """Joint limits (lower, upper), measurements and resampling of one filter."""
 
-    domain: tuple
+    limits: tuple
     frames: NamedTuple  # pipeline.filtering.measurement.Frames
     scheme: int  # index of SCHEMES
     threshold: (
@@ -248,7 +243,7 @@ def update(k, setting, before, q, particles, record, rng):
     frames, n, count = setting.frames, len(q), len(weights)
     if k > 0:
         record.outside[k] = keep_inside(
-            setting.domain, before, q, log_weights, scratch[0]
+            setting.limits, before, q, log_weights, scratch[0]
         )
     for frame in range(frames.first[k], frames.first[k + 1]):
         weigh(frames, frame, before, q, log_weights, scratch)
@@ -272,7 +267,7 @@ def update(k, setting, before, q, particles, record, rng):
 
 @compiled
 def sequential_importance_sampling(
-    law, arm, space, block, commands, setting, q, particles, record, rng
+    law, arm, block, commands, setting, q, particles, record, rng
 ):
     """Fill the ``record`` of particles that the compiled ``law`` moves from their first poses ``q``
     (n, P) in rad, which are overwritten. Return the step at which all weights vanished, or −1.
@@ -282,7 +277,7 @@ def sequential_importance_sampling(
         if k > 0:
             q, before = before, q
             command = commands.v[k - 1], commands.path[k - 1], commands.share
-            record.clipped[k] = move(law, arm, space, block, *command, before, q, rng)
+            record.clipped[k] = move(law, arm, block, *command, before, q, rng)
         state = update(k, setting, before, q, particles, record, rng)
         if state == VANISHED:
             return k

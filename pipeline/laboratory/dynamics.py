@@ -14,8 +14,8 @@ import pandas as pd
 from numpy.random import Generator
 from scipy.special import ndtr
 
-from pipeline.arm.chain import PlanarChain
-from pipeline.arm.interface import Chain, trajectory_table
+from pipeline.arm.chain import Chain, PlanarChain
+from pipeline.arm.interface import trajectory_table
 from pipeline.core.errors import ConfigError
 from pipeline.laboratory.options import (
     ClockOptions,

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.random import Generator
 from scipy.spatial.transform import Rotation
 
-from pipeline.arm.chain import segment_frames
+from pipeline.arm.chain import SerialChain, segment_frames
 from pipeline.arm.model import Arm
-from pipeline.arm.serial import SerialChain, rigid_motion
+from pipeline.arm.rotations import rigid_motion
 from pipeline.laboratory.options import MocapOptions
 
 LABELS = "abc"

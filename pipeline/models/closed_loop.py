@@ -27,7 +27,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy import ndarray
 
-from pipeline.arm.interface import Chain
+from pipeline.arm.chain import Chain
 from pipeline.core.errors import ModelDomainError, SolverError
 from pipeline.models import kinds
 from pipeline.models.model import (

@@ -8,8 +8,8 @@ import numpy as np
 from numpy import ndarray
 from numpy.random import Generator
 
-from pipeline.arm.chain import PlanarChain
-from pipeline.arm.interface import ArmConstants, Chain
+from pipeline.arm.chain import Chain
+from pipeline.arm.kinematics import ArmConstants
 from pipeline.arm.rows import WIDTH, block_rows
 from pipeline.core.errors import ModelDomainError
 from pipeline.models.kernel import move
@@ -17,13 +17,10 @@ from pipeline.models.model import MotionModel
 from pipeline.models.steps import Recorded
 
 
-def compiled_arm(chain: Chain) -> tuple[ArmConstants, int | None, ndarray]:
-    """Return the constants of the ``chain``, None for a planar and 1 for a serial chain (numba
-    compiles one branch), and a zeroed buffer (rows, poses) for a block of poses.
-    """
-    space = None if isinstance(chain, PlanarChain) else 1
+def compiled_arm(chain: Chain) -> tuple[ArmConstants, ndarray]:
+    """Return the constants of the ``chain`` and a zeroed buffer (rows, poses) for a block."""
     rows = block_rows(len(chain.lower), len(chain.task)).size
-    return chain.numbers(), space, np.zeros((rows, WIDTH))
+    return chain.constants, np.zeros((rows, WIDTH))
 
 
 def draw_steps(
@@ -35,8 +32,6 @@ def draw_steps(
     ``v`` (m,) or (m + n,) is the command of all poses, row k of (M, m) or (M, m + n) of ``q[..., k,
     :]``. Raises SingularJacobianError, and ModelDomainError if a draw is not finite.
     """
-    if isinstance(chain, PlanarChain):
-        chain.require_regular(q)
     if not model.traits.compiled:
         return model.sample(chain, q, v, rng), 0
     commands = np.array(np.atleast_2d(v), dtype=float, order="C")
@@ -44,13 +39,13 @@ def draw_steps(
     together = q.reshape(-1, len(commands), q.shape[-1])
     before = np.array(np.moveaxis(together, 0, -1), dtype=float, order="C")
     law, moved, clipped = model.law(chain), np.empty_like(before), 0
-    arm, space, block = compiled_arm(chain)
+    arm, block = compiled_arm(chain)
     for v_k, q_k, moved_k in zip(commands, before, moved, strict=True):
-        clipped += move(law, arm, space, block, v_k, v_k, 0.0, q_k, moved_k, rng)
+        clipped += move(law, arm, block, v_k, v_k, 0.0, q_k, moved_k, rng)
     drawn = np.moveaxis(moved, -1, 0).reshape(q.shape)
     lost = ~np.isfinite(drawn).all(axis=-1)
     if np.any(lost):
-        chain.require_regular(q)  # a serial chain's step from a singular pose is NaN
+        chain.require_regular(q)  # the step from a singular pose is NaN
         index = tuple(int(i) for i in np.argwhere(lost)[0])
         message = f"the model has no finite next step at {int(lost.sum())} pose(s); check the "
         message += "command and the parameters of the model"

@@ -11,9 +11,7 @@ import numpy as np
 from numpy import ndarray
 from numpy.random import Generator
 
-from pipeline.arm.chain import PlanarChain
-from pipeline.arm.interface import Chain
-from pipeline.arm.serial import ROWS, SerialChain
+from pipeline.arm.chain import ROWS, Chain, PlanarChain, SerialChain
 from pipeline.core.errors import ContractError, ModelDomainError
 from pipeline.models.joint_error.law import Outlook
 from pipeline.models.kinds import build_model

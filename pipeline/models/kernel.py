@@ -1,8 +1,8 @@
 """Compiled step of every motion model: one draw of q_{k+1} for each pose of a block.
 
-The laws use the task rows and joint rows of a block (:mod:`pipeline.arm.rows`); planar or serial
-kinematics fills the rows of J. NumPy draws the variates of a block: first the χ² variates pose by
-pose, then the normals pose by pose.
+The laws use the task rows and joint rows of a block (:mod:`pipeline.arm.rows`);
+:mod:`pipeline.arm.kinematics` fills the rows of J. NumPy draws the variates of a block: first the
+χ² variates pose by pose, then the normals pose by pose.
 
 A Wishart step is J₂⁺B⁻¹a = J⁺J₁B⁻¹a, a = J₁⁻¹v: the decompositions differ in the factor of the task
 step before and after B⁻¹ (Eqs. LUDecom, Thetaa). B⁻¹a = r·R·[z, z·T]ᵀ
@@ -17,7 +17,7 @@ which saves the second χ² variate, half of the time of a planar step.
 
 import numpy as np
 
-from pipeline.arm import kinematics, planar
+from pipeline.arm import inverse, kinematics
 from pipeline.arm.rows import (
     add_combination,
     add_dot,
@@ -35,20 +35,19 @@ from pipeline.randommatrix.variates import draw_variates
 
 INVERSE_LAWS = tuple(laws.WISHART_LAWS.values())
 LAWS = (laws.ADDITIVE_LAW, laws.GAUSSIAN_LAW, *INVERSE_LAWS)
-DRAWN = 64  # poses of a serial chain whose variates are drawn at a time
+DRAWN = 64  # poses whose variates are drawn at a time
 
 
 @compiled
-def move(law, arm, space, block, command, target, share, q, moved, rng) -> int:
+def move(law, arm, block, command, target, share, q, moved, rng) -> int:
     """Fill ``moved`` (n, P) with draws of the next poses after ``q`` (n, P) in rad under the
     command v + ``share``·(``target`` − x(q)); NaN after a singular pose. Return the number of draws
     with clipped noise.
 
     ``law`` is a :class:`pipeline.models.model.Law`, ``arm`` are the chain's
-    :class:`pipeline.arm.interface.ArmConstants`, ``space`` is None for a planar chain, 1 for a
-    serial chain. ``block`` is a buffer with the rows of the ``arm``. ``command`` is v (m,), or
-    (m + n,) with a null-space joint step. ``target`` is the pose on the closed loop's path, unused
-    if ``share`` κ is 0.
+    :class:`pipeline.arm.kinematics.ArmConstants`. ``block`` is a buffer with the rows of the
+    ``arm``. ``command`` is v (m,), or (m + n,) with a null-space joint step. ``target`` is the pose
+    on the closed loop's path, unused if ``share`` κ is 0.
     """
     if law.kind not in LAWS:
         raise ModelDomainError(
@@ -56,58 +55,35 @@ def move(law, arm, space, block, command, target, share, q, moved, rng) -> int:
         )
     n, m, poses, size = len(arm.sliding), len(arm.rows), q.shape[1], block.shape[1]
     rows, clipped = rows_of(n, m), 0
-    drawn = size if space is None else DRAWN
     for start in range(0, poses, size):
         count = min(size, poses - start)
-        for first in range(0, count, drawn):
-            last, places = min(first + drawn, count), (rows.chi_square, rows.normal)
+        for first in range(0, count, DRAWN):
+            last, places = min(first + DRAWN, count), (rows.chi_square, rows.normal)
             draw_variates(law.degrees, law.normals, block, *places, first, last, rng)
         for r in range(m):
             fill(block, rows.task + r, command[r], count)
-        # numba compiles only one of the branches
-        if space is None:
-            planar.planar_jacobian(arm, q, start, count, block)
-            if share > 0.0:
-                planar.add_planar_displacement(
-                    arm, target, q, start, count, share, block
-                )
-            if law.kind == laws.QR_TRANSPOSED_LAW:
-                planar.planar_steps(arm, block, count)
-                for r in range(m):
-                    copy(block, rows.task + r, rows.joints + r, count)
-        else:
-            kinematics.tip(arm, q, start, count, block)
-            if share > 0.0:
-                kinematics.add_displacement(arm, target, block, rows.task, share, count)
-            kinematics.task_jacobian(arm, block, rows.jacobian, count)
-            kinematics.cholesky(
-                block, rows.jacobian, rows.lower, rows.inverse, m, n, 0.0, count
-            )
-            kinematics.mark_singular(
-                block, arm, rows.jacobian, rows.lower, rows.spare, rows.singular, count
-            )
-            if law.kind == laws.QR_TRANSPOSED_LAW:
-                kinematics.solve_lower(
-                    block, rows.lower, rows.inverse, m, rows.task, count
-                )
+        kinematics.tip(arm, q, start, count, block)
+        kinematics.task_jacobian(arm, block, rows.jacobian, count)
+        if share > 0.0:
+            kinematics.add_displacement(arm, target, block, rows.task, share, count)
+        lower = rows.lower
+        inverse.cholesky(block, rows.jacobian, lower, rows.inverse, m, n, 0.0, count)
+        singular = inverse.mark_singular(
+            block, arm, rows.jacobian, lower, rows.spare, rows.singular, count
+        )
+        if law.kind == laws.QR_TRANSPOSED_LAW:
+            inverse.solve_lower(block, lower, rows.inverse, m, rows.task, count)
         if law.kind == laws.GAUSSIAN_LAW:
             dot(block, rows.speed, rows.task, rows.task, m, count)
         elif law.kind in INVERSE_LAWS:
             _factor_step(law, True, block, rows, n, m, count)
             act(law.parameters[0], block, rows, m, count)
             _factor_step(law, False, block, rows, n, m, count)
-        if space is None:
-            if law.kind == laws.QR_TRANSPOSED_LAW:
-                for j in range(n):
-                    copy(block, rows.joints + j, rows.task + j, count)
-            else:
-                planar.planar_steps(arm, block, count)
-            if law.kind == laws.GAUSSIAN_LAW:
-                planar.planar_inverse_square(block, count)
-        else:
-            _to_joints(law.kind, block, rows, n, m, command, count)
-            if law.kind == laws.GAUSSIAN_LAW:
-                _inverse_square(block, rows, m, count)
+        _to_joints(law.kind, block, rows, n, m, command, count)
+        if singular:
+            _invalidate(block, rows, n, count)
+        if law.kind == laws.GAUSSIAN_LAW:
+            _inverse_square(block, rows, m, count)
         clipped += _add_normal(law, block, rows, n, m, count)
         for j in range(n):
             before, after = q[j, start : start + count], moved[j, start : start + count]
@@ -119,12 +95,12 @@ def move(law, arm, space, block, command, target, share, q, moved, rng) -> int:
 
 @inner
 def _to_joints(kind, block, rows, n, m, command, count):
-    """Write joint steps of a serial chain, J⁺x + (I − J⁺J)w for the task step x and the commanded
-    joint step w; NaN at singular poses. With QR of Jᵀ the task rows already contain L⁻¹x.
+    """Write joint steps J⁺x + (I − J⁺J)w for the task step x and the commanded joint step w. With
+    QR of Jᵀ the task rows already contain L⁻¹x.
     """
-    lower, inverse, task = rows.lower, rows.inverse, rows.task
+    lower, reciprocal, task = rows.lower, rows.inverse, rows.task
     if kind != laws.QR_TRANSPOSED_LAW:
-        kinematics.solve_lower(block, lower, inverse, m, task, count)
+        inverse.solve_lower(block, lower, reciprocal, m, task, count)
     commanded = len(command) > m
     for j in range(n):
         fill(block, rows.joints + j, command[m + j] if commanded else 0.0, count)
@@ -132,14 +108,21 @@ def _to_joints(kind, block, rows, n, m, command, count):
         image = rows.spare
         for r in range(m):
             dot(block, image + r, rows.jacobian + r * n, rows.joints, n, count)
-        kinematics.solve_lower(block, lower, inverse, m, image, count)
+        inverse.solve_lower(block, lower, reciprocal, m, image, count)
         for r in range(m):
             for i in range(count):
                 block[task + r, i] -= block[image + r, i]
-    kinematics.solve_upper(block, lower, inverse, m, task, count)
+    inverse.solve_upper(block, lower, reciprocal, m, task, count)
     for j in range(n):
         step = rows.joints + j
         add_dot(block, step, 1.0, rows.jacobian + j, task, m, count, n)
+
+
+@inner
+def _invalidate(block, rows, n, count):
+    """Set the joint steps from singular poses to NaN."""
+    for j in range(n):
+        step = rows.joints + j
         for i in range(count):
             singular = block[rows.singular, i] > 0.0
             block[step, i] = np.nan if singular else block[step, i]
@@ -171,13 +154,13 @@ def _add_normal(law, block, rows, n, m, count):
 
 @inner
 def _inverse_square(block, rows, m, count):
-    """Write row ``spare`` = ‖J⁺‖_F² = ‖L⁻¹‖_F² of a serial chain, column by column."""
+    """Write row ``spare`` = ‖J⁺‖_F² = ‖L⁻¹‖_F², column by column."""
     column = rows.spare + 1
     fill(block, rows.spare, 0.0, count)
     for r in range(m):
         for s in range(m):
             fill(block, column + s, 1.0 if s == r else 0.0, count)
-        kinematics.solve_lower(block, rows.lower, rows.inverse, m, column, count)
+        inverse.solve_lower(block, rows.lower, rows.inverse, m, column, count)
         add_dot(block, rows.spare, 1.0, column, column, m, count)
 
 

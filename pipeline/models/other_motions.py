@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from numpy import ndarray
 
-from pipeline.arm.interface import Chain
+from pipeline.arm.chain import Chain
 from pipeline.core.errors import ModelDomainError, PipelineError
 from pipeline.models import kinds
 from pipeline.models.steps import Options, Recorded

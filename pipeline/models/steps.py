@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy import ndarray
 
-from pipeline.arm.interface import Chain
+from pipeline.arm.chain import Chain
 from pipeline.core import validation
 from pipeline.core.errors import ModelDomainError
 from pipeline.models.kinds import build_model

@@ -5,9 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.arm.chain import segment_frames
+from pipeline.arm.chain import SerialChain, joint_axes, segment_frames
 from pipeline.arm.model import Arm, chain_of, link_chains
-from pipeline.arm.serial import SerialChain
 from pipeline.core.columns import SPACE
 from pipeline.core.errors import ConfigError
 from pipeline.core.options.dataset import Mocap, Robot
@@ -209,25 +208,17 @@ def points_in_plane(arm: Arm, template: np.ndarray, gate: float) -> MarkedArm:
             message = "the markers of a link are in line, or two of them are too close in the plane"
             raise ConfigError(f"{message} of the arm", key=key, link=link)
     chain, links = arm.chain, len(template)
-    # joint frame: z along the axis, which is ± the plane's normal y; x as in the plane's frame
-    frames = np.array(
-        [[[1.0, 0, 0], [0, 0, sign], [0, -sign, 0]] for sign in chain.signs]
-    )
-    ends = np.swapaxes(frames, -1, -2) @ segment_frames(chain, np.zeros(links))[0]
-    origin = arm.to_base(np.array([chain.origin[0], 0.0, chain.origin[1]]))
-    placements, chains = [np.append(arm.rotation @ frames[0], origin)], []
-    none, limits = (
-        np.zeros(links, dtype=bool),
-        (chain.lower, chain.upper, chain.max_speed),
-    )
+    origin = arm.to_base(chain.placements[0, 9:])
+    base = arm.rotation @ chain.placements[0, :9].reshape(3, 3)
+    placements = [np.append(base, origin), *chain.placements[1:-1]]
+    segments = segment_frames(chain, np.zeros(links))[0]
+    chains = []
     for j in range(links):
-        to_link = np.array([*placements, np.append(ends[j], np.zeros(3))])
-        parts = (each[: j + 1] for each in (none, *limits))
-        chains.append(SerialChain(SPACE, 1.0, to_link, *parts))
-        if j + 1 < links:
-            step = frames[j].T @ [chain.links[j, 0], 0.0, chain.links[j, 1]]
-            placements.append(np.append(frames[j].T @ frames[j + 1], step))
+        end = joint_axes(chain.signs[j]).T @ segments[j]
+        to_link = np.array([*placements[: j + 1], np.append(end, np.zeros(3))])
+        limits = chain.lower, chain.upper, chain.max_speed
+        sliding_and_limits = (values[: j + 1] for values in (chain.sliding, *limits))
+        chains.append(SerialChain(SPACE, 1.0, to_link, *sliding_and_limits))
     owner, places = np.repeat(np.arange(links), 3), template.reshape(-1, 3)
-    return MarkedArm(
-        chains, none, chain.lower, chain.upper, owner, places, gate, arm=arm
-    )
+    limits = chain.sliding, chain.lower, chain.upper
+    return MarkedArm(chains, *limits, owner, places, gate, arm=arm)

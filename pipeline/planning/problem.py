@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy import ndarray
 
-from pipeline.arm.interface import Chain
+from pipeline.arm.chain import Chain
 from pipeline.core.errors import ConfigError, PipelineError, SingularJacobianError
 from pipeline.models.model import MotionModel
 

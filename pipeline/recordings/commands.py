@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from pipeline.arm.interface import Chain
+from pipeline.arm.chain import Chain
 from pipeline.arm.urdf import Joint, read_urdf
 from pipeline.core.angles import TURN
 from pipeline.core.columns import columns, members, values
@@ -336,7 +336,7 @@ def require_commanded(
     q: np.ndarray, trajectory: pd.DataFrame, chain: Chain, take: str
 ) -> None:
     """Raise RecordingError where the tip at ``q`` (M+1, n) rad is far from the commanded path."""
-    tip, path = chain.coordinates(chain.pose(q)), values(trajectory, "x")
+    tip, path = chain.coordinates(q), values(trajectory, "x")
     fault = "the tip that the motion capture tracked is not on the commanded path; suspected are"
     fault += (
         " the path's unit, columns and start, and the arm's base (dataset.mocap.base)"

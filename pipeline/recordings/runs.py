@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.arm.interface import Chain
+from pipeline.arm.chain import Chain
 from pipeline.arm.model import chain_of
 from pipeline.core.angles import apart
 from pipeline.core.errors import RecordingError

@@ -12,7 +12,7 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 
-from pipeline.arm.interface import Chain
+from pipeline.arm.chain import Chain
 from pipeline.core import rng
 from pipeline.core.columns import matrices, spread, values
 from pipeline.core.errors import ConfigError

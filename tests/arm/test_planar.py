@@ -1,6 +1,5 @@
-"""The planar chain: its closed forms against linear algebra, finite differences and geometry; and
-taken out of a URDF, against Pinocchio's kinematics of the whole robot in space and against the
-serial chain of the same arm.
+"""The planar chain against finite differences and geometry; and taken out of a URDF, against
+Pinocchio's kinematics of the whole robot in space and against the serial chain of the same arm.
 """
 
 from itertools import product
@@ -11,9 +10,8 @@ import pytest
 from planar_poses import load_arm
 from scipy.spatial.transform import Rotation
 
-from pipeline.arm.chain import SINGULAR_SINE, PlanarChain
+from pipeline.arm.chain import PlanarChain, SerialChain
 from pipeline.arm.model import arm_of, chain_of
-from pipeline.arm.serial import SerialChain
 from pipeline.arm.urdf import read_urdf
 from pipeline.core.errors import ConfigError, SingularJacobianError
 from pipeline.core.options.dataset import Robot
@@ -43,7 +41,7 @@ def in_line(chain: PlanarChain) -> np.ndarray:
 def test_jacobian_and_inverse_are_those_of_the_derivative_of_the_pose(chain):
     q, step = bent(chain), 1e-6
     columns = [
-        (chain.pose(q + step * e) - chain.pose(q - step * e)) / (2 * step)
+        (chain.coordinates(q + step * e) - chain.coordinates(q - step * e)) / (2 * step)
         for e in np.eye(3)
     ]
     np.testing.assert_allclose(chain.jacobian(q), np.stack(columns, axis=-1), atol=1e-9)
@@ -58,7 +56,7 @@ def test_segments_point_along_headings_that_give_the_joints_back_whatever_the_tu
     psi, segments = chain.segment_headings(q), np.diff(chain.points(q), axis=1)
     directions = np.stack([np.sin(psi), np.cos(psi)], axis=-1)
     np.testing.assert_allclose(
-        segments, chain.lengths[:, None] * directions, atol=1e-15
+        segments, chain.lengths[:, None] * directions, atol=1e-14
     )
     assert np.array_equal(chain.points(q)[:, 0], np.tile(chain.origin, (len(q), 1)))
     turns = 2 * np.pi * np.random.default_rng(6).integers(-2, 3, q.shape)
@@ -82,7 +80,7 @@ def test_a_singular_pose_and_one_that_is_not_finite_are_refused_with_their_place
     ) as refused:
         chain.inverse_jacobian(q, what="frame")
     evidence = refused.value.evidence
-    assert evidence.pop("least_singular_value") < 1e-15
+    assert evidence.pop("least_singular_value") < 1e-14
     assert evidence == {"index": (1, 2), "q": in_line(chain).round(4).tolist()}
     q[1, 2, 1] = np.inf
     assert chain.singular(q).sum() == 1
@@ -90,27 +88,7 @@ def test_a_singular_pose_and_one_that_is_not_finite_are_refused_with_their_place
         chain.inverse_jacobian(q)
 
 
-def test_a_pose_is_singular_where_the_determinant_is_below_its_share(chain):
-    # the second joint by up to twice the edge off a straight arm, stretched or folded
-    rng = np.random.default_rng(5)
-    q = in_line(chain) + rng.uniform(-1, 1, (4000, 3)) * [
-        3.0,
-        2 * np.arcsin(SINGULAR_SINE),
-        3.0,
-    ]
-    q[::2, 1] += np.pi
-    edge = SINGULAR_SINE * chain.lengths[0] * chain.lengths[1]
-    flat = np.abs(np.linalg.det(chain.jacobian(q))) < edge
-    assert 1500 < np.sum(flat) < 2500
-    np.testing.assert_array_equal(chain.singular(q), flat)
-    regular = q[~flat]
-    product_of_both = chain.inverse_jacobian(regular) @ chain.jacobian(regular)
-    np.testing.assert_allclose(
-        product_of_both, np.tile(np.eye(3), (len(regular), 1, 1)), atol=1e-9
-    )
-
-
-ORDER = [1, 2, 0]  # of the rows z, phi, x, for which there are no closed forms
+ORDER = [1, 2, 0]  # of the rows z, phi, x, whose chain is not a PlanarChain
 ARMS = ["youbot", "ur5", "oblique", "flat", "gantry"]
 
 
@@ -158,7 +136,7 @@ def test_pose_joints_and_jacobian_are_the_whole_robots_seen_in_the_plane(options
     assert abs(arm.rotation[up, 0]) < 1e-12
     q = np.vstack([np.zeros(3), bent(arm.chain, 20)])
     places, jacobians = by_pinocchio(robot, robot.tool, q)
-    x, z, phi = arm.chain.pose(q).T
+    x, z, phi = arm.chain.coordinates(q).T
     across = np.full(len(q), arm.to_plane(places[0, :3])[1])
     tool = arm.to_base(np.stack([x, across, z], axis=-1))
     np.testing.assert_allclose(tool, places[:, :3], atol=1e-12)

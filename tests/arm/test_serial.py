@@ -12,18 +12,13 @@ import space_arms
 from compiled_calls import from_python
 from scipy.spatial.transform import Rotation
 
-from pipeline.arm.interface import ArmConstants, trajectory_table
-from pipeline.arm.kinematics import (
-    WIDTH,
-    add_displacement,
-    cholesky,
-    mark_singular,
-    task_jacobian,
-    tip,
-)
+from pipeline.arm.chain import LEAST_SINGULAR
+from pipeline.arm.interface import trajectory_table
+from pipeline.arm.inverse import cholesky, mark_singular
+from pipeline.arm.kinematics import ArmConstants, add_displacement
 from pipeline.arm.model import chain_of
-from pipeline.arm.rows import JOINTS, POSITION, ROTATION, block_rows
-from pipeline.arm.serial import LEAST_SINGULAR, rotation_vector
+from pipeline.arm.rotations import rotation_vector
+from pipeline.arm.rows import JOINTS, ROTATION, WIDTH, block_rows
 from pipeline.core.columns import values
 from pipeline.core.errors import SingularJacobianError
 from pipeline.core.options.dataset import Robot
@@ -149,40 +144,29 @@ def test_arms_of_the_public_collection_are_pinocchios(urdf):
     )
 
 
-def test_compiled_blocks_hold_the_same_poses_jacobians_and_singular_poses(
-    chain, monkeypatch
-):
-    q, arm, (m, n) = (
-        poses(chain, WIDTH),
-        chain.numbers(),
-        (len(chain.task), len(chain.lower)),
-    )
+def test_compiled_code_marks_the_singular_poses_of_the_chain(chain, monkeypatch):
+    q, m, n = poses(chain, WIDTH), len(chain.task), len(chain.lower)
     rows, block = block_rows(n, m), np.full((block_rows(n, m).size, WIDTH), np.nan)
-    from_python(tip)(arm, q.T.copy(), 0, WIDTH, block)
-    np.testing.assert_allclose(block[: POSITION + 12].T, chain.pose(q), atol=1e-12)
-    from_python(task_jacobian)(arm, block, rows.jacobian, WIDTH)
-    jacobians = block[rows.jacobian : rows.lower].T.reshape(WIDTH, m, n)
-    np.testing.assert_allclose(jacobians, chain.jacobian(q), atol=1e-12)
+    block[rows.jacobian : rows.lower] = chain.jacobian(q).reshape(WIDTH, m * n).T
     places = rows.jacobian, rows.lower, rows.inverse
     from_python(cholesky)(block, *places, m, n, 0.0, WIDTH)
-    for bound in (
-        LEAST_SINGULAR,
-        np.median(chain.least_singular_value(q)) / chain.scale,
-    ):
-        monkeypatch.setattr("pipeline.arm.serial.LEAST_SINGULAR", bound)
+    median = np.median(chain.least_singular_value(q)) / chain.scale
+    for bound in (LEAST_SINGULAR, median):
+        monkeypatch.setattr("pipeline.arm.chain.LEAST_SINGULAR", bound)
+        bounded = replace(chain)  # a chain keeps its constants
         places = rows.jacobian, rows.lower, rows.spare, rows.singular
-        from_python(mark_singular)(block, replace(chain).numbers(), *places, WIDTH)
-        np.testing.assert_array_equal(
-            block[rows.singular] > 0, replace(chain).singular(q)
-        )
+        marked = from_python(mark_singular)(block, bounded.constants, *places, WIDTH)
+        flags = block[rows.singular] > 0 if marked else np.zeros(WIDTH, dtype=bool)
+        np.testing.assert_array_equal(flags, bounded.singular(q))
+    assert 0.4 < flags.mean() < 0.6
 
 
 def test_what_is_singular_is_so_by_the_least_singular_value(chain, monkeypatch):
     q = poses(chain, 1000)
     shares = np.linalg.svd(chain.jacobian(q), compute_uv=False)[:, -1] / chain.scale
     for bound in (LEAST_SINGULAR, *np.quantile(shares, [0.1004, 0.5004, 0.9004])):
-        monkeypatch.setattr("pipeline.arm.serial.LEAST_SINGULAR", bound)
-        same = replace(chain)  # as a chain keeps its numbers
+        monkeypatch.setattr("pipeline.arm.chain.LEAST_SINGULAR", bound)
+        same = replace(chain)  # a chain keeps its constants
         np.testing.assert_array_equal(same.singular(q), shares < bound)
     assert 850 < same.singular(q).sum() < 950
 
@@ -235,8 +219,8 @@ def test_compiled_displacements_lose_digits_as_the_turn_nears_half_a_turn(gap):
     )
     block = np.zeros((JOINTS + 12, WIDTH))
     block[ROTATION : ROTATION + 9] = (turns.swapaxes(1, 2) @ target).reshape(WIDTH, 9).T
-    arm = np.empty(0), np.empty((0, 6)), np.zeros(1), np.arange(6), np.ones(6), 0
-    constants = ArmConstants(*arm)
+    no_links = np.zeros(12), np.empty((0, 6)), 0.0
+    constants = ArmConstants(*no_links, np.zeros(1), np.arange(6), np.ones(6), 0.0)
     place = np.concatenate([np.zeros(3), target.ravel()])
     from_python(add_displacement)(constants, place, block, JOINTS + 6, 1.0, WIDTH)
     error = np.abs(block[JOINTS + 9 :].T - expected).max()

@@ -13,8 +13,7 @@ from planning_arms import PLANAR
 from sample_options import filter_options
 from space_arms import LWR4, UR5, revolute_arm
 
-from pipeline.arm.chain import PlanarChain
-from pipeline.arm.interface import Chain
+from pipeline.arm.chain import Chain, PlanarChain
 from pipeline.arm.model import chain_of
 from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.particle_filter import Posterior, Start, particle_filter

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import norm
 from sliding_arm import sliding_arm
 
-from pipeline.arm.serial import SerialChain
+from pipeline.arm.chain import SerialChain
 from pipeline.filtering.linear import linear_filter
 from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.particle_filter import Posterior, Start, particle_filter
@@ -248,7 +248,8 @@ def test_the_filter_of_a_closed_loop_is_calibrated_and_the_open_loops_wanders(
     takes = np.empty((count, steps + 1, 3))
     takes[:, 0] = poses[0] + DEVIATION * rng.standard_normal((count, 3))
     for k in range(steps):  # corrected by NumPy
-        v = path.v[k] + share * (chain.pose(poses[k]) - chain.pose(takes[:, k]))
+        off = chain.displacement(chain.pose(takes[:, k]), chain.pose(poses[k]))
+        v = path.v[k] + share * off
         takes[:, k + 1] = draw_steps(model, chain, takes[:, k], v, rng)[0]
     k = np.arange(3, steps + 1, 3)
     noise, zero = np.tile(sensor**2 * np.eye(3), (len(k), 1, 1)), np.zeros((len(k), 3))

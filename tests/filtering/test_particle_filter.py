@@ -48,15 +48,18 @@ ARM = PlanarChain(
 )
 
 
+def scene_path(steps: int = 60) -> np.ndarray:
+    """(steps + 1, 3) rad, at rest in the first and the last five steps."""
+    progress = np.clip((np.arange(steps + 1) - 5) / (steps - 10), 0, 1)
+    return PATH_START + np.outer(np.sin(np.pi * progress) ** 2, [0.25, -0.2, 0.15])
+
+
 def scene(arm: PlanarChain, steps: int = 60) -> tuple[np.ndarray, Start, Measurements]:
     """Commands that rest, move and rest; a start and measurements about the path, of which some lie
     within steps and some outside.
     """
     rng = np.random.default_rng(3)
-    progress = np.clip((np.arange(steps + 1) - 5) / (steps - 10), 0, 1)
-    path = PATH_START + 0.25 * np.sin(np.pi * progress)[:, None] ** 2 * np.array(
-        [1.0, -0.8, 0.6]
-    )
+    path = scene_path(steps)
     v = np.matvec(arm.jacobian(path[:-1]), np.diff(path, axis=0))
     t = np.arange(-0.02, DT * steps + 0.04, 1 / 30)
     root = 0.02 * (np.eye(3) + 0.3 * rng.standard_normal((len(t), 3, 3)))
@@ -86,7 +89,7 @@ def greatest_difference(one: Posterior, other: Posterior) -> float:
 def on_the_scene(run, model, arm, options: Filter, share: float, stream) -> Posterior:
     """Posterior by the filter ``run`` in a loop that corrects towards the commanded path."""
     v, start, observed = scene(arm)
-    commands = Commands(v, arm.pose(start.mean) + np.cumsum(v, axis=0) - v, share)
+    commands = Commands(v, arm.pose(scene_path()[:-1]), share)
     return run(model, arm, commands, DT, start, observed, options, stream)
 
 
@@ -231,17 +234,19 @@ def test_without_resampling_the_weights_degenerate_and_with_it_they_do_not():
 
 
 def test_particles_that_leave_the_domain_or_are_no_numbers_end_the_filter_by_name():
-    # the elbow stretches at q2 = −π/2, which the third step reaches with share 1
+    # the elbow stretches at q2 = −π/2, which the third step reaches with share 1; the fourth step
+    # starts from there
     def stretching(share: float) -> np.ndarray:
         move = share * (-np.pi / 2 - STILL.mean[1]) / 3
         path = STILL.mean + np.outer(np.arange(4), [0.0, move, 0.0])
-        return np.matvec(ELBOW.jacobian(path[:-1]), np.diff(path, axis=0))
+        v = np.matvec(ELBOW.jacobian(path[:-1]), np.diff(path, axis=0))
+        return np.vstack([v, v[-1:]])
 
     narrow = replace(FREE, upper=np.array([0.335, 50.0, 50.0]))
     for arm, steps, step in (
         (narrow, STEPS[:9], 4),
         (FREE, np.full((3, 3), np.nan), 1),
-        (ELBOW, stretching(1.0), 3),
+        (ELBOW, stretching(1.0), 4),
     ):
         with pytest.raises(
             DegenerateFilterError, match="every particle has left"
@@ -258,7 +263,7 @@ def test_particles_that_leave_the_domain_or_are_no_numbers_end_the_filter_by_nam
 
 
 def test_a_particle_outside_the_domain_loses_its_weight_and_is_moved_back():
-    """A serial arm near a singular pose would otherwise continue from NaN."""
+    """An arm at a singular pose would otherwise continue from NaN."""
     before = np.array([[0.1, 0.2, 0.3, 0.4], [1.0, 1.1, 1.2, 1.3]])
     q = before + 0.05
     q[0, 1], q[1, 2], q[:, 3] = 9.0, np.nan, -9.0
@@ -266,8 +271,8 @@ def test_a_particle_outside_the_domain_loses_its_weight_and_is_moved_back():
         q.copy(),
         np.array([np.log(0.4), np.log(0.3), np.log(0.3), -np.inf]),
     )
-    domain = np.full(2, -2.0), np.full(2, 2.0), 0.0, 0.0
-    lost = from_python(keep_inside)(domain, before, moved, log_weights, np.empty(4))
+    limits = np.full(2, -2.0), np.full(2, 2.0)
+    lost = from_python(keep_inside)(limits, before, moved, log_weights, np.empty(4))
     assert lost == 2  # the fourth had no weight
     assert np.array_equal(moved, np.where([True, False, False, False], q, before))
     assert log_weights[0] == np.log(0.4) and np.all(log_weights[1:] == -np.inf)

@@ -30,7 +30,7 @@ def plain_filter(
     for k in range(grid):
         if k > 0:
             before = q
-            off = commands.path[k - 1] - chain.pose(before)
+            off = chain.displacement(chain.pose(before), commands.path[k - 1])
             v = commands.v[k - 1] + commands.share * off
             q, clipped[k] = plain_steps(model, chain, before, v, rng)
             gone = ~chain.within_limits(q) | chain.singular(q)

@@ -4,8 +4,6 @@ are held against.
 
 import numpy as np
 
-from pipeline.arm.chain import PlanarChain
-from pipeline.arm.rows import WIDTH
 from pipeline.models.additive.law import AdditiveModel
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.kernel import DRAWN
@@ -20,10 +18,9 @@ def plain_steps(model, chain, q, v, rng) -> tuple[np.ndarray, int]:
     each, and how many were clipped; a block at a time, as the compiled laws draw.
     """
     v = np.broadcast_to(v, (len(q), np.shape(v)[-1]))
-    size = WIDTH if isinstance(chain, PlanarChain) else DRAWN
     blocks = [
-        _block(model, chain, q[i : i + size], v[i : i + size], rng)
-        for i in range(0, len(q), size)
+        _block(model, chain, q[i : i + DRAWN], v[i : i + DRAWN], rng)
+        for i in range(0, len(q), DRAWN)
     ]
     return np.concatenate([drawn for drawn, _ in blocks]), sum(
         number for _, number in blocks

@@ -7,7 +7,7 @@ import numpy as np
 from space_arms import LWR4
 
 import pipeline.arm
-from pipeline.arm.interface import Chain
+from pipeline.arm.chain import Chain
 from pipeline.arm.model import chain_of
 from pipeline.core.options.dataset import Robot
 from pipeline.models.kinds import build_model

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from space_arms import revolute_arm
 
-from pipeline.arm.serial import SerialChain
+from pipeline.arm.chain import SerialChain
 
 SIZES = [
     (2, 1),

@@ -4,7 +4,7 @@ filter has the Kalman filter for its exact posterior.
 
 import numpy as np
 
-from pipeline.arm.serial import SerialChain
+from pipeline.arm.chain import SerialChain
 
 
 def sliding_arm(axes: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> SerialChain:

@@ -8,7 +8,7 @@ import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
 import pipeline.arm
-from pipeline.arm.serial import SerialChain
+from pipeline.arm.chain import SerialChain
 from pipeline.core.columns import SPACE
 from pipeline.core.options.dataset import Mocap, Pose, Robot
 

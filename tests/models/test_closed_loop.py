@@ -81,7 +81,7 @@ def test_on_the_mean_path_the_arm_stays_and_with_the_steps_of_the_poses_it_does_
     for commands in (path.commands(0.3), open_loop(path.v)):
         assert np.max(np.abs(moved(path, commands, np.zeros(3)))) < 1e-12
     # control: differences of the tip's poses lead away, as J is evaluated before the step
-    steps = np.diff(path.chain.pose(path.poses), axis=0)
+    steps = np.diff(path.chain.coordinates(path.poses), axis=0)
     assert np.max(np.abs(moved(path, open_loop(steps), np.zeros(3)))) > 1e-4
 
 
@@ -92,7 +92,7 @@ def test_the_noise_left_in_a_loop_is_what_was_put_in_with_the_measurements(path)
     q[:, 0] = path.poses[0] + 1e-3 * rng.standard_normal((20, 3))
     for k in range(STEPS):
         # the path is the mean of these takes, as in the fit
-        off = chain.pose(q[:, k].mean(axis=0)) - chain.pose(q[:, k])
+        off = chain.displacement(chain.pose(q[:, k]), chain.pose(q[:, k].mean(axis=0)))
         q[:, k + 1] = q[:, k] + np.matvec(
             chain.inverse_jacobian(q[:, k]), v[k] + share * off
         )

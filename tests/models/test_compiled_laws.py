@@ -9,8 +9,7 @@ from printed_algorithms import READINGS, least_p_value
 from random_arm import motion, random_arm
 from scipy import stats
 
-from pipeline.arm.chain import PlanarChain
-from pipeline.arm.serial import SerialChain
+from pipeline.arm.chain import PlanarChain, SerialChain
 from pipeline.core.errors import ModelDomainError, SingularJacobianError
 from pipeline.models.additive.law import AdditiveModel
 from pipeline.models.draws import draw_steps

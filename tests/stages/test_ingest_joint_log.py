@@ -42,7 +42,7 @@ def test_repetitions_are_gathered_over_movements_and_their_mean_command_is_the_t
     np.testing.assert_allclose(np.mean(lags), 8e-4, atol=2e-5)
     trajectory = contracts.read("trajectory", Path("data/ingest/motion"))
     chain = load_arm("pipeline/arm/ur5.urdf", CHAIN, "wrist_centre", {}).chain
-    ends = chain.pose(np.array([HOME, AWAY])[:, 1:4] + 5e-5)
+    ends = chain.coordinates(np.array([HOME, AWAY])[:, 1:4] + 5e-5)
     np.testing.assert_allclose(values(trajectory.loc[[0, 140]], "x"), ends, atol=2e-6)
 
 

@@ -73,7 +73,7 @@ def test_the_real_logs_go_from_raw_files_to_process_noise(
     np.testing.assert_allclose(np.diff(pose, axis=0), velocity / 125, atol=1e-12)
     joints = ["joint_2", "joint_3", "joint_4"]
     chain = load_arm("pipeline/arm/ur5.urdf", joints, "wrist_centre", {}).chain
-    np.testing.assert_allclose(chain.pose(q.mean(axis=0)), pose, atol=2e-3)
+    np.testing.assert_allclose(chain.coordinates(q.mean(axis=0)), pose, atol=2e-3)
     # as was found on this and other movements of the robot: at most 24 µrad at rest, 43 to 145 µrad
     # moving
     assert np.all(spread_of(w[:, still]) < 24e-6)

@@ -9,7 +9,8 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy import ndarray
 
-from pipeline.arm.interface import Chain, Mechanism
+from pipeline.arm.chain import Chain
+from pipeline.arm.interface import Mechanism
 from pipeline.core.errors import ModelDomainError
 from pipeline.models.model import (
     ADDITIVE_LAW,

@@ -22,7 +22,8 @@ import numpy as np
 from numpy import ndarray
 from numpy.random import Generator
 
-from pipeline.arm.interface import Chain, Mechanism
+from pipeline.arm.chain import Chain
+from pipeline.arm.interface import Mechanism
 from pipeline.core.errors import ModelDomainError
 from pipeline.models.model import (
     WISHART_LAWS,

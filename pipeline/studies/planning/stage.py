@@ -11,7 +11,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from scipy.stats import kendalltau
 
-from pipeline.arm.interface import Chain, trajectory_table
+from pipeline.arm.chain import Chain
+from pipeline.arm.interface import trajectory_table
 from pipeline.arm.model import chain_of
 from pipeline.configuration import config
 from pipeline.core import rng

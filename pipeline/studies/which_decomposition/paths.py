@@ -94,7 +94,7 @@ def _feasible_paths(
     coin, loop = rng.uniform(size=count) < 0.5, kind == "loop"
     task = coin if loop else np.full(count, kind == "task line")
     axes[task] = np.einsum("pij,psj->psi", chain.jacobian(q)[task], axes[task])
-    start = np.where(task[:, None], chain.pose(q), q)
+    start = np.where(task[:, None], chain.coordinates(q), q)
     elbow = np.sign(np.linalg.det(chain.jacobian(q)))
     share = law.draw(coin & (not loop), rng)
     once = rng.uniform(*law.once, count)

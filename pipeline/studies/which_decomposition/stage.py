@@ -9,8 +9,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 from scipy.spatial.transform import Rotation
 
-from pipeline.arm.chain import PlanarChain
-from pipeline.arm.interface import Chain
+from pipeline.arm.chain import Chain, PlanarChain
 from pipeline.arm.model import arm_of, chain_of
 from pipeline.core import rng
 from pipeline.core.options.dataset import Robot

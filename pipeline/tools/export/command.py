@@ -48,7 +48,12 @@ UNITS = {
     "joint step": "commanded step of each joint in 1/rate_per_s, rad",
 }
 READER_NAME, READER = "read_motion_model.py", "pipeline.models.exported"
-LEFT_OUT = "pipeline.models.kinds"  # is not copied: reader.txt has its build_model
+# are not copied: reader.txt has build_model, and the kinematics' helpers without a compiler
+LEFT_OUT = (
+    "pipeline.models.kinds",
+    "pipeline.core.compiled",
+    "pipeline.core.elementary",
+)
 IMPORT = re.compile(r"^((?:from (\S+) )?import (?:\([^)]*\)|.*)\n)", re.MULTILINE)
 FUTURE = "from __future__ import annotations\n"  # reader.txt has it
 
@@ -267,7 +272,7 @@ def reader_source() -> str:
         for statement, source in IMPORT.findall(text):
             if not source.startswith("pipeline."):
                 imports.add(statement)
-            elif source not in {*texts, LEFT_OUT}:
+            elif source not in {*texts, *LEFT_OUT}:
                 add(source)
         texts[module] = re.sub(r"\n{4,}", "\n\n\n", IMPORT.sub("", text)).strip()
 

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 from scipy.spatial.transform import Rotation
 
-from pipeline.arm.interface import Chain
+from pipeline.arm.chain import Chain
 from pipeline.arm.model import chain_of
 from pipeline.configuration import config
 from pipeline.core import contracts
