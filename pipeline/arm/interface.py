@@ -12,8 +12,6 @@ from pipeline.core.errors import SingularJacobianError
 if TYPE_CHECKING:  # an exported model is loaded with NumPy alone
     import pandas as pd
 
-    from pipeline.arm.chain import Chain
-
 
 class Mechanism(Protocol):
     """A robot of n joints and a task of m ≤ n rows; J (m, n) is its Jacobian.
@@ -30,6 +28,9 @@ class Mechanism(Protocol):
 
     def pose(self, q: ndarray) -> ndarray:
         """(..., p) pose of the tip."""
+
+    def coordinates(self, q: ndarray) -> ndarray:
+        """(M+1, m) task rows of a motion ``q`` (M+1, n), in m and rad."""
 
     def displacement(self, start: ndarray, end: ndarray) -> ndarray:
         """(..., m) task step between the poses ``start`` and ``end`` (..., p)."""
@@ -82,7 +83,7 @@ class Mechanism(Protocol):
 
 
 def trajectory_table(
-    chain: "Chain", q: ndarray, rate: float, joints: Sequence[str] = ()
+    chain: Mechanism, q: ndarray, rate: float, joints: Sequence[str] = ()
 ) -> "pd.DataFrame":
     """Table of xᵈ and ẋᵈ for commanded joint angles ``q`` (M+1, n) in rad at ``rate`` per second.
     Columns are k, t, the families x and v of the task rows (SI), and for a redundant arm the speeds

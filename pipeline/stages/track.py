@@ -130,7 +130,7 @@ def _beside_others(joints: pd.DataFrame, dataset) -> list[dict]:
     names, q = contracts.stacked(joints, "q")
     measures = compare_takes(q, q, rate, dataset.limits.likeness)
     path = values(contracts.read("trajectory", MOTION), "x")
-    late = [lag_of_take(path, chain.coordinates(chain.pose(take)), rate) for take in q]
+    late = [lag_of_take(path, chain.coordinates(take), rate) for take in q]
     measures["lag_behind_command"] = np.array(late), "s"
     parts = joints.drop_duplicates("take")["part"]
     rows = []
