@@ -396,3 +396,43 @@ def test_a_number_of_a_rule_is_not_printed_as_a_value_compared_with():
     numbers["numbers"] |= {"wishart": -0.1, "a": 0.2}
     (case,) = verdict(**numbers, **BETWEEN, each={}, rule="less").cases
     assert d.case_text(case) == "-0.1 against 0.2 (difference [-0.2, 0.1])"
+
+
+FOLLOWING = {"quantity": "std_correlation", "model": "wishart", "joint": "{joint}"}
+CONTROLLED = EVERY | {
+    "rule": "follows",
+    "limit": None,
+    "control_model": "speed",
+    "about": "robots",
+    "value": FOLLOWING,
+    "threshold": FOLLOWING | {"quantity": "std_correlation_limit"},
+    "power": FOLLOWING | {"quantity": "std_correlation_power"},
+}
+
+
+@pytest.mark.parametrize(
+    ("correlations", "powers", "expected"),
+    [
+        ((0.6, 0.6, 0.6), (0.9, 0.9, 0.9), d.WITH_SPEED_LAW),
+        # no case tells the model from the law of the speed
+        ((0.6, 0.6, 0.6), (0.9, 0.9, 0.1), d.WITH_SPEED_LAW),
+        # the law of the speed fails in a case, or is not decided at all
+        ((0.6, 0.6, 0.2), (0.9, 0.9, 0.9), d.REPRODUCED),
+        ((0.6, 0.6, 0.6), (0.1, 0.1, 0.1), d.REPRODUCED),
+    ],
+)
+def test_a_claim_that_holds_for_the_speed_law_too_has_a_verdict_of_its_own(
+    correlations, powers, expected
+):
+    rows = []
+    numbers = {"wishart": ((0.6,) * 3, (0.9,) * 3), "speed": (correlations, powers)}
+    for model, (values, tested) in numbers.items():
+        for joint, value, power in zip(JOINTS, values, tested, strict=True):
+            keys = {"model": model, "joint": joint}
+            rows.append(evidence_row("std_correlation", value, **keys))
+            rows.append(evidence_row("std_correlation_limit", 0.5, **keys))
+            rows.append(evidence_row("std_correlation_power", power, **keys))
+    claims = parse_claims([CONTROLLED])
+    (result,) = d.decide(claims, evidence_table(rows), "real", ARM)
+    assert result.verdict == expected
+    assert [case.speed_law for case in result.cases] == [*correlations]
