@@ -25,16 +25,10 @@ from pipeline.formats.format import Format, Head, Kind
 SEPARATORS = (",", ";", "\t", delimited.SPACE)
 SAMPLED = 40  # last lines, by which numeric columns are recognised
 REMARKS = 5  # greatest number of lines of words below the rows
-TREES = (
-    ".json",
-    ".jsonl",
-    ".yaml",
-    ".yml",
-    ".xml",
-)  # suffixes of files that are no table
-HEADER_END = (
-    "***End_of_Header***"  # line of LabVIEW's measurement files, after each section
-)
+# suffixes of files that are not tables
+TREES = (".json", ".jsonl", ".yaml", ".yml", ".xml")
+# line of LabVIEW's measurement files, after each section
+HEADER_END = "***End_of_Header***"
 ORIGINS = {"endheader": "of OpenSim (MOT, STO)", HEADER_END: "of LabVIEW (LVM)"}
 IN_DEGREES = {"yes": "deg", "no": "rad"}
 LONGEST_GAP = 10  # longest interpolated gap, in median steps of the column
@@ -469,9 +463,8 @@ def _header(
         raise RecordingError(message + MEND, file=file, line=places[len(lines)])
     units: list[str] = []
     for place, cells in reversed([*zip(places, above, strict=False)]):
-        cells = [
-            cell for cell in cells if "=" not in cell
-        ]  # cells of settings label no column
+        # cells of settings label no column
+        cells = [cell for cell in cells if "=" not in cell]
         if not re.search(r"\w", "".join(cells)):
             continue
         filled, width = delimited.filled_width(cells), len(last)
