@@ -308,9 +308,8 @@ def _sheet(
     signs = [
         sign for sign in ".," if sign != mark and any(sign in row for row in lines)
     ]
-    if (
-        decimal is None and len(signs) > 1
-    ):  # ignore the marks in columns without numbers
+    # marks in columns without numbers do not count
+    if decimal is None and len(signs) > 1:
         split = [split_line(row, mark) for row in lines]
         numbers = "".join(
             cell for cells in split for n, cell in enumerate(cells) if n in numeric
