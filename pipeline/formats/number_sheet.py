@@ -233,10 +233,9 @@ def read_sheet(
     key: str = "",
 ) -> Sheet:
     """Return the table in ``file`` with the ``separator`` (comma, semicolon, tab or blank) and the
-    ``decimal`` mark; None detects them. Raises RecordingError for a known format that is no table,
-    a line that is neither header nor row, and a row with fewer cells than labels. Mixed decimal
-    marks, or integers between commas without a header (decimal commas?), raise it with ``key``, the
-    option to set. Raises ConfigError for other marks.
+    ``decimal`` mark; None detects them. Raises RecordingError for another format, a line that is
+    neither header nor row, and a row with fewer cells than labels; with ``key``, the option to set,
+    for mixed decimal marks and integers between commas. Raises ConfigError for other marks.
     """
     known = separator in (None, *SEPARATORS) and decimal in (None, ".", ",")
     if not known or (decimal is not None and decimal == separator):
