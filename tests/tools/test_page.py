@@ -17,19 +17,18 @@ from pipeline.tools.page.command import RESULTS, page
 
 
 def test_the_page_of_the_studies_depends_on_the_code_that_writes_it():
-    stages = OmegaConf.to_container(OmegaConf.load(ROOT / "pipeline/studies/dvc.yaml"))[
-        "stages"
-    ]
-    deps = stages["studies_page"]["deps"]
+    pipelines = OmegaConf.load(ROOT / "pipeline/studies/dvc.yaml")
+    deps = OmegaConf.to_container(pipelines)["stages"]["studies_page"]["deps"]
     harmless = {name for name in MODULES if package(name) in ("configuration", "core")}
-    modules = [
-        MODULES[name] for name in needed("pipeline.tools.page.command", harmless)
-    ]
-    files = [
-        file.relative_to(ROOT).as_posix() for file in modules if file.stat().st_size
-    ]
+    files = []
+    for name in needed("pipeline.tools.page.command", harmless):
+        if MODULES[name].stat().st_size:
+            files.append(MODULES[name].relative_to(ROOT).as_posix())
+
     files.remove("pipeline/__init__.py")
-    assert [file for file in files if not any(covers(dep, file) for dep in deps)] == []
+    uncovered = [file for file in files if not any(covers(dep, file) for dep in deps)]
+
+    assert uncovered == []
 
 
 MARKDOWN = re.compile(r"\*\*|\]\(|^\s*#+ |\|\s*---|^```|!\[", re.MULTILINE)
@@ -53,16 +52,29 @@ CARD = "# Card\n\n## Why\n\nBecause.\n\n## Why\n\nAgain, of [the report](report.
 
 
 def parsed(html: str) -> Element:
-    """Its tree, which no page has that is not well-formed."""
+    """Return the tree of a page; raises ParseError for a page that is not well-formed."""
     closed = re.sub(r"<(meta[^>]*|br|hr)>", r"<\1/>", html)
     return fromstring(closed.removeprefix("<!doctype html>"))
 
 
-def text(page: Element) -> str:
-    """Text outside code."""
-    for code in (each for tag in ("code", "style") for each in page.iter(tag)):
-        code.text = ""
+def text_outside_code(page: Element) -> str:
+    """Return the text of a page without code, style and script."""
+    for tag in ("code", "style", "script"):
+        for element in page.iter(tag):
+            element.text = ""
     return "".join(page.itertext())
+
+
+def anchors_of(page: Element) -> list[str]:
+    """Return all anchors of a page."""
+    return [element.get("id") for element in page.iter() if element.get("id")]
+
+
+def addresses_of(page: Element) -> tuple[set[str], list[str]]:
+    """Return the anchors that links inside a page lead to, and the links to other places."""
+    links = [link.get("href") for link in page.iter("a")]
+    inside = {link[1:] for link in links if link.startswith("#")}
+    return inside, [link for link in links if not link.startswith("#")]
 
 
 @pytest.fixture
@@ -74,27 +86,29 @@ def reports(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_two_files_become_one_page(reports):
-    html = page("Results <1>", [reports / "report.md", reports / "card.md"], reports)
-    tree = parsed(html)
-    assert "<title>Results &lt;1&gt;</title>" in html
-    anchors = [each.get("id") for each in tree.iter() if each.get("id")]
-    assert len(set(anchors)) == len(anchors)
-    addresses = [each.get("href") for each in tree.iter("a")]
-    inside = {address[1:] for address in addresses if address.startswith("#")}
-    assert inside <= {*anchors} and {"card--why-2", "report--a-table", "card"} <= inside
-    outside = [address for address in addresses if not address.startswith("#")]
+CONTENTS = ["Results: lab & more", "A table", "A figure", "Card", "Why", "Why"]
+
+
+@pytest.fixture
+def one_page(reports) -> str:
+    files = [reports / "report.md", reports / "card.md"]
+    return page("Results <1>", files, reports)
+
+
+def test_two_files_become_one_page_with_their_links(one_page):
+    tree = parsed(one_page)
+    assert "<title>Results &lt;1&gt;</title>" in one_page
+    anchors = anchors_of(tree)
+    assert len({*anchors}) == len(anchors)
+    inside, outside = addresses_of(tree)
+    assert {"card--why-2", "report--a-table", "card"} <= inside <= {*anchors}
     assert outside == ["errata.md#sign", "https://example.org/a"]
-    contents = [each.text for each in tree.find(".//nav").iter("a")]
-    assert contents == [
-        "Results: lab & more",
-        "A table",
-        "A figure",
-        "Card",
-        "Why",
-        "Why",
-    ]
-    shown = text(tree)
+    assert [link.text for link in tree.find(".//nav").iter("a")] == CONTENTS
+
+
+def test_the_page_shows_plain_text_and_the_figure_itself(one_page):
+    tree = parsed(one_page)
+    shown = text_outside_code(tree)
     assert "of <all>" in shown and "<br>" not in shown and "Results: " in shown
     assert not MARKDOWN.search(shown)
     (figure,) = tree.iter("img")
@@ -103,11 +117,17 @@ def test_two_files_become_one_page(reports):
     with Image.open(io.BytesIO(b64decode(data))) as image:
         assert kind == "data:image/png" and image.size == (300, 200)
         assert image.convert("RGB").getpixel((5, 5)) == (0, 128, 128)
-    for missing in ("figures/drawn.png", "card.md"):
-        for damage in (lambda file: file.write_bytes(b"\xff"), Path.unlink):
-            damage(reports / missing)
-            with pytest.raises(ContractError, match=missing):
-                page("", [reports / "card.md", reports / "report.md"], reports)
+
+
+@pytest.mark.parametrize("name", ["figures/drawn.png", "card.md"])
+@pytest.mark.parametrize("damaged", [True, False])
+def test_a_damaged_and_a_missing_file_are_named(reports, name, damaged):
+    if damaged:
+        (reports / name).write_bytes(b"\xff")
+    else:
+        (reports / name).unlink()
+    with pytest.raises(ContractError, match=name):
+        page("", [reports / "card.md", reports / "report.md"], reports)
 
 
 def test_figures_are_beside_each_other_with_their_text_and_a_card_is_folded(reports):
@@ -118,14 +138,14 @@ def test_figures_are_beside_each_other_with_their_text_and_a_card_is_folded(repo
         "# Card\n\nAnswer.\n\n## Why\nA rule.\n\n## More\nx\n"
     )
     tree = parsed(page("", [reports / "report.md", reports / "model_card.md"], reports))
-    cards = [each for each in tree.iter("div") if each.get("class") == "card"]
-    assert [each.find("h3").text for each in cards] == ["One", "Two"]
-    for each in cards:
-        picture, caption = each.findall("p")
+    cards = [part for part in tree.iter("div") if part.get("class") == "card"]
+    assert [card.find("h3").text for card in cards] == ["One", "Two"]
+    for card in cards:
+        picture, caption = card.findall("p")
         assert picture.find("img") is not None and caption.text == "Compare."
-        assert each.find(".//strong").text == "lab ✓"
-    assert "The end" not in "".join("".join(each.itertext()) for each in cards)
-    folded = ["".join(each.itertext()).split() for each in tree.iter("summary")]
+        assert card.find(".//strong").text == "lab ✓"
+        assert "The end" not in "".join(card.itertext())
+    folded = ["".join(summary.itertext()).split() for summary in tree.iter("summary")]
     assert folded == [["Why"], ["More"]]
 
 
@@ -159,12 +179,10 @@ def test_the_committed_report_reads_as_a_page():
     files = [Path(os.path.normpath(folder / file)) for file in RESULTS]
     html = page("Results", files, folder)
     tree = parsed(html)
-    assert not MARKDOWN.search(text(tree))
-    addresses = [each.get("href") for each in tree.iter("a")]
-    inside = {address[1:] for address in addresses if address.startswith("#")}
-    assert inside <= {each.get("id") for each in tree.iter()}
-    beside = [address.partition("#")[0] for address in addresses if ":" not in address]
+    assert not MARKDOWN.search(text_outside_code(tree))
+    inside, outside = addresses_of(tree)
+    assert inside <= {*anchors_of(tree)}
+    beside = [link.partition("#")[0] for link in outside if ":" not in link]
     assert [name for name in beside if not (folder / name).exists()] == []
-    assert not re.search(
-        r"""(src|href)=["'](https?:)?//""", html.partition("<main>")[0]
-    )
+    remote = re.compile(r"""(src|href)=["'](https?:)?//""")
+    assert not remote.search(html.partition("<main>")[0])
