@@ -97,13 +97,15 @@ def test_only_measured_minus_nominal_is_the_noise_of_a_random_jacobian():
     factor = np.eye(3) + 0.1 * np.random.default_rng(0).standard_normal((3, 3))
     random = chain.jacobian(POSE) @ factor
     q = np.stack([POSE, POSE + np.linalg.solve(random, STEP)])
-    meant = (np.linalg.inv(random) - chain.inverse_jacobian(POSE)) @ STEP
-    printed = q[0] + chain.inverse_jacobian(q[0]) @ STEP - q[1]
-    np.testing.assert_allclose(
-        process_noise(chain, q[None], STEP[None])[0, 0], meant, atol=1e-14
-    )
-    np.testing.assert_allclose(printed, -meant, atol=1e-14)
-    assert np.abs(meant).max() > 1e-3
+    mean_inverse = chain.inverse_jacobian(POSE)
+
+    estimated = process_noise(chain, q[None], STEP[None])[0, 0]
+    printed = q[0] + mean_inverse @ STEP - q[1]
+
+    expected = (np.linalg.inv(random) - mean_inverse) @ STEP
+    np.testing.assert_allclose(estimated, expected, atol=1e-14)
+    np.testing.assert_allclose(printed, -expected, atol=1e-14)
+    assert np.abs(expected).max() > 1e-3
 
 
 @pytest.mark.parametrize("share", [0.4, 0.8])
@@ -157,16 +159,14 @@ def test_steps_through_the_inverse_of_a_gaussian_matrix_have_no_variance():
     drawn = chain.jacobian(POSE) + 0.05 * rng.standard_normal((size, 3, 3))
     forward = np.abs(np.linalg.solve(drawn, STEP)[:, 0])
     far = np.array([1.0, 4.0, 16.0])
-    tail = np.array([np.mean(forward > t) for t in far])
+    tail = np.mean(forward > far[:, None], axis=1)
     # four standard errors of the count beyond the farthest
-    np.testing.assert_allclose(
-        far * tail, far[0] * tail[0], rtol=4 / np.sqrt(size * tail[-1])
-    )
-    # control: the model of the inverse has nothing out there
-    inverse, _ = draw_steps(
-        GaussianModel(0.1, 30.0), chain, np.tile(POSE, (size, 1)), STEP, rng
-    )
-    assert not np.any(np.abs(inverse[:, 0] - POSE[0]) > far[0])
+    band = 4 / np.sqrt(size * tail[-1])
+    np.testing.assert_allclose(far * tail, far[0] * tail[0], rtol=band)
+    # control: the model of the inverse has no step as far
+    poses = np.tile(POSE, (size, 1))
+    inverse, _ = draw_steps(GaussianModel(0.1, 30.0), chain, poses, STEP, rng)
+    assert np.abs(inverse[:, 0] - POSE[0]).max() < far[0]
 
 
 def test_half_of_the_matrices_exceed_the_bound_at_full_level():
@@ -236,10 +236,9 @@ def test_of_two_motions_neither_has_the_lesser_sum_and_trace_and_determinant_dis
         ).joints
         for objective in ("trace", "log_det")
     )
-    one, other = (
-        summed(problem, "pivoted_lu", joints) for joints in (by_trace, by_det)
-    )
-    difference = np.linalg.eigvalsh(other - one)
+    sum_by_trace = summed(problem, "pivoted_lu", by_trace)
+    sum_by_det = summed(problem, "pivoted_lu", by_det)
+    difference = np.linalg.eigvalsh(sum_by_det - sum_by_trace)
     scale = np.abs(difference).max()
     assert difference[0] < -1e-3 * scale < 1e-3 * scale < difference[-1]
     for objective, better, worse in (
@@ -270,8 +269,9 @@ def test_the_least_uncertain_motion_of_the_gaussian_model_goes_where_the_arm_is_
     dexterous = best_conditioned(problem, 30)
     assert dexterous.clearance.mean() > 1.2 * uncertain.clearance.mean()
     # the control: under the Wishart model it is another motion, and a better conditioned one
-    other = least_uncertain(problem, law_cost("qr_transposed", problem.chain), 30)
-    assert other.clearance.mean() > uncertain.clearance.mean()
+    of_wishart = law_cost("qr_transposed", problem.chain)
+    planned = least_uncertain(problem, of_wishart, 30)
+    assert planned.clearance.mean() > uncertain.clearance.mean()
 
 
 @pytest.mark.slow
@@ -306,16 +306,14 @@ PUBLISHED_SYSTEMS, CABLES = 1000, 3
 def bounds() -> dict[str, Bounds]:
     """The printed bounds of each configuration."""
     force = config.read_yaml(ROOT / "data/config.yaml")["dataset"]["force"]
-    tension, std, kappa = (
-        force[f"{key}_bounds"] for key in ("tension", "tension_std", "kappa")
-    )
-    directions = (
-        force["configurations"][name]["direction_bounds"] for name in CONFIGURATIONS
-    )
-    ranges = [map(tuple, (tension, direction, std, kappa)) for direction in directions]
-    return {
-        name: Bounds(*each) for name, each in zip(CONFIGURATIONS, ranges, strict=True)
-    }
+    tension, std = force["tension_bounds"], force["tension_std_bounds"]
+    kappa = force["kappa_bounds"]
+    of_configurations = {}
+    for name in CONFIGURATIONS:
+        direction = force["configurations"][name]["direction_bounds"]
+        ranges = map(tuple, (tension, direction, std, kappa))
+        of_configurations[name] = Bounds(*ranges)
+    return of_configurations
 
 
 @pytest.fixture(scope="module")
@@ -402,9 +400,10 @@ def test_the_covariances_of_two_columns_are_no_multiples_of_one_matrix(
         angles = rng.vonmises(angle, kappa, 20_000)
         covariances.append(np.cov(np.cos(angles), np.sin(angles)))
 
-    first, other = (each / np.trace(each) for each in covariances)
+    shapes = [covariance / np.trace(covariance) for covariance in covariances]
 
-    assert (np.abs(first - other).max() < 0.02) == representable
+    distance = np.abs(shapes[0] - shapes[1]).max()
+    assert (distance < 0.02) == representable
 
 
 def test_the_greatest_error_varies_over_repeats_far_more_than_the_mean(bounds):
@@ -412,7 +411,8 @@ def test_the_greatest_error_varies_over_repeats_far_more_than_the_mean(bounds):
     ranges = (study[key] for key in ("kappa", "tension_std", "tension", "direction"))
     options = Wrench([CABLES], *ranges, PUBLISHED_SYSTEMS, 2000, 30, 1)
     _, _, spread = run_study(options, np.random.default_rng(5))
-    relative = spread[["mean", "maximum"]].std() / spread[["mean", "maximum"]].mean()
+    errors = spread[["mean", "maximum"]]
+    relative = errors.std() / errors.mean()
     assert relative["maximum"] > 0.05
     assert relative["maximum"] > 3 * relative["mean"]
 
@@ -429,12 +429,8 @@ def test_within_the_bounds_of_the_experiment_actuation_makes_most_of_the_varianc
         sigma_s = expected_sigma_s(bounds[name], CABLES, rng)["diagonal"].mean
         model = matrix_model(draw_systems(bounds[name], 2000, CABLES, rng))
         # control: with twenty times the matrix's covariance it would be most of it
-        shares = [
-            np.mean(
-                1
-                - trace(model.actuation_part())
-                / trace(model.covariance(factor * sigma_s))
-            )
-            for factor in (1, 20)
-        ]
+        shares = []
+        for factor in (1, 20):
+            whole = trace(model.covariance(factor * sigma_s))
+            shares.append(np.mean(1 - trace(model.actuation_part()) / whole))
         assert shares[0] < 0.1 < 0.4 < shares[1]

@@ -89,13 +89,21 @@ def parsed(file: str) -> tuple[dict[str, ast.AST], dict[str, str]]:
         if isinstance(node, ast.FunctionDef | ast.ClassDef):
             named[node.name] = node
         elif isinstance(node, ast.Assign):
-            targets = (each for target in node.targets for each in ast.walk(target))
-            named |= {each.id: node for each in targets if isinstance(each, ast.Name)}
+            for target in node.targets:
+                names = [n.id for n in ast.walk(target) if isinstance(n, ast.Name)]
+                named |= dict.fromkeys(names, node)
         elif isinstance(node, ast.ImportFrom):
-            imported |= {
-                a.asname or a.name: f"{node.module}.{a.name}" for a in node.names
-            }
+            for alias in node.names:
+                imported[alias.asname or alias.name] = f"{node.module}.{alias.name}"
     return named, imported
+
+
+def helper_of(source: str) -> tuple[str, str] | None:
+    """Return file and name of a helper of the tests by its dotted path, None for other code."""
+    module, _, name = source.rpartition(".")
+    folder = "" if module.startswith("tests.") else "tests/helpers/"
+    helper = f"{folder}{module.replace('.', '/')}.py"
+    return (helper, name) if (ROOT / helper).is_file() else None
 
 
 def used(file: str, test: str) -> set[str]:
@@ -114,12 +122,7 @@ def used(file: str, test: str) -> set[str]:
                 head, _, rest = ast.unparse(node).partition(".")
                 source = imported.get(head, head)
                 names.add(f"{source}.{rest}".rstrip("."))
-                module, _, own = source.rpartition(".")
-                folder = "" if module.startswith("tests.") else "tests/helpers/"
-                helper = f"{folder}{module.replace('.', '/')}.py"
-                waiting.append(
-                    (helper, own) if (ROOT / helper).is_file() else (place, head)
-                )
+                waiting.append(helper_of(source) or (place, head))
             elif isinstance(node, ast.arg):
                 waiting.append((place, node.arg))  # a fixture
     return names
@@ -128,13 +131,14 @@ def used(file: str, test: str) -> set[str]:
 @pytest.mark.parametrize("item", ITEMS, ids=lambda item: item.cited_as)
 def test_every_item_has_a_function_or_needs_none_and_tests_that_exist_and_use_it(item):
     implementing = {source.name for source in SOURCES[item.cited_as]}
-    assert bool(implementing) != bool(item.without_code)
+    assert (implementing == set()) == (item.without_code != "")
     # whoever makes an object of a class uses its methods
     owners = {name.rpartition(".")[0] for name in implementing}
     classes = {owner for owner in owners if owner.rpartition(".")[2][:1].isupper()}
     for test in item.tests:
         file, _, name = test.partition("::")
-        assert name in parsed(file)[0], test
+        definitions, _ = parsed(file)
+        assert name in definitions, test
         assert used(file, name) & (implementing | classes), test
 
 
@@ -191,26 +195,27 @@ def test_numbers_of_the_run_and_of_the_claims_stand_in_the_prose(fit, ours):
 
 
 @pytest.mark.parametrize(
-    ("parse", "entries", "changes", "key"),
+    ("changes", "key"),
     [
-        (paper.parse_items, [EQUATION, *FURTHER], {"kind": "theorem"}, "label"),
-        (paper.parse_items, [EQUATION, *FURTHER], {"tests": ["test_b.py"]}, "tests"),
-        (
-            paper.parse_items,
-            [EQUATION, *FURTHER],
-            {"without_code": "a sketch"},
-            "tests",
-        ),
-        (paper.parse_items, [EQUATION, *FURTHER], {"label": "cost"}, "label"),
-        (paper.parse_errata, [ENTRY], {"tests": ["test_noise.py"]}, "tests"),
-        (paper.parse_errata, [ENTRY], {"facts": "It is."}, "facts"),
+        ({"kind": "theorem"}, "label"),
+        ({"tests": ["test_b.py"]}, "tests"),
+        ({"without_code": "a sketch"}, "tests"),
+        ({"label": "cost"}, "label"),
     ],
 )
-def test_a_malformed_item_or_erratum_is_refused_with_its_key(
-    parse, entries, changes, key
-):
+def test_a_malformed_item_is_refused_with_its_key(changes, key):
     with pytest.raises(ConfigError) as refused:
-        parse([entries[0] | changes, *entries[1:]])
+        paper.parse_items([EQUATION | changes, *FURTHER])
+    assert refused.value.evidence["key"].startswith(key)
+
+
+@pytest.mark.parametrize(
+    ("changes", "key"),
+    [({"tests": ["test_noise.py"]}, "tests"), ({"facts": "It is."}, "facts")],
+)
+def test_a_malformed_erratum_is_refused_with_its_key(changes, key):
+    with pytest.raises(ConfigError) as refused:
+        paper.parse_errata([ENTRY | changes])
     assert refused.value.evidence["key"].startswith(key)
 
 
@@ -242,7 +247,8 @@ def test_every_erratum_has_its_numbers_in_the_run_and_tests_that_exist(errata, y
     for erratum in errata:
         for test in erratum.tests:
             file, _, name = test.partition("::")
-            assert name.startswith("test_") and name in parsed(file)[0], test
+            definitions, _ = parsed(file)
+            assert name.startswith("test_") and name in definitions, test
         text = f"{erratum.title} {erratum.paper} {erratum.fact} {erratum.done}"
         assert not re.search(TYPED, text), erratum.id
 
@@ -262,7 +268,7 @@ def test_every_claim_has_evidence_that_a_stage_writes_and_reasons_that_exist(
         "u: ",
         "alpha: ",
     }  # a û without a bound and its α̂ have no number
-    unless = [each.unless for each in CLAIMS if each.unless]
+    unless = [claim.unless for claim in CLAIMS if claim.unless]
     assert {u.limit for u in unless if u.value.quantity == scores.BETWEEN} == {
         scores.LIMIT
     }
