@@ -118,20 +118,21 @@ def test_claims_are_under_their_figure_with_the_verdict_of_every_group(grouped):
     assert page.startswith("# Matrix-Based Characterization")
     assert "Dataset youbot, scale paper, version 1.2, seed 2017." in page
     title = "### The own (Fig. 1)\n![Fig. 1](figures/own.png)\nCompare.\n"
-    before, _, others = page.partition(title)
+    before, _, after = page.partition(title)
     assert "Fig. 2: a photo." in before
-    first, _, others = others.partition("### Claims without a figure")
+    under_figure, _, without = after.partition("### Claims without a figure")
     verdicts = [
         "youBot synthetic ✗ fails (2 of 3); reason: it mixes units (youbot)",
         "UR5 ✗ fails (0 of 2)",
         "mine ✓ holds (0.1)",
     ]
-    assert first.startswith(f"- the statement<br>**{' · '.join(verdicts)}**\n")
-    assert "- the statement<br>**no recording ✓ holds (0.2)**\n" in others
-    own = "*(the paper's own arm)*<br>**youBot synthetic holds (0.2877)**"
-    assert own in others
-    assert "1 claims without evidence in these datasets: absent." in others
-    assert "[The more](figures/more.png)" in others
+    line = f"- the statement<br>**{' · '.join(verdicts)}**\n"
+    assert under_figure.startswith(line)
+    assert "- the statement<br>**no recording ✓ holds (0.2)**\n" in without
+    specimen = "*(the paper's own arm)*<br>**youBot synthetic holds (0.2877)**"
+    assert specimen in without
+    assert "1 claims without evidence in these datasets: absent." in without
+    assert "[The more](figures/more.png)" in without
     assert "| youBot, synthetic (`youbot`) | 0 | 0 | 1: std | 0 |" in page
     assert "| UR5, real (`ur5`) | 0 | 0 | 1: std | 0 |" in page
     assert "## Predictors" not in page
@@ -168,12 +169,12 @@ def test_a_trial_run_prints_no_verdict():
 
 @pytest.mark.parametrize(("greatest", "beyond"), [(15.2, True), (1.5, False)])
 def test_speeds_beyond_the_limits_are_stated(greatest, beyond):
-    known = {"true_moving_steps_beyond_a_speed_limit_share": 0.476}
+    numbers = {"true_moving_steps_beyond_a_speed_limit_share": 0.476}
     for joint in "abc":
-        known[f"true_{joint}_greatest_speed_rad_per_s"] = greatest
-        known[f"true_{joint}_speed_limit_rad_per_s"] = 1.57
-        known[f"true_{joint}_fast_steps_backwards_share"] = 0.231
-    text = speeds(replace(RUNS[0], metrics={"recordings": known}))
+        numbers[f"true_{joint}_greatest_speed_rad_per_s"] = greatest
+        numbers[f"true_{joint}_speed_limit_rad_per_s"] = 1.57
+        numbers[f"true_{joint}_fast_steps_backwards_share"] = 0.231
+    text = speeds(replace(RUNS[0], metrics={"recordings": numbers}))
     assert ("a reaches 15.2 rad/s (limit 1.57), 47.6% of" in text) == beyond
     assert (text == "") != beyond and speeds(RUNS[0]) == ""
 
@@ -215,10 +216,10 @@ def test_sigma_b_over_the_bound_and_the_weight_is_a_table(grouped):
     floors = {"floor": [0.01, 0.5] * 2, "ratio": [1e-3, 1e-3, 2e-3, 2e-3]}
     floors["sigma_b"] = [11.978, 0.22633, 11.06, 0.195]
     floors = pd.concat([pd.DataFrame(floors).assign(model=m) for m in ("first", "b")])
-    known = {"sigma_b_about_the_sample_mean": 0.4085}
-    known |= {"fitted_mean_of_b_11": 1.433, "fitted_mean_of_b_22": 1.0166}
+    fitted = {"sigma_b_about_the_sample_mean": 0.4085}
+    fitted |= {"fitted_mean_of_b_11": 1.433, "fitted_mean_of_b_22": 1.0166}
     tables = RUNS[0].tables | {"sigma_b_floors": floors}
-    run = replace(RUNS[0], metrics={"fit_wishart": FIT | known}, tables=tables)
+    run = replace(RUNS[0], metrics={"fit_wishart": FIT | fitted}, tables=tables)
 
     text = published_and_ours(run, grouped)
 
@@ -276,11 +277,9 @@ def test_the_caption_of_the_stds_names_the_joints_that_a_matrix_model_misses():
     for joint, low in {"a": 0.3, "b": -0.2}.items():
         keys = {"model": "wishart", "joint": joint, "rival": "no_noise"}
         rows.append(evidence_row("std_error", low + 0.1, low, low + 0.2, **keys))
-    known = {
-        "joints": ["a", "b"],
-        "models": {"wishart": "wishart", "additive": "additive"},
-    }
-    run = replace(RUNS[1], **known, tables={"evidence": evidence_table(rows)})
+    models = {"wishart": "wishart", "additive": "additive"}
+    tables = {"evidence": evidence_table(rows)}
+    run = replace(RUNS[1], joints=["a", "b"], models=models, tables=tables)
     (text,) = widths(run)
     assert "2.25 times as wide as the recordings in a and 0.5 times in b; its" in text
     assert text.endswith("above the error of no noise, 1, in a.")
@@ -289,16 +288,13 @@ def test_the_caption_of_the_stds_names_the_joints_that_a_matrix_model_misses():
 def test_counts_are_totals_and_no_mean_share_or_row_number_is_among_them():
     lost = [("camera", "cut_rows", "count", 3.0), ("camera", "gaps", "count", 0.0)]
     quality = pd.DataFrame(lost, columns=["instrument", "quantity", "unit", "total"])
-    metrics = {
-        "recordings": {"camera_cut_rows": 3, "mean_camera_missing_share": 0.007},
-        "filter_wishart": {
-            "particle_steps_outside_the_domain": 19194,
-            "mean_sample_size": 7,
-        },
-    }
-    page = recordings_page(
-        replace(RUNS[1], metrics=metrics, tables={"recording_quality": quality})
-    )
+    counts = {"particle_steps_outside_the_domain": 19194, "mean_sample_size": 7}
+    recorded = {"camera_cut_rows": 3, "mean_camera_missing_share": 0.007}
+    metrics = {"recordings": recorded, "filter_wishart": counts}
+    tables = {"recording_quality": quality}
+
+    page = recordings_page(replace(RUNS[1], metrics=metrics, tables=tables))
+
     assert page.splitlines()[-2:] == [
         "| camera | cut rows 3 |",
         "| filter of wishart | particle steps outside the domain 19,194 |",
@@ -331,24 +327,41 @@ def filtered(**differences: tuple[float, float]) -> Run:
     return Run("lab", "paper", True, ["a", "b"], PLANE, {}, {}, tables)
 
 
-def test_filters_with_a_higher_log_score_are_named_and_the_result_states_the_differences():
-    run = filtered(
-        memory=(-0.5, 0.5), wishart=(-0.5, -1.0), additive_closed=(0.05, -0.75)
-    )
-    text = filter_verdict(run)
-    assert text.startswith(
-        "On lab no particle filter has a higher log score than the mean and"
-    )
-    assert text.endswith("has a higher log score than the training mean.")
-    assert " in every joint: wishart, open loop. The linear" in text
-    rows = filters(run).splitlines()[-4:]
-    assert (
-        rows[2]
-        == "| wishart, open loop | -0.49 | -0.49 | 0.7 | – | 4 (-1 [-1.1, -0.9]) |"
-    )
-    higher = filter_verdict(filtered(wishart_closed=(0.0, 0.5), additive=(0.5, -1.0)))
-    assert higher.startswith("On lab these particle filters have a higher log score")
-    assert higher.endswith(": wishart, closed loop.")
+LOWER = {"memory": (-0.5, 0.5), "wishart": (-0.5, -1.0)}
+LOWER |= {"additive_closed": (0.05, -0.75)}
+HIGHER = {"wishart_closed": (0.0, 0.5), "additive": (0.5, -1.0)}
+
+
+@pytest.mark.parametrize(
+    ("differences", "start", "end"),
+    [
+        (
+            LOWER,
+            "On lab no particle filter has a higher log score than the mean and",
+            "has a higher log score than the training mean.",
+        ),
+        (
+            HIGHER,
+            "On lab these particle filters have a higher log score",
+            ": wishart, closed loop.",
+        ),
+    ],
+)
+def test_filters_with_a_higher_log_score_are_named(differences, start, end):
+    text = filter_verdict(filtered(**differences))
+    assert text.startswith(start) and text.endswith(end)
+
+
+def test_each_filter_has_a_row_and_a_smaller_rms_error_is_named():
+    run = filtered(**LOWER)
+    assert " in every joint: wishart, open loop. The linear" in filter_verdict(run)
+    row = "| wishart, open loop | -0.49 | -0.49 | 0.7 | – | 4 (-1 [-1.1, -0.9]) |"
+    assert row in filters(run).splitlines()
+    assert filters(RUNS[0]) == ""
+
+
+def test_the_result_states_differences_of_predictors_and_filters():
+    run = filtered(**LOWER)
     means = {"none": 5.0, "memory": 12.0, "wishart": 10.0, "additive": 9.0}
     rows = [
         {"steps": "all", "model": n, "score": "log_score", "mean": m}

@@ -69,19 +69,19 @@ def texts(group: Group) -> dict[str, str]:
 
 
 def test_datasets_that_share_takes_are_one_group_but_not_those_that_share_a_licence():
-    _, *found = groups(
+    _, sharing, alone = groups(
         a_run("a", 0.1, files=["1", "2"]),
         a_run("b", 0.1, files=["3"]),
         a_run("c", 0.7, files=["2"], joints=OTHER),
     )
 
-    joined = [[run.dataset for run in group.runs] for group in found]
-    assert joined == [["a", "c"], ["b"]]
-    assert words(found[0])["of-robots"] == FAILS
-    assert words(found[1])["of-robots"] == HOLDS
-    assert texts(found[0])["of-robots"] == "✗ fails in c (0 of 3); holds in a (2 of 2)"
-    assert texts(found[0])["of-method"].endswith("; reason: it mixes units (c)")
-    assert texts(found[1])["of-robots"] == "✓ holds (2 of 2)"
+    assert [run.dataset for run in sharing.runs] == ["a", "c"]
+    assert [run.dataset for run in alone.runs] == ["b"]
+    assert words(sharing)["of-robots"] == FAILS
+    assert words(alone)["of-robots"] == HOLDS
+    assert texts(sharing)["of-robots"] == "✗ fails in c (0 of 3); holds in a (2 of 2)"
+    assert texts(sharing)["of-method"].endswith("; reason: it mixes units (c)")
+    assert texts(alone)["of-robots"] == "✓ holds (2 of 2)"
 
 
 @pytest.mark.parametrize(
@@ -127,7 +127,7 @@ def test_a_claim_about_robots_is_stated_over_the_causes_of_one_arm(stds, word, t
 def test_what_a_law_of_the_speed_passes_too_is_counted_apart(cause, verdict, text):
     run = a_run("lab", 0.1, cause=cause)
     column, independent = decide_each(CLAIMS, [run], [])
-    shared = [each._replace(verdict=verdict) for each in column.verdicts]
+    shared = [decision._replace(verdict=verdict) for decision in column.verdicts]
     decided = [column._replace(verdicts=shared), independent]
 
     group = groups_of([run], decided)[1]
@@ -155,25 +155,26 @@ def test_another_task_with_the_same_takes_is_no_cause():
 
 
 def test_synthetic_datasets_of_another_arm_or_without_a_cause_are_not_joined():
-    _, *found = groups(
+    _, *separate = groups(
         a_run("lab", 0.1, cause="sway"),
         a_run("arm", 0.1, cause="timing", joints=OTHER),
         a_run("unnamed", 0.1, synthetic=True),
         a_run("real", 0.1),
     )
-    assert [len(group.runs) for group in found] == [1, 1, 1, 1]
+    assert [len(group.runs) for group in separate] == [1, 1, 1, 1]
 
 
 def test_the_finding_takes_the_printed_estimator_from_the_arm_with_the_causes():
     fitted = {"sigma_b_moments": 0.2271, "sigma_b_least_over_floors": 0.2263}
     fitted |= {"sigma_b_greatest_over_floors": 11.978}
-    own = a_run("own", 0.1)
-    own.metrics["fit_wishart"] = dict.fromkeys(fitted, 0.0123)
+    user = a_run("user", 0.1)
+    user.metrics["fit_wishart"] = dict.fromkeys(fitted, 0.0123)
     lab = a_run("lab", 0.1, cause="sway")
     lab.metrics["fit_wishart"] = fitted
-    found = groups(own, lab)
 
-    (text,) = [text for text in finding(found, []) if "printed problem" in text]
+    sentences = finding(groups(user, lab), [])
+
+    (text,) = [text for text in sentences if "printed problem" in text]
 
     assert "returns 0.226 to 12 by a bound" in text and "gives 0.227." in text
 
@@ -203,15 +204,14 @@ def a_scored_run(dataset: str, wishart: float, speed: float) -> Run:
     ],
 )
 def test_the_finding_states_real_robots_by_the_sign_of_the_interval(wishart, words):
-    runs = [a_scored_run("own", wishart, speed=5.0)]
-    found = groups(*runs)
+    of_run = groups(a_scored_run("user", wishart, speed=5.0))
 
-    sentences = finding(found, tally(found))
+    sentences = finding(of_run, tally(of_run))
 
     (real,) = [text for text in sentences if "real arms" in text]
     assert words in real
-    size = {-27604.7: "lower by 27,600 (own)", 3.21: "higher by 3.21 (own)"}
-    assert size.get(wishart, "not significantly different on own") in real
-    assert real.endswith("is above both on own.")
+    size = {-27604.7: "lower by 27,600 (user)", 3.21: "higher by 3.21 (user)"}
+    assert size.get(wishart, "not significantly different on user") in real
+    assert real.endswith("is above both on user.")
     assert "all 1 claims that need no recording hold" in sentences[0]
     assert not any("printed problem" in text for text in sentences)
