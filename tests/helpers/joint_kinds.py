@@ -164,6 +164,64 @@ def counts(turn: int, zero: int) -> Callable[..., Sequence[object]]:
     )
 
 
+def counted(time, *angles):
+    """Columns of row numbers from 0 in place of the times, and of the angles."""
+    return np.arange(float(len(time))), *angles
+
+
+def counted_beside(time, *angles):
+    """Columns of row numbers from 1, of the times and of the angles."""
+    return np.arange(1.0, len(time) + 1), time, *angles
+
+
+def on_its_side(*labels: str) -> Callable[[Path], None]:
+    """A table of one row per signal, behind its label if there are ``labels``."""
+
+    def make(folder: Path) -> None:
+        time, actual, target = motion()
+        rows = [time, *actual.T, *target.T]
+        names = [[label] for label in labels] or [[] for _ in rows]
+        lines = [
+            ",".join([*name, *map("{:.6f}".format, row)])
+            for name, row in zip(names, rows, strict=False)
+        ]
+        (folder / "log.csv").write_text("\n".join(lines) + "\n")
+
+    return make
+
+
+def thousands(point: str, decimal: str) -> Callable[[Path], None]:
+    """A table in ms with a mark for thousands, ``point``, in the times from 1 s on."""
+
+    def make(folder: Path) -> None:
+        time, actual, target = motion()
+        signs = str.maketrans(",.", point + decimal)
+        lines = ["t [ms];" + ";".join(numbered("q", "q_cmd"))]
+        for t, *cells in zip(1000 * time, *actual.T, *target.T, strict=True):
+            numbers = [f"{t:,.3f}", *map("{:.6f}".format, cells)]
+            lines.append(";".join(number.translate(signs) for number in numbers))
+        (folder / "log.csv").write_text("\n".join(lines) + "\n")
+
+    return make
+
+
+def lists_in_cells(folder: Path) -> None:
+    """A table of the times and of lists of the measured and commanded angles."""
+    time, *signals = motion()
+    lists = [[str(angles) for angles in signal.tolist()] for signal in signals]
+    rows = pd.DataFrame({"time": time, "q": lists[0], "q_target": lists[1]})
+    rows.to_csv(folder / "log.csv", index=False)
+
+
+def struct_array(folder: Path) -> None:
+    """A MATLAB file of one struct of time and angles per row."""
+    time, actual, target = motion()
+    fields = [("t", float), ("q", float, (6,)), ("q_target", float, (6,))]
+    rows = np.zeros(len(time), dtype=fields)
+    rows["t"], rows["q"], rows["q_target"] = time, actual, target
+    savemat(folder / "log.mat", {"log": rows})
+
+
 JOINTS, FIELD = [f"{joint}_joint" for joint in UR], "field.joint_names"
 NAMED = "joint names elbow, shoulder_lift, shoulder_pan, wrist_1 … (6)"
 CELLS = "joint names elbow_joint, shoulder_lift_joint, shoulder_pan_joint, wrist_1_joint … (6)"
@@ -285,6 +343,24 @@ KINDS = [
     kind("episode", lambda folder: pd.DataFrame({"timestamp": motion()[0], "action": [*motion()[2]],
         "observation.state": [*motion()[1]]}).to_parquet(folder / "episode.parquet"),
         "signals may be {actual: [observation.state], target: [action]}"),
+    kind("44", log(["", *numbered("q_act", "q_des")], counted), NO_CLOCK, "row numbers",
+        at="log.csv", never=("they step by", "Hz")),
+    *(kind("44", log([name, *numbered("q_act", "q_des")], counted), NO_CLOCK,
+        f"row numbers {name}", never=("they step by", "Hz"))
+        for name in ("step", "seqno", "k", "Zeile", "Unnamed: 0")),
+    kind("44", log(["n", "Uhr", *numbered("q_act", "q_des")], counted_beside), "clock Uhr",
+        "row numbers n", TRACKED, never=(NO_CLOCK,)),
+    kind("44", log(["t [ms]", *numbered("q_act", "q_des")], counted), "1000 Hz", "clock t [ms]",
+        never=(NO_CLOCK,)),
+    kind("46", on_its_side(), "13 rows and 400 columns", "transpose it", at="log.csv", stops=True)
+        ._replace(says=("rows and", "columns lies on its side", "transpose it")),
+    kind("46", on_its_side("t", *numbered("q", "q_cmd")), "on its side", stops=True),
+    kind("50", thousands(".", ","), "1.000,000", "a point for thousands", "[line 127]",
+        at="log.csv", stops=True),
+    kind("50", thousands(",", "."), "1,000.000", "a comma for thousands", stops=True),
+    kind("50", thousands("'", "."), "1'000.000", "a mark for thousands", stops=True),
+    kind("lists", lists_in_cells, "the cells of q, q_target are lists", stops=True),
+    kind("structs", struct_array, "samples 400; joints 6; clock log.t", TRACKED),
     kind("40", target_moments("log_i_target", "log_m_target"), *PAIRED, at=""),
     kind("40", target_moments("log_f_target", "log_tcp_speed"), *PAIRED, never=("one column",)),
     kind("40", target_moments("log_v_target", "log_qdd_target"), *PAIRED),

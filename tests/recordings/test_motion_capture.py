@@ -254,8 +254,26 @@ def test_the_steps_take_the_arm_from_each_commanded_pose_to_the_next(file):
 
 @pytest.mark.parametrize(
     ("robot", "rate", "words"),
-    [(LWR4, 100.0, "the trajectory has the joints joint_1"), (UR5, 50.0, "31 at 50")],
+    [
+        (LWR4, 100.0, "the trajectory has the joints joint_1"),
+        (UR5, 50.0, "31 in 0.600000 s, at 50 per second"),
+    ],
 )
 def test_another_arms_or_another_grids_trajectory_is_refused(file, robot, rate, words):
     with pytest.raises(RecordingError, match=words):
         trajectory_rows(file, commanded(robot, rate))
+
+
+@pytest.mark.parametrize(("rate", "fits"), [(120.0, True), (121.0, False)])
+def test_a_step_that_is_rounded_to_microseconds_has_the_rate_of_the_motion(
+    tmp_path, rate, fits
+):
+    q = motion(GRID + 1) / 2
+    rounded = np.round(np.arange(GRID + 1) / 120, 6)
+    file = tmp_path / "rounded.csv"
+    write_trajectory(file, pd.DataFrame({"t": rounded} | spread("q", UR5.joints, q)))
+    if fits:
+        assert len(trajectory_rows(file, commanded(rate=rate))) == GRID + 1
+        return
+    with pytest.raises(RecordingError, match=r"in 0\.250000 s; .* at 121 per second"):
+        trajectory_rows(file, commanded(rate=rate))

@@ -131,6 +131,36 @@ def test_an_export_with_fewer_digits_and_a_copy_with_noise_are_named_as_copies()
     )
 
 
+@pytest.mark.parametrize(("size", "follows", "left_out"), [
+    (0.05, False, ["c_1"]),
+    (-0.03, False, ["c_1"]),
+    (0.05, True, []),
+    (2e-4, False, []),
+])  # fmt: skip
+def test_a_wrong_command_leaves_out_its_own_run_alone(size, follows, left_out):
+    logs = {name: stops(3, seed) for seed, name in enumerate("abcd")}
+    logs["c"].target[180, 1] += size
+    if follows:
+        logs["c"].actual[180, 1] += size
+    _, unused = joint_runs(logs, RATE)
+    wrong = [name for name, reason in unused.items() if "and back in row 180" in reason]
+    assert wrong == left_out
+    assert {*unused} <= {"c_1"}
+
+
+def test_a_second_way_that_runs_repeat_is_no_disturbance():
+    logs = {name: stops(3, seed) for seed, name in enumerate("abcdefg")}
+    rows = np.arange(len(logs["a"].actual))
+    another_way = 3e-4 * np.sin(rows / 40)
+    for name in "abc":
+        logs[name].actual[:, 1] += another_way
+    _, unused = joint_runs(logs, RATE)
+    assert not unused
+    logs["d"].actual[150:200, 1] += 0.01
+    _, unused = joint_runs(logs, RATE)
+    assert [*unused] == ["d_1"]
+
+
 @pytest.mark.parametrize("pushed", [None, 3])
 def test_motions_to_analyse_have_ends_steps_pauses_and_repetitions(pushed):
     home, names = np.array([-1.2, 1.4, -1.0]), ["joint_2", "joint_3", "joint_4"]
@@ -178,6 +208,15 @@ def test_the_step_of_recorded_angles_is_found_where_there_is_one(quantum, printe
     angles = np.sin(0.1 * t) + rng.normal(0, 1e-5, len(t))
     recorded = quantum * np.rint(angles / quantum) if quantum else angles
     assert find_quantum(np.round(recorded, printed)) == pytest.approx(quantum, rel=0.03)
+
+
+@pytest.mark.parametrize(("quantum", "found"), [(9.4e-6, 9.4e-6), (1e-9, 0.0)])
+def test_a_constant_speed_is_no_step_of_the_angles(quantum, found):
+    speed = 399e-6 + 1e-6 * np.sin(np.arange(1200) / 50)  # rad a row
+    starting = np.linspace(0.1, 1.0, 25) * 399e-6
+    angles = np.cumsum(np.concatenate([starting, speed]))
+    recorded = quantum * np.rint(angles / quantum)
+    assert find_quantum(recorded) == pytest.approx(found, rel=1e-3)
 
 
 def test_arrays_of_joints_by_samples_are_read_and_other_files_change_nothing(tmp_path):

@@ -6,6 +6,7 @@ import builtins
 import os
 import re
 import shutil
+from itertools import permutations
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -388,6 +389,32 @@ def test_a_value_that_is_set_or_not_yet_written_can_be_set(root, logs):
         ConfigError, match=r"motion.rate is 100: set motion.rate to \{key: value"
     ):
         run("lab", "--set", "motion.rate.unit=Hz")
+
+
+ORDERS = [*permutations(["tool", "joints", "task"])]
+
+
+@pytest.mark.parametrize("order", ORDERS)
+@pytest.mark.parametrize("exists", [True, False])
+def test_values_that_depend_on_each_other_are_set_together_in_any_order(
+    root, logs, order, exists
+):
+    joints = [f"joint_{number}" for number in range(1, 6)]
+    stated = {
+        "joints": f"[{', '.join(joints)}]",
+        "tool": "wrist_2",
+        "task": "[x, y, z]",
+    }
+    words = [f"robot.{key}={stated[key]}" for key in order]
+    options = [option for word in words for option in ("--set", word)]
+    urdf = ["--set", f"robot.urdf={ROOT / 'pipeline/arm/ur5.urdf'}"]
+    if exists:
+        run("lab", "--from", logs, *urdf)
+        run("lab", *options)
+    else:
+        run("lab", "--from", logs, *urdf, *options)
+    robot = written()[1]["robot"]
+    assert (robot["joints"], robot["task"]) == (joints, ["x", "y", "z"])
 
 
 @pytest.mark.parametrize(
