@@ -2,6 +2,7 @@
 
 import json
 import warnings
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -164,31 +165,36 @@ class ExportedModel(Exported):
 
 
 class ExportedErrors(Exported):
-    """Fitted law of the errors e_k = q_k − c_k of n joints about their commanded angles c, delayed
-    by the lag of the run. It remembers the last errors and commands. Joint steps c_{k+1} − c_k are
-    arguments by name, in rad.
+    """Fitted law of the errors e_k = q_k − c_k of n joints about their commanded angles c, as sent.
+    It remembers the last errors and commands. ``lag`` in s is the delay of the run's measured
+    angles behind the command, a number or (n,), if it is known; else the mean lag of the fit holds,
+    and covariances include its spread. Joint steps c_{k+1} − c_k are arguments by name, in rad.
     """
 
     def predict(
-        self, errors: ndarray, commands: ndarray, steps: int
+        self, errors: ndarray, commands: ndarray, steps: int, lag: Any = None
     ) -> tuple[ndarray, ndarray]:
         """Return mean (n,) in rad and covariance (n, n) in rad² of the recorded error, its rounding
-        included, ``steps`` samples after the last of the known ``errors`` (K, n); ``commands``
-        (K + steps, n) are the commanded angles in rad at these samples and the next ones.
+        included, ``steps`` samples after the last of the known ``errors`` (K, n), or after a rest
+        without errors (0, n). ``commands`` are the commanded angles in rad at these samples and at
+        least the ``steps`` next ones. The arm rests at the first command before it; behind the last
+        command its speed continues, which an arm that leads its command needs.
         """
-        return self.law.predict(*self._histories(errors, commands), steps)
+        errors, commands = self._histories(errors, commands, lag)
+        self._warn_of_horizon(steps)
+        return self.law.predict(errors, commands, steps, lag)
 
     def log_density(
-        self, errors: ndarray, commands: ndarray, next_error: ndarray
+        self, errors: ndarray, commands: ndarray, next_error: ndarray, lag: Any = None
     ) -> ndarray:
         """(...,) ln p in rad⁻ⁿ of ``next_error`` (..., n), as many samples after the last of
         ``errors`` (K, n) as ``commands`` has more rows than ``errors``.
         """
-        errors, commands = self._histories(errors, commands)
+        errors, commands = self._histories(errors, commands, lag)
         next_error = self._array("next_error", next_error, (commands.shape[1],), "rad")
-        mean, covariance = self.law.predict(
-            errors, commands, len(commands) - len(errors)
-        )
+        steps = len(commands) - len(errors)
+        self._warn_of_horizon(steps)
+        mean, covariance = self.law.predict(errors, commands, steps, lag)
         outlook = Outlook(mean, np.diag(covariance), self.law.degrees)
         return outlook.log_probability(next_error, np.zeros(len(mean))).sum(axis=-1)
 
@@ -241,26 +247,44 @@ class ExportedErrors(Exported):
                 f"bands not confirmed: {message}", UnconfirmedBands, stacklevel=4
             )
 
-    def _histories(self, errors: ndarray, commands: ndarray) -> tuple[ndarray, ndarray]:
-        n, known = len(self.law.joints), {"errors": errors, "commands": commands}
-        errors, commands = (
-            self._array(k, each, (n,), "rad") for k, each in known.items()
-        )
+    def _histories(
+        self, errors: ndarray, commands: ndarray, lag: Any
+    ) -> tuple[ndarray, ndarray]:
+        """Return ``errors`` and ``commands`` as arrays; ModelDomainError for other shapes, and for
+        values that are not numbers. Warn of errors and speeds outside the ranges of the fit.
+        """
+        n, arrays = len(self.law.joints), {}
+        for name, values in {"errors": errors, "commands": commands}.items():
+            array = self._array(name, values, (n,), "rad")
+            if not np.isfinite(array).all():
+                row = int(np.argmax(~np.isfinite(array).reshape(-1, n).all(axis=1)))
+                message = f"{name} must be finite, got {array.reshape(-1, n)[row]} in row {row}"
+                raise ModelDomainError(
+                    f"{message}; leave out the rows before it, or fill it"
+                )
+            arrays[name] = array
+        errors, commands = arrays.values()
         if errors.ndim != 2 or commands.ndim != 2 or len(commands) <= len(errors):
             message = (
                 f"errors and commands must be (K, {n}) and (K + steps, {n}), got shapes"
             )
             raise ModelDomainError(f"{message} {errors.shape} and {commands.shape}")
-        self._warn("joint speed", self.record["rate_per_s"] * np.diff(commands, axis=0))
-        ahead = (len(commands) - len(errors)) / self.record["rate_per_s"]
-        if (
-            ahead > SCORED + 1 / self.record["rate_per_s"]
-            and "ahead" not in self._warned
-        ):
-            self._warned.add("ahead")
-            message = f"{ahead:.3g} s ahead is beyond {SCORED:g} s, the longest horizon of the fit"
-            warnings.warn(message, OutsideRanges, stacklevel=3)
+        speed = self.record["rate_per_s"] * np.diff(commands, axis=0)
+        late = self.law.lag if lag is None else lag
+        self._warn("joint speed", speed)
+        if len(errors):
+            moved = np.concatenate([speed[:1], speed])[: len(errors)]
+            self._warn("error", errors + late * moved)
         return errors, commands
+
+    def _warn_of_horizon(self, steps: int) -> None:
+        """Warn once of a prediction beyond the longest horizon of the fit."""
+        ahead = steps / self.record["rate_per_s"]
+        if ahead <= SCORED + 1 / self.record["rate_per_s"] or "ahead" in self._warned:
+            return
+        self._warned.add("ahead")
+        message = f"{ahead:.3g} s ahead is beyond {SCORED:g} s, the longest horizon of the fit"
+        warnings.warn(message, OutsideRanges, stacklevel=3)
 
 
 def chain_record(chain: Chain) -> dict[str, Any]:
@@ -375,12 +399,12 @@ def _number(text: str) -> float:
 
 
 def _distinct(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    names = [name for name, _ in pairs]
-    for name in names:
-        _require(
-            names.count(name) == 1, name, "stated once", f"{names.count(name)} values"
-        )
-    return dict(pairs)
+    values = dict(pairs)
+    if len(values) < len(pairs):
+        count = Counter(name for name, _ in pairs)
+        name, times = count.most_common(1)[0]
+        _require(False, name, "stated once", f"{times} values")
+    return values
 
 
 def _is_number(value: Any) -> bool:

@@ -42,6 +42,7 @@ MOTION, ARTICULATE, READINGS = (
 )
 FIT, FILTER, WRENCH = Path("data/fit"), Path("data/filter"), Path("data/wrench")
 PREDICT, OUT = Path("data/predict"), Path("data/score")
+ONLY_DRAWN = "held_out_run"  # table of a figure that no page prints
 OF_WRENCH = (
     "sigma_s",
     "force_moments",
@@ -85,6 +86,7 @@ def run() -> None:
             name: table for _, own in scored.values() for name, table in own.items()
         }
         tables |= _read_all(READINGS) | _read_all(PREDICT)
+        tables.pop(ONLY_DRAWN, None)
         tables |= {name: wrench[name] for name in OF_WRENCH if name in wrench}
         if listed := [pd.read_csv(file) for file in sorted(FILES.glob("*.csv"))]:
             tables["raw_files"] = by_place(pd.concat(listed))

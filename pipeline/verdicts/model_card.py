@@ -5,13 +5,18 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pandas as pd
 
-from pipeline.statistics.horizons import (
+from pipeline.models.joint_error.choice import (
+    CONFIRMED,
+    LAST_VALUE,
     chosen_law,
+    confirmations,
     faults_of,
     left_out,
     margins,
+    mean_scores,
     pooled,
     pooled_interval,
+    ratio_with_interval,
     unconfirmed,
 )
 from pipeline.verdicts.run import Run
@@ -32,11 +37,18 @@ from pipeline.verdicts.wording import (
     table,
 )
 
-STILL = 0.1  # share of the greatest joint speed below which a joint counts as standing still
+SLOW = 0.1  # share of the greatest joint speed below which a joint counts as slow
 FEW_TAKES = (
     10  # number of takes below which no interval from resampled takes is printed
 )
+UNDETERMINED = 2.0  # factor between the fits without each motion of a number that is not determined
 RANGES = ["quantity", "name", "unit", "least", "greatest"]
+# kinds of samples of joint_scores that the card compares, and what they are
+KINDS = {
+    "commanded": "all commanded samples",
+    "settled": "those not within 0.6 s of a jump of the commanded speed",
+    "lag unknown": "all commanded samples, the run's lag not known",
+}
 
 
 def answer(run: Run) -> str:
@@ -55,14 +67,24 @@ def answer(run: Run) -> str:
     }
     if model is not None:
         parameters = t["joint_parameters"].query("model == @model")
-        law = {"joint": parameters["joint"]}
-        for name, column in WORDS["law"].items():
-            values = parameters[column] * (1e6 if "µrad" in name else 1.0)
-            law[name] = values.map("{:.3g}".format, na_action="ignore").astype(object)
-        fastest, still = _speeds(t["motion_ranges"])
-        words |= {"horizons": at_horizons(scores, model), "fastest": fastest}
-        words |= {"still": [*still.index], "unconfirmed": unconfirmed(scores, model)}
-        words["law"] = pd.DataFrame(law).fillna(MISSING).to_numpy()
+        fastest, slow = _speeds(t["motion_ranges"])
+        moving = set(", ".join(t["motions"]["moving"]).split(", "))
+        words |= {
+            "kinds": kinds_of_samples(scores, model),
+            "fastest": fastest,
+            "still": [joint for joint in fastest.index if joint not in moving],
+            "slow": [joint for joint in slow.index if joint in moving],
+            "required": f"{1 / CONFIRMED:.3g} to {CONFIRMED:.3g}",
+            "horizons": list(dict.fromkeys(scores["horizon"])),
+            "confirmed": confirmed_sigmas(scores, model),
+            "unconfirmed": [
+                entry
+                for entry in unconfirmed(scores, model)
+                if " at " not in entry["parameter"] or "rest" in entry["parameter"]
+            ],
+            "law": law_rows(parameters),
+            "logs": int(parameters["logs"].max()),
+        }
     words["unused"] = t["unused_recordings"][["recording", "reason"]].to_numpy()
     words["tested"] = "takes" in t and t["takes"]["part"].eq("test").any()
     return render("answer.md", **words)
@@ -78,59 +100,114 @@ def first_line(run: Run) -> str:
     return f"**Model for another motion: {plain_name(model)}** (`{model}`): {why}."
 
 
-def at_horizons(scores: pd.DataFrame, model: str) -> list[list[str]]:
-    """Return predicted over measured σ, coverage and what is left of the autocorrelation by
-    horizon, over all joints, with the least and greatest joint and intervals over motions.
+def law_rows(parameters: pd.DataFrame) -> list[list[str]]:
+    """Return a row for each joint of the law's numbers, each with its range in the fits without a
+    held-out motion; a number whose range is wider than a factor UNDETERMINED is in brackets.
     """
-    own, rows = (
-        scores[(scores["model"] == model) & (scores["samples"] == "commanded")],
-        [],
-    )
-    joints = pooled(own, ["horizon", "joint"])
-    for horizon, row in pooled(own, ["horizon"]).iterrows():
-        rows.append([horizon])
-        for name in ("ratio", "one_sigma", "two_sigma"):
-            value, low, high, *_ = pooled_interval(
-                left_out(own[own["horizon"] == horizon]), name
-            )
-            between = "" if pd.isna(low) else f" [{low:.2f}, {high:.2f}]"
-            each = joints.loc[horizon][name]
-            rows[-1].append(
-                f"{value:.2f}{between}; joints {each.min():.2f} to {each.max():.2f}"
-            )
-        left = f"{row['autocorrelation']:.2f}" if horizon == "one sample" else MISSING
-        rows[-1].append(left)
+    rows = []
+    for _, joint in parameters.iterrows():
+        row = [joint["joint"]]
+        for name, column in WORDS["law"].items():
+            unit = 1e6 if "µrad" in name else 1e3 if "ms" in name else 1.0
+            value = unit * joint[column]
+            if pd.isna(value):
+                row.append(MISSING)
+                continue
+            text = f"{value:.3g}"
+            ends = [joint.get(f"{end}:{column}") for end in ("least", "greatest")]
+            if None not in ends and not np.isnan(ends).any():
+                low, high = (unit * end for end in ends)
+                text = f"{text} [{low:.3g}, {high:.3g}]"
+                if high > UNDETERMINED * low:
+                    text = f"({text})"
+            row.append(text)
+        rows.append(row)
     return rows
 
 
+def kinds_of_samples(scores: pd.DataFrame, model: str) -> list[list[str]]:
+    """Return for each of KINDS and each horizon the share of the commanded samples, predicted over
+    measured σ, coverage and what is left of the autocorrelation over all joints, with the least and
+    greatest joint and intervals over motions.
+    """
+    of_model, rows = scores[scores["model"] == model], []
+    total = of_model[of_model["samples"] == "commanded"].groupby("horizon")["count"]
+    totals = total.sum()
+    for kind, words in KINDS.items():
+        samples = of_model[of_model["samples"] == kind]
+        joints = pooled(samples, ["horizon", "joint"]) if len(samples) else None
+        for horizon, group in samples.groupby("horizon", sort=False):
+            share = group["count"].sum() / totals[horizon]
+            row = [words, horizon, f"{100 * min(share, 1):.0f} %"]
+            parts = left_out(group)
+            for name in ("ratio", "one_sigma", "two_sigma"):
+                value, low, high = pooled_interval(parts, name)[:3]
+                between = "" if pd.isna(low) else f" [{low:.2f}, {high:.2f}]"
+                by_joint = joints.loc[horizon][name]
+                ends = f"{by_joint.min():.2f} to {by_joint.max():.2f}"
+                row.append(f"{value:.2f}{between}; joints {ends}")
+            left = MISSING
+            if horizon == "one sample":
+                left = f"{parts['autocorrelation'].iloc[0]:.2f}"
+            rows.append([*row, left])
+    return rows
+
+
+def confirmed_sigmas(scores: pd.DataFrame, model: str) -> list[list[str]]:
+    """Return a row for each joint: by horizon predicted over measured σ with its interval, marked
+    with "!" where the held-out motions do not confirm it.
+    """
+    table = confirmations(scores, model)
+    table["cell"] = table.apply(ratio_with_interval, axis=1)
+    table.loc[~table["confirmed"], "cell"] += " !"
+    by_horizon = table.pivot(index="joint", columns="horizon", values="cell")
+    order = list(dict.fromkeys(table["horizon"]))
+    by_horizon = by_horizon.loc[list(dict.fromkeys(table["joint"])), order]
+    return by_horizon.fillna(MISSING).reset_index().to_numpy().tolist()
+
+
 def _speeds(ranges: pd.DataFrame) -> tuple[pd.Series, pd.Series]:
-    """Return the greatest recorded |q̇| in rad/s by joint, for all joints and for still joints."""
+    """Return the greatest recorded |q̇| in rad/s by joint, for all joints and for slow joints."""
     speeds = ranges[ranges["quantity"] == "joint speed"].set_index("name")
     fastest = speeds[["least", "greatest"]].abs().max(axis=1)
-    return fastest, fastest[fastest < STILL * fastest.max()]
+    return fastest, fastest[fastest < SLOW * fastest.max()]
 
 
 def compared_laws(scores: pd.DataFrame) -> str:
-    """Return log scores by law and horizon, and the margin over the next simpler law."""
-    moving, rows, before = scores[scores["samples"] == "commanded"], [], None
-    totals = pooled(moving, ["model", "horizon", "joint"])["score"]
-    totals = totals.groupby(["model", "horizon"], sort=False).sum().unstack(sort=False)
+    """Return log scores by law and horizon over all commanded samples and over settled ones, the
+    margin of the law of the card over each, and the number of faults. The last value is a
+    yardstick, and no law.
+    """
+    moving = scores[scores["samples"] == "commanded"]
+    totals = _scores_by_horizon(moving)
+    settled = _scores_by_horizon(scores[scores["samples"] == "settled"]).mean(axis=1)
+    best, rows = chosen_law(scores)[0], []
     for model, by_horizon in totals.iterrows():
-        margin = MISSING
-        if before is not None:
-            mean, low, high = margins(moving, model, before)
+        margin, faults = MISSING, MISSING
+        if best not in (None, model):
+            mean, low, high = margins(moving, best, model)
             margin = f"{mean:.3g} {interval(low, high)}"
+        if model != LAST_VALUE:
+            faults = len(faults_of(moving, model))
+        mean = mean_scores(moving)[model].mean()
         rows.append(
-            [plain_name(model), *by_horizon, margin, len(faults_of(moving, model))]
+            [plain_name(model), *by_horizon, settled.get(model), mean, margin, faults]
         )
-        before = model
     header = [
         "law",
         *totals.columns,
-        "mean above the line before",
+        "settled, mean",
+        "mean over motions",
+        "law of the card above it",
         "unsound (joints, horizons)",
     ]
     return table(header, rows)
+
+
+def _scores_by_horizon(scores: pd.DataFrame) -> pd.DataFrame:
+    """Return log scores by model (rows) and horizon (columns), summed over joints."""
+    totals = pooled(scores, ["model", "horizon", "joint"])["score"]
+    return totals.groupby(["model", "horizon"], sort=False).sum().unstack(sort=False)
 
 
 def few_takes(run: Run) -> bool:

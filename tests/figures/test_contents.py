@@ -19,7 +19,7 @@ from PIL import Image
 from pipeline.core import contracts
 from pipeline.core.columns import columns, pairs
 from pipeline.core.options.analysis import Compute
-from pipeline.figures import drawing, motion, perception, wrench
+from pipeline.figures import drawing, joint_error, motion, perception, wrench
 from pipeline.figures.drawing import draw_all, figures_in
 from pipeline.figures.mean_error import mean_error
 from pipeline.figures.style import (
@@ -41,6 +41,7 @@ TWICE = {"joint_realizations", "wrench_density"}  # lines, pixels; others in who
 
 RNG = np.random.default_rng(11)
 SIMULATED = "simulated recordings"
+HORIZONS = ("one sample", "0.1 s", "0.5 s")
 STEPS, SOURCES = range(21), ("measured", "modelled")
 
 
@@ -104,6 +105,19 @@ def tables() -> dict[str, pd.DataFrame]:
         "noise_quantiles": each(
             ["noise"], model=list(motion.LAWS), joint=JOINTS, normal=np.arange(-3, 4.0)
         ),
+        "held_out_run": each(
+            ["error", "mean", "std"],
+            model=["joint_error"],
+            joint=JOINTS,
+            horizon=HORIZONS[1:],
+            t=np.linspace(0.0, 1.0, 11),
+        ).assign(recording="run_1"),
+        "joint_scores": each(
+            ["predicted_rad", "measured_rad"],
+            model=["joint_error", *joint_error.YARDSTICKS],
+            joint=JOINTS,
+            horizon=HORIZONS,
+        ).assign(samples="commanded", motion="1", block=1, count=100),
         "takes": pd.concat(takes, ignore_index=True),
         "wrench_errors": each(["error"], agents=[3, 10], system=range(40)).assign(
             covariance_error_diagonal=0.1, covariance_error_full=0.1

@@ -28,6 +28,9 @@ def known_law(**changes) -> JointErrorModel:
         "degrees": np.full(2, np.inf),
         "reach": np.full(2, 1.0),
         "quantum": np.zeros(2),
+        "jump": np.full(2, 5.0),
+        "lag": np.zeros(2),
+        "lag_std": np.zeros(2),
     }
     return JointErrorModel(**values | changes)
 

@@ -13,7 +13,7 @@ from pipeline.models.joint_error.law import (
     standard_log_density,
     unit_variance_factor,
 )
-from pipeline.models.joint_error.samples import JointRun, counted
+from pipeline.models.joint_error.samples import JointRun
 
 Prediction = Callable[[JointRun, int], Outlook]  # of run and joint
 NORMAL = np.array([np.inf])
@@ -46,8 +46,7 @@ def references(runs: Sequence[JointRun], j: int, steps: int) -> dict[str, Predic
 
     def all_rows(ahead: int) -> list[np.ndarray]:
         kept = [
-            [part[counted(run, ahead)[:, j]] for part in rows(run, ahead)]
-            for run in runs
+            [part[run.moving[ahead:, j]] for part in rows(run, ahead)] for run in runs
         ]
         return [np.concatenate(each) for each in zip(*kept, strict=True)]
 

@@ -1,5 +1,7 @@
 """The model that the card recommends is among the best on fresh motions of arms of ten physics."""
 
+from itertools import product
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -12,10 +14,10 @@ from pipeline.core.errors import PipelineError
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.laboratory.dynamics import JointPath, draw, swing, true_chain
 from pipeline.laboratory.options import DynamicsOptions
+from pipeline.models.joint_error.choice import chosen_law, margins, unconfirmed
 from pipeline.models.joint_error.fit import fit_joint_error
 from pipeline.models.joint_error.held_out import held_out, score_runs
 from pipeline.models.joint_error.samples import JointRun
-from pipeline.statistics.horizons import chosen_law, unconfirmed
 from pipeline.studies.simulated import Factors, disturb
 
 RATE, STEPS, REST, REPEATS = 100.0, 160, 20, 6
@@ -113,15 +115,14 @@ def test_the_recommended_law_is_among_the_best_on_fresh_motions_of_every_physics
 @pytest.mark.parametrize(
     ("gain", "ratio", "expected"),
     [
-        (0.3, 1.0, "rich"),  # a margin above zero
-        (0.0, 1.0, "simple"),  # none, and both are calibrated
-        (0.0, 1.8, "rich"),  # none, and the simpler σ is 1.8 times the measured
-        (-0.3, 1.8, "simple"),  # below zero
+        (0.3, 1.0, "rich"),
+        (0.02, 1.0, "rich"),  # the interval of the margin includes zero
+        (-0.3, 1.8, "simple"),
         (-0.3, 2.2, "rich"),  # below zero, but the simpler law is unsound
     ],
 )
-def test_the_rule_weighs_margin_and_calibration(gain, ratio, expected):
-    rng, rows = np.random.default_rng(3), []
+def test_the_rule_names_the_sound_law_with_the_highest_mean(gain, ratio, expected):
+    rows = []
     for model, mean, sigma in (("simple", 0.0, ratio), ("rich", gain, 1.0)):
         for motion in range(8):
             row = {
@@ -133,11 +134,7 @@ def test_the_rule_weighs_margin_and_calibration(gain, ratio, expected):
             }
             row |= {"horizon": "0.5 s", "samples": "commanded", "predicted_rad": sigma}
             row |= {"measured_rad": 1.0, "one_sigma": 0.7, "two_sigma": 0.95}
-            noise = (
-                0.1 * rng.standard_normal()
-                if model == "rich" and gain
-                else 0.01 * (-1) ** motion
-            )
+            noise = 0.1 * (-1) ** motion if model == "rich" else 0.0
             rows.append(row | {"autocorrelation": 0.0, "score": mean + noise})
     assert chosen_law(pd.DataFrame(rows))[0] == expected
     rare = pd.DataFrame(rows).assign(count=2)  # 16 samples
@@ -146,6 +143,39 @@ def test_the_rule_weighs_margin_and_calibration(gain, ratio, expected):
         model is None
         and "at most 16 commanded samples of a joint are predicted 0.5 s" in why
     )
+
+
+def cost_of_choices(blocks: int, spread: float) -> tuple[float, float]:
+    """Return the mean loss in nats of the law chosen of two by :func:`chosen_law`, and by the rule
+    that the richer law needs an interval above zero: the loss is that to the law that is better on
+    all motions. The true margin of the richer law is N(0, 1), that on a block N(true, spread²).
+    """
+    rng, losses = np.random.default_rng(blocks), []
+    for _ in range(60):
+        true = rng.standard_normal()
+        gains = true + spread * rng.standard_normal(blocks)
+        rows = []
+        for block, (model, score) in product(range(blocks), enumerate((0.0, 1.0))):
+            row = {"model": f"law_{model}", "motion": "1", "block": block, "joint": "a"}
+            row |= {"horizon": "0.5 s", "samples": "commanded", "count": 100}
+            row |= {"predicted_rad": 1.0, "measured_rad": 1.0, "one_sigma": 0.7}
+            row |= {"two_sigma": 0.95, "autocorrelation": 0.0}
+            rows.append(row | {"score": score * gains[block]})
+        scores = pd.DataFrame(rows)
+        named = chosen_law(scores)[0] == "law_1"
+        above = margins(scores, "law_1", "law_0")[1] > 0
+        losses.append([max(true, 0.0) - true * chosen for chosen in (named, above)])
+    cost, cost_of_interval = np.mean(losses, axis=0)
+    return float(cost), float(cost_of_interval)
+
+
+@pytest.mark.parametrize("blocks", [2, 4, 8])
+def test_the_rule_loses_less_than_a_rule_that_asks_for_an_interval_above_zero(blocks):
+    for spread in (0.5, 1.0):
+        cost, cost_of_interval = cost_of_choices(blocks, spread)
+        # in nats a sample, of margins of standard deviation 1
+        assert cost < 0.5 * spread / np.sqrt(blocks)
+        assert cost < cost_of_interval
 
 
 @pytest.mark.slow

@@ -8,11 +8,11 @@ import pytest
 from reference_errors import references
 from source_code import ROOT
 
+from pipeline.models.joint_error.choice import pooled
 from pipeline.models.joint_error.fit import fit_joint_error
 from pipeline.models.joint_error.held_out import parts_of, score_runs
-from pipeline.models.joint_error.samples import counted, horizons
+from pipeline.models.joint_error.samples import horizon_samples
 from pipeline.recordings.runs import joint_runs
-from pipeline.statistics.horizons import pooled
 from pipeline.tools.characterize.logs import folder_logs
 
 RECORDINGS = ROOT.parent / "shared/recordings"
@@ -39,7 +39,7 @@ def test_predictions_of_recorded_errors_are_calibrated_and_lose_to_no_simple_one
     for others, held in parts_of(runs).values():
         rows += score_runs(fit_joint_error(others), held)[0]
         for steps, horizon in zip(
-            horizons(logs.rate), ("one sample", "0.1 s", "0.5 s"), strict=True
+            horizon_samples(logs.rate), ("one sample", "0.1 s", "0.5 s"), strict=True
         ):
             for j, joint in enumerate(runs[0].joints):
                 for name, predict in references(others, j, steps).items():
@@ -48,7 +48,7 @@ def test_predictions_of_recorded_errors_are_calibrated_and_lose_to_no_simple_one
                         score = predict(run, steps).log_probability(
                             error, run.quantum[[j]]
                         )
-                        kept = score[counted(run, steps)[:, j], 0]
+                        kept = score[run.moving[steps:, j], 0]
                         simple.setdefault((horizon, name, joint), []).append(kept)
     own = pooled(
         pd.DataFrame(rows).query("samples == 'commanded'"), ["horizon", "joint"]

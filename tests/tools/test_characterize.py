@@ -36,7 +36,7 @@ def test_a_folder_of_logs_alone_becomes_a_card_and_a_model(
     card = Path("reports/bench/model_card.md").read_text()
     # white noise does not add up: steps of it are no law half a second ahead
     assert "**No model for another motion**" in card and "5 runs of 4 motion(s)" in card
-    assert Path("reports/bench/noise_quantiles.png").is_file()
+    assert Path("reports/bench/figures/held_out_error.png").is_file()
     model = load("data/export/bench_joint_step.json", period=0.008)
     std = np.sqrt(np.diag(model.law.covariance_of_joint_step(np.full(6, 5e-3))))
     np.testing.assert_allclose(std, np.sqrt(2) * 5e-5, rtol=0.2)
@@ -48,6 +48,12 @@ def test_a_folder_of_logs_alone_becomes_a_card_and_a_model(
         ConfigError, match="model wishart needs a Jacobian: give --urdf"
     ):
         tool_call("characterize", [str(logs), "--model", "wishart"])()
+
+
+@pytest.mark.parametrize("name", ["../outside", "/outside", "a/b", ""])
+def test_a_name_that_is_a_path_is_refused(name, tmp_path):
+    with pytest.raises(ConfigError, match="cannot name a dataset"):
+        tool_call("characterize", [str(tmp_path), "--name", name])()
 
 
 def test_a_folder_without_a_usable_log_names_the_reason(tmp_path):

@@ -7,6 +7,7 @@ import json
 import re
 import subprocess
 import sys
+import time
 import types
 from pathlib import Path
 from types import SimpleNamespace
@@ -134,6 +135,10 @@ def test_an_exported_error_law_predicts_what_its_draws_do(errors, monkeypatch):
     assert np.all(off[:, -1].std(axis=0) > 1.2 * left.std(axis=0))
     density = model.log_density(off[0, :154], commanded, mean)
     assert density == pytest.approx(-0.5 * np.linalg.slogdet(2 * np.pi * covariance)[1])
+    resting = model.predict(np.empty((0, 2)), commanded, 40)  # no errors are known
+    assert np.all(np.isfinite(resting[0])) and np.all(np.diag(resting[1]) > 0)
+    with pytest.warns(OutsideRanges, match="error of a: .* is outside the range"):
+        model.predict(poses[0, :154] + 1.0, commanded, 6)  # poses for errors
     copied = copied_reader(errors.parent, monkeypatch).load(errors)
     again = copied.predict(off[0, :154], commanded, 6)
     for one, other in zip(again, (mean, covariance), strict=True):
@@ -152,8 +157,12 @@ def test_an_exported_error_law_predicts_what_its_draws_do(errors, monkeypatch):
     assert SCORED == max(HORIZONS)
     for call, words in (
         (
-            lambda: model.predict(off[0, :154], commanded, 3),
+            lambda: model.predict(off[0, :154], commanded, 7),
             "a row for each of the 154 errors",
+        ),
+        (
+            lambda: model.predict(off[0, :154] * np.nan, commanded, 6),
+            "errors must be finite, got .* in row 0",
         ),
         (lambda: model.predict(off[0, 0], commanded, 6), "errors and commands must be"),
         (
@@ -200,6 +209,11 @@ EDITS = {  # name of the edit → text replaced, new text, and the key and value
     "kind": ('"kind": "gaussian"', '"kind": "laplace"', "laplace"),
 }
 LAW = {  # of a joint error law
+    "unstable": (
+        '"memory": [',
+        '"memory": [[9, 0, 0], [1, 0, 0]], "was": [',
+        "memory is unstable: errors grow 9",
+    ),
     "memory": (
         '"memory": [',
         '"memory": 3, "was": [',
@@ -233,6 +247,23 @@ def test_an_edited_model_is_refused_with_key_and_value(edit, errors, tmp_path, c
     with pytest.raises(ContractError, match=words) as caught:
         load(file)
     assert caught.value.evidence["file"] == file
+
+
+def test_a_dispersion_without_a_step_is_refused(tmp_path, chain):
+    file = write_model(tmp_path / "model.json", "wishart", chain)
+    file.write_text(file.read_text().replace('"sigma_b": 0.25', '"sigma_b": 1e-320'))
+    with pytest.raises(ContractError, match="sigma_B must be at least 1e-15"):
+        load(file)
+
+
+def test_a_model_of_many_keys_is_read_in_linear_time(tmp_path, chain):
+    file = write_model(tmp_path / "model.json", "gaussian", chain)
+    record = json.loads(file.read_text())
+    record["notes"] = dict.fromkeys(map(str, range(60_000)), 0)
+    file.write_text(json.dumps(record))
+    begun = time.process_time()
+    load(file)
+    assert time.process_time() - begun < 5.0  # more than 40 s for each key of each key
 
 
 def test_another_period_and_joint_steps_for_task_steps_are_errors(tmp_path, chain):

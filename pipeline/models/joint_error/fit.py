@@ -12,25 +12,38 @@ from pipeline.models import steps as base
 from pipeline.models.joint_error.law import (
     GROWTH,
     INPUTS,
+    JUMPS,
     SATURATING,
     JointErrorModel,
-    drive,
 )
-from pipeline.models.joint_error.samples import JointRun
-from pipeline.models.joint_error.search import fit_one, joint_samples
+from pipeline.models.joint_error.samples import (
+    JointRun,
+    jump_threshold,
+    lags_of_logs,
+    lasting_speeds,
+)
+from pipeline.models.joint_error.search import LEAST, Memory, fit_one, joint_samples
 from pipeline.models.steps import Estimate, Recorded, Truth
 
 # options of pipeline/conf/model that a run compares, the simplest first
-FAMILY = ("joint_step", "joint_step_t", "joint_error_normal", "joint_error")
+FAMILY = (
+    "joint_constant",
+    "joint_step",
+    "joint_step_t",
+    "joint_autoregression",
+    "joint_error_normal",
+    "joint_error",
+)
 
 
 @validation.options(kw_only=True)
 class Options(base.Options):
-    """``memory``: False if the error persists; ``power`` p of the growth of the variance with the
-    commanded speed, or ``saturating``; ``tails``: ``normal`` or ``student``.
+    """``memory``: ``none`` if errors are independent of the past, ``persistent`` if an error stays
+    until the next step, ``autoregressive`` of order two, or ``full``; ``power`` p of the growth of
+    the variance with the commanded speed, or ``saturating``; ``tails``: ``normal`` or ``student``.
     """
 
-    memory: bool
+    memory: Memory
     power: Literal["saturating", "0", "1", "2"]
     tails: Literal["normal", "student"]
 
@@ -90,38 +103,56 @@ def runs_of(recorded: Recorded) -> list[JointRun]:
 def fit_joint_error(
     runs: Sequence[JointRun],
     *,
-    memory: bool = True,
+    memory: Memory = "full",
     power: float | str = SATURATING,
     tails: bool = True,
 ) -> JointErrorModel:
-    """Fit the law to ``runs`` of one arm at one rate. Without ``memory`` the error persists and
-    only one sample ahead counts; ``tails`` fits Student's t. Raises ModelDomainError without
-    errors.
+    """Fit the law to ``runs`` of one arm at one rate. Only the ``full`` memory is fitted to three
+    horizons, the others to one sample ahead; ``tails`` fits Student's t. A joint with fewer than
+    LEAST samples after a jump of its speed is as uncertain there as the least certain other joint.
+    Raises ModelDomainError without errors.
     """
     if not runs or not any(np.any(run.measured != run.command) for run in runs):
         message = (
             "the measured angles equal the commanded ones; name the signals of each"
         )
         raise ModelDomainError(message, runs=len(runs))
-    rate, inputs = runs[0].rate, [drive(run.command, run.rate, power) for run in runs]
-    reach = np.max(
-        [np.abs(np.diff(run.command, axis=0)).max(axis=0, initial=0) for run in runs], 0
-    )
-    quantum, laws = np.max([run.quantum for run in runs], axis=0), []
-    for j, joint in enumerate(runs[0].joints):
-        persistent = {
-            "memory": np.array([[1.0, 0.0, 0.0]]),
-            "mean_gain": np.zeros((1, len(INPUTS))),
-            "scale": np.zeros((1, len(GROWTH))),
-            "drift": np.zeros(1),
-            "degrees": np.full(1, np.inf),
-            "reach": reach[[j]] * rate,
-            "quantum": quantum[[j]],
-        }
-        law = JointErrorModel((joint,), rate, **persistent, power=power)
-        laws.append(fit_one(law, joint_samples(runs, inputs, j, memory), memory, tails))
+    law, laws, jumps = unfitted_law(runs, power), [], []
+    for j in range(len(law.joints)):
+        samples = joint_samples(law.of_joint(j), runs, j, memory)
+        laws.append(fit_one(law.of_joint(j), samples, memory, tails))
+        jumps.append(np.count_nonzero(samples.inputs.growth[:, JUMPS]))
+    names = ("memory", "mean_gain", "scale", "drift", "degrees")
     fitted = {
-        name: np.concatenate([getattr(law, name) for law in laws])
-        for name in persistent
+        name: np.concatenate([getattr(law, name) for law in laws]) for name in names
     }
-    return replace(laws[0], joints=runs[0].joints, **fitted)
+    few = np.array(jumps) < LEAST
+    if few.any() and not few.all():
+        fitted["scale"][few, JUMPS] = fitted["scale"][~few, JUMPS].max()
+    return replace(law, **fitted)
+
+
+def unfitted_law(runs: Sequence[JointRun], power: float | str) -> JointErrorModel:
+    """Return the law of errors that persist without noise, with the ranges, steps of the angles and
+    lags of ``runs``.
+    """
+    rate, n = runs[0].rate, len(runs[0].joints)
+    lags = lags_of_logs(runs)
+    lag_std = np.zeros(n)
+    if len(lags) > 1:  # of one more run about the mean of these
+        lag_std = lags.std(axis=0, ddof=1) * np.sqrt(1 + 1 / len(lags))
+    return JointErrorModel(
+        joints=runs[0].joints,
+        rate=rate,
+        memory=np.tile([1.0, 0.0, 0.0], (n, 1)),
+        mean_gain=np.zeros((n, len(INPUTS))),
+        scale=np.zeros((n, len(GROWTH))),
+        drift=np.zeros(n),
+        degrees=np.full(n, np.inf),
+        reach=np.max([np.abs(lasting_speeds(run)).max(axis=0) for run in runs], axis=0),
+        quantum=np.max([run.quantum for run in runs], axis=0),
+        jump=jump_threshold([run.command for run in runs], rate),
+        lag=lags.mean(axis=0),
+        lag_std=lag_std,
+        power=power,
+    )

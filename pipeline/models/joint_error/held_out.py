@@ -6,18 +6,26 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise, product, starmap
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 from numpy import ndarray
 from scipy.special import ndtri
 
+from pipeline.core.delays import delayed_angles
 from pipeline.core.errors import ModelDomainError
-from pipeline.models.joint_error.fit import Options, fit_joint_error
-from pipeline.models.joint_error.law import JointErrorModel, drive
-from pipeline.models.joint_error.samples import HORIZONS, JointRun, counted, horizons
+from pipeline.models.joint_error.choice import LAST_VALUE, QUARTER, chosen_law
+from pipeline.models.joint_error.fit import Options, fit_joint_error, unfitted_law
+from pipeline.models.joint_error.law import GROWTH, JointErrorModel
+from pipeline.models.joint_error.samples import (
+    HORIZONS,
+    JointRun,
+    horizon_samples,
+    lags_of_logs,
+    lasting_speeds,
+)
 from pipeline.models.joint_error.search import LEAST
-from pipeline.statistics.horizons import QUARTER
 
 QUARTERS = 4  # parts of the runs of a single motion
 ENOUGH, BLOCKS = (
@@ -27,7 +35,14 @@ ENOUGH, BLOCKS = (
 QUANTILES = np.concatenate(
     [[0.001, 0.005], np.linspace(0.01, 0.99, 49), [0.995, 0.999]]
 )
-MOVING, RESTING = "commanded", "at rest"
+MOVING, SETTLED, RESTING = "commanded", "settled", "at rest"
+# samples to which a joint was commanded to move; those of them that are not within SETTLING s of a
+# jump of the commanded speed; the others
+SAMPLES = (MOVING, SETTLED, RESTING)
+UNKNOWN_LAG = "lag unknown"  # commanded samples at the mean lag of the other runs
+HORIZON_NAMES = ("one sample", *(f"{duration:g} s" for duration in HORIZONS[1:]))
+DRAWN = 400  # about the number of drawn samples of a run
+LEAST_VARIANCE = 1e-300  # rad², of errors that never change
 Row = dict[str, object]
 MapTrials = Callable[[Callable, Sequence], Iterable]
 
@@ -67,105 +82,239 @@ def held_out(
 ) -> dict[str, pd.DataFrame]:
     """Score the ``laws`` on the held-out parts of ``runs``; ``each`` maps a function over trials.
 
-    Returns ``joint_scores`` (a row for each model, held-out motion, joint, horizon, and commanded
-    or resting samples) and ``noise_quantiles`` (standardised errors of one commanded sample). Steps
-    within the settling time after a jump of the commanded speed are in neither.
+    Returns ``joint_scores``: a row for each model, held-out motion, joint, horizon and kind of
+    samples (:data:`SAMPLES`), also of the last value (:func:`last_values`);
+    ``noise_quantiles``: standardised errors of one commanded sample; ``held_out_parameters``: the
+    numbers of each law fitted without a motion; and ``held_out_run``: predictions of the longest
+    run of the first held-out motion (:func:`run_predictions`).
     """
     parts = parts_of(runs)
-    trials = list(product(laws, parts))
+    trials = list(product([*laws, LAST_VALUE], parts))
     results = each(partial(_score_part, laws=laws, parts=parts), trials)
-    rows, quantiles, standard = [], [], {}
-    for (model, part), (own, z) in zip(trials, results, strict=True):
-        rows += [{"model": model, "motion": part} | row for row in own]
-        standard.setdefault(model, []).append(z)
-    for model, own in standard.items():
-        for joint, *errors in zip(runs[0].joints, *own, strict=True):
-            z = np.concatenate(errors)
-            drawn = (
-                np.quantile(z, QUANTILES) if len(z) else np.full(len(QUANTILES), np.nan)
-            )
+    rows, parameters, predictions = [], [], []
+    longest = max(parts[trials[0][1]][1], key=lambda run: len(run.command))
+    standard: dict[str, list[list[ndarray]]] = {}
+    for (model, part), result in zip(trials, results, strict=True):
+        rows += [{"model": model, "motion": part} | row for row in result.rows]
+        if model in laws:
+            standard.setdefault(model, []).append(result.standard)
+            numbers = law_numbers(result.law).assign(model=model, motion=part)
+            parameters.append(numbers)
+            if part == trials[0][1]:
+                predicted = run_predictions(result.law, longest)
+                predictions.append(predicted.assign(model=model))
+    return {
+        "joint_scores": pd.DataFrame(rows),
+        "noise_quantiles": quantile_table(standard, runs[0].joints),
+        "held_out_parameters": pd.concat(parameters, ignore_index=True),
+        "held_out_run": pd.concat(predictions, ignore_index=True),
+    }
+
+
+def run_predictions(law: JointErrorModel, run: JointRun) -> pd.DataFrame:
+    """Return the error of ``run`` at about DRAWN samples with mean and standard deviation of its
+    predictions in rad: a row for each joint, horizon but one sample, and time ``t`` in s.
+    """
+    error, inputs, tables = run.measured - run.command, law.inputs(run.command), []
+    for name, steps in zip(
+        HORIZON_NAMES[1:], horizon_samples(law.rate)[1:], strict=True
+    ):
+        if len(error) <= steps:
+            continue
+        outlook = law.outlook(error, inputs, steps)
+        drawn = np.arange(steps, len(error), max(1, len(error) // DRAWN))
+        std = np.sqrt(outlook.variance + run.quantum**2 / 12)
+        for j, joint in enumerate(law.joints):
             columns = {
-                "model": model,
                 "joint": joint,
-                "normal": ndtri(QUANTILES),
-                "noise": drawn,
+                "horizon": name,
+                "t": drawn / run.rate,
+                "error": error[drawn, j],
+                "mean": outlook.mean[drawn - steps, j],
+                "std": std[drawn - steps, j],
             }
-            quantiles.append(pd.DataFrame(columns))
-    noise = pd.concat(quantiles, ignore_index=True)
-    return {"joint_scores": pd.DataFrame(rows), "noise_quantiles": noise}
+            tables.append(pd.DataFrame(columns).assign(recording=run.name))
+    columns = ["recording", "joint", "horizon", "t", "error", "mean", "std"]
+    return pd.concat(tables) if tables else pd.DataFrame(columns=columns)
 
 
-def _score_part(
-    trial: tuple[str, str], *, laws, parts
-) -> tuple[list[Row], list[ndarray]]:
+def quantile_table(
+    standard: Mapping[str, Sequence[Sequence[ndarray]]], joints: Sequence[str]
+) -> pd.DataFrame:
+    """Return the quantiles QUANTILES of the ``standard`` errors (model → held-out parts → joints),
+    beside those of the normal law.
+    """
+    tables = []
+    for model, parts in standard.items():
+        for joint, *errors in zip(joints, *parts, strict=True):
+            z = np.concatenate(errors)
+            drawn = np.full(len(QUANTILES), np.nan)
+            if len(z):
+                drawn = np.quantile(z, QUANTILES)
+            columns = {"normal": ndtri(QUANTILES), "noise": drawn}
+            tables.append(pd.DataFrame({"model": model, "joint": joint} | columns))
+    return pd.concat(tables, ignore_index=True)
+
+
+class PartScores(NamedTuple):
+    """Scores of a law on a held-out part."""
+
+    rows: list[Row]  # of joint_scores
+    standard: list[ndarray]  # by joint: standardised errors of one commanded sample
+    law: JointErrorModel | None  # fitted to the other runs
+
+
+def _score_part(trial: tuple[str, str], *, laws, parts) -> PartScores:
     model, part = trial
-    others, own = parts[part]
+    others, runs = parts[part]
+    blocks = 1 if len(parts) >= ENOUGH else BLOCKS
+    if model == LAST_VALUE:
+        rows = []
+        for number, law in enumerate(last_values(others)):
+            rows += score_runs(law, runs, blocks, horizons=[number])[0]
+        return PartScores(rows, [], None)
     law = fit_joint_error(others, **laws[model].law())
-    return score_runs(law, own, blocks=1 if len(parts) >= ENOUGH else BLOCKS)
+    rows, standard = score_runs(law, runs, blocks)
+    if len(lags_of_logs(others)) > 1:
+        late = [at_lag(run, law.lag) for run in runs]
+        unknown, _ = score_runs(law, late, blocks, lag_known=False)
+        rows += [
+            row | {"samples": UNKNOWN_LAG}
+            for row in unknown
+            if row["samples"] == MOVING
+        ]
+    return PartScores(rows, standard, law)
+
+
+def last_values(runs: Sequence[JointRun]) -> list[JointErrorModel]:
+    """Return for each horizon the law that predicts the last value with the standard deviation of
+    that horizon in the commanded samples of ``runs``.
+    """
+    law, laws = unfitted_law(runs, 0.0), []
+    for steps in horizon_samples(law.rate):
+        changes = []
+        for run in runs:
+            error = run.measured - run.command
+            change = error[steps:] - error[:-steps]
+            changes.append(np.where(run.moving[steps:], change, np.nan))
+        squares = np.concatenate(changes) ** 2
+        counts = np.maximum(np.isfinite(squares).sum(axis=0), 1)
+        scale = np.zeros((len(law.joints), len(GROWTH)))
+        scale[:, 0] = np.nansum(squares, axis=0) / counts / steps
+        laws.append(replace(law, scale=np.maximum(scale, LEAST_VARIANCE)))
+    return laws
+
+
+def at_lag(run: JointRun, lag: ndarray) -> JointRun:
+    """Return ``run`` with its command at another ``lag`` (n,) in s than its own."""
+    command = delayed_angles(run.command, run.rate * (lag - run.lag))
+    return replace(run, command=command, lag=lag)
 
 
 def score_runs(
-    law: JointErrorModel, runs: Sequence[JointRun], blocks: int = 1
+    law: JointErrorModel,
+    runs: Sequence[JointRun],
+    blocks: int = 1,
+    *,
+    horizons: Sequence[int] = range(len(HORIZONS)),
+    lag_known: bool = True,
 ) -> tuple[list[Row], list[ndarray]]:
-    """Score the predictions of ``law`` on ``runs``: rows by joint, horizon, commanded or resting
-    samples and block of the runs' time, and the standardised errors of one commanded sample by
-    joint.
+    """Score the predictions of ``law`` on ``runs`` at the HORIZONS of the numbers ``horizons``:
+    rows by joint, horizon, kind of samples and block of the runs' time, and the standardised errors
+    of one commanded sample by joint.
     """
     rows, standard = [], [np.empty(0)] * len(law.joints)
-    names = ["one sample", *(f"{each:g} s" for each in HORIZONS[1:])]
-    for steps, horizon in zip(horizons(law.rate), names, strict=True):
-        parts = []
-        for run in (run for run in runs if len(run.command) > steps + 1):
-            error, inputs = (
-                run.measured - run.command,
-                drive(run.command, run.rate, law.power),
-            )
-            outlook, error = law.outlook(error, inputs, steps), error[steps:]
-            score, off = (
-                outlook.log_probability(error, run.quantum),
-                error - outlook.mean,
-            )
-            variance = outlook.variance + run.quantum**2 / 12  # of the rounded angles
-            values = np.stack([off, variance, score, z := off / np.sqrt(variance)])
-            masks = np.stack([counted(run, steps), ~run.moving[steps:]])
-            block = np.arange(len(z)) * blocks // len(z) + 1
-            parts.append((values, masks, block[None, :, None]))
-        if not parts:
+    steps_ahead = horizon_samples(law.rate)
+    for number in horizons:
+        steps = steps_ahead[number]
+        scored = []
+        for run in runs:
+            if len(run.command) > steps + 1:
+                scored.append(_score_run(law, run, steps, blocks, lag_known))
+        if not scored:
             continue
         values, masks, block = (
-            np.concatenate(each, axis=1) for each in zip(*parts, strict=True)
+            np.concatenate(arrays, axis=1) for arrays in zip(*scored, strict=True)
         )
-        for (j, joint), (mask, samples) in product(
-            enumerate(law.joints), zip(masks, (MOVING, RESTING), strict=True)
-        ):
-            for number in range(1, blocks + 1):
-                together = values[:, mask[:, j] & (block[0, :, 0] == number), j]
-                if together.shape[1]:
-                    row = {
-                        "block": number,
-                        "joint": joint,
-                        "horizon": horizon,
-                        "samples": samples,
-                    }
-                    rows.append(row | _summary(*together))
-                if samples == MOVING and steps == 1:
-                    standard[j] = np.concatenate([standard[j], together[3]])
+        for j, joint in enumerate(law.joints):
+            place = {"joint": joint, "horizon": HORIZON_NAMES[number]}
+            for samples, mask in zip(SAMPLES, masks[..., j], strict=True):
+                rows += _block_rows(
+                    values[:, mask, j], block[0, mask], place | {"samples": samples}
+                )
+            if number == 0:
+                standard[j] = values[3, masks[0, :, j], j]
     return rows, standard
 
 
-def _summary(off: ndarray, variance: ndarray, score: ndarray, z: ndarray) -> Row:
-    size = float(np.mean(z**2)) or 1.0
-    return {
-        "count": len(off),
-        "score": score.mean(),
-        "predicted_rad": np.sqrt(variance.mean()),
-        "measured_rad": np.sqrt(np.mean(off**2)),
-        "one_sigma": np.mean(np.abs(z) <= 1),
-        "two_sigma": np.mean(np.abs(z) <= 2),
-        "autocorrelation": float(np.mean(z[1:] * z[:-1])) / size
-        if len(z) > 1
-        else np.nan,
+def _score_run(
+    law: JointErrorModel, run: JointRun, steps: int, blocks: int, lag_known: bool
+) -> tuple[ndarray, ndarray, ndarray]:
+    """Return error, variance, log score and standardised error (4, N − steps, n) of the predictions
+    of ``run``, the masks of SAMPLES (3, N − steps, n) and the block (1, N − steps) of each.
+    """
+    error = run.measured - run.command
+    outlook = law.outlook(error, law.inputs(run.command), steps, lag_known)
+    error = error[steps:]
+    score, off = outlook.log_probability(error, run.quantum), error - outlook.mean
+    variance = outlook.variance + run.quantum**2 / 12  # of the rounded angles
+    values = np.stack([off, variance, score, off / np.sqrt(variance)])
+    moving, calm = run.moving[steps:], run.calm[steps:] & run.calm[:-steps]
+    block = np.arange(len(off)) * blocks // len(off) + 1
+    return values, np.stack([moving, moving & calm, ~moving]), block[None]
+
+
+def _block_rows(values: ndarray, block: ndarray, place: Row) -> list[Row]:
+    """Return a row for each block that has samples; ``values`` (4, N) as of :func:`_score_run`."""
+    rows = []
+    for number in np.unique(block):
+        off, variance, score, z = values[:, block == number]
+        size = float(np.mean(z**2)) or 1.0
+        numbers = {
+            "block": int(number),
+            "count": len(off),
+            "score": score.mean(),
+            "predicted_rad": np.sqrt(variance.mean()),
+            "measured_rad": np.sqrt(np.mean(off**2)),
+            "one_sigma": np.mean(np.abs(z) <= 1),
+            "two_sigma": np.mean(np.abs(z) <= 2),
+            "autocorrelation": np.nan,
+        }
+        if len(z) > 1:
+            numbers["autocorrelation"] = float(np.mean(z[1:] * z[:-1])) / size
+        rows.append(place | numbers)
+    return rows
+
+
+def law_numbers(law: JointErrorModel) -> pd.DataFrame:
+    """Return the NUMBERS of ``law``, a row for each joint: standard deviation of an innovation at
+    rest and at the greatest speed in rad, time in s in which the slowest mode falls to 1/e (NaN if
+    it persists), share of the drift, and degrees of freedom (NaN if they are infinite).
+    """
+    step = np.diag(law.reach / law.rate)
+    fastest = np.einsum("jjj->j", law.covariance_of_joint_step(step))
+    still = np.einsum("jjj->j", law.covariance_of_joint_step(0 * step))
+    modes = np.abs(np.linalg.eigvals(law.companion())).max(axis=-1)
+    decay = np.full(len(modes), np.nan)
+    fading = (modes > 0) & (modes < 1 - 1e-9)
+    decay[fading] = -1 / (law.rate * np.log(modes[fading]))
+    columns = {
+        "innovation_at_rest_rad": np.sqrt(still),
+        "innovation_at_greatest_speed_rad": np.sqrt(fastest),
+        "decay_s": decay,
+        "drift_share": law.drift,
+        "degrees": np.where(np.isfinite(law.degrees), law.degrees, np.nan),
     }
+    return pd.DataFrame({"joint": law.joints} | columns)
+
+
+def determined_ranges(refits: pd.DataFrame) -> pd.DataFrame:
+    """Return by joint the least and greatest of each number of :func:`law_numbers` in the fits
+    ``refits`` without each held-out motion, as columns ``least:NUMBER`` and ``greatest:NUMBER``.
+    """
+    by_joint = refits.drop(columns=["model", "motion"]).groupby("joint", sort=False)
+    least, greatest = by_joint.min(), by_joint.max()
+    return least.add_prefix("least:").join(greatest.add_prefix("greatest:"))
 
 
 def joint_tables(
@@ -174,28 +323,26 @@ def joint_tables(
     unused: Mapping[str, str],
     each=map,
 ) -> dict[str, pd.DataFrame]:
-    """Return the tables of :func:`held_out`, and ``joint_parameters`` of the laws fitted to all
+    """Return the tables of :func:`held_out`, of ``held_out_run`` the rows of the law of the card
+    (:func:`chosen_law`, else the last law), and ``joint_parameters`` of the laws fitted to all
     ``runs``, ``motions``, ``motion_ranges`` and ``unused_recordings`` (name → reason, ``unused``).
     """
+    tables = held_out(runs, laws, each)
+    refits, predictions = tables.pop("held_out_parameters"), tables.pop("held_out_run")
+    shown = chosen_law(tables["joint_scores"])[0] or [*laws][-1]
     parameters, motions = [], []
     for name, options in laws.items():
         law = fit_joint_error(runs, **options.law())
-        step = np.diag(law.reach / law.rate)
-        fastest, still = (
-            law.covariance_of_joint_step(each) for each in (step, 0 * step)
+        numbers = law_numbers(law).assign(
+            model=name,
+            greatest_speed=law.reach,
+            has_mean=np.any(law.mean_gain != 0, axis=1),
+            lag_s=law.lag,
+            lag_std_s=law.lag_std,
+            logs=len(lags_of_logs(runs)),
         )
-        modes = np.abs(np.linalg.eigvals(law.companion())).max(axis=-1)
-        decay = -1 / (law.rate * np.log(np.minimum(modes, 1 - 1e-9)))
-        columns = {
-            "innovation_at_rest_rad": np.sqrt(np.einsum("jjj->j", still)),
-            "innovation_at_greatest_speed_rad": np.sqrt(np.einsum("jjj->j", fastest)),
-            "decay_s": np.where(modes >= 1 - 1e-9, np.nan, decay),
-            "drift_share": law.drift,
-            "degrees": np.where(np.isfinite(law.degrees), law.degrees, np.nan),
-            "greatest_speed": law.reach,
-            "has_mean": np.any(law.mean_gain != 0, axis=1),
-        }
-        parameters.append(pd.DataFrame({"model": name, "joint": law.joints} | columns))
+        ranges = determined_ranges(refits[refits["model"] == name])
+        parameters.append(numbers.join(ranges, on="joint"))
     for name in dict.fromkeys(run.motion for run in runs):
         own = [run for run in runs if run.motion == name]
         moved = np.any([run.moving.any(axis=0) for run in own], axis=0)
@@ -204,7 +351,8 @@ def joint_tables(
             (name, len(own), max(len(run.command) - 1 for run in own), moving)
         )
     return {
-        **held_out(runs, laws, each),
+        **tables,
+        "held_out_run": predictions[predictions["model"] == shown],
         "joint_parameters": pd.concat(parameters, ignore_index=True),
         "motions": pd.DataFrame(
             motions, columns=["motion", "takes", "steps", "moving"]
@@ -219,9 +367,8 @@ def joint_tables(
 def ranges_of_runs(runs: Sequence[JointRun]) -> pd.DataFrame:
     """Ranges of the measured poses and of the commanded joint speeds over all ``runs``."""
     poses = np.concatenate([run.measured for run in runs])
-    speeds = runs[0].rate * np.concatenate(
-        [np.diff(run.command, axis=0) for run in runs]
-    )
+    speeds = np.concatenate([lasting_speeds(run) for run in runs])
+    errors = np.concatenate([run.measured - run.command for run in runs])
     tables = [
         pd.DataFrame(
             {"quantity": quantity, "name": runs[0].joints, "unit": unit}
@@ -229,6 +376,7 @@ def ranges_of_runs(runs: Sequence[JointRun]) -> pd.DataFrame:
         for quantity, unit, values in (
             ("pose", "rad", poses),
             ("joint speed", "rad/s", speeds),
+            ("error", "rad", errors),
         )
     ]
     return pd.concat(tables, ignore_index=True)

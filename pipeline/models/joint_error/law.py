@@ -4,13 +4,15 @@
 
 c are the commanded angles after the run's own lag, z is the exponential mean of r over
 :data:`MEMORY` s. The mean m = βᵀx depends on the command alone: x has a constant, the commanded
-speed, its step from sample to sample (acceleration), its sign, and the part of the sign that is
-younger than :data:`REVERSALS` s (a reversed joint first sticks). The scale
+speed, its step from sample to sample (acceleration), its sign, the part of the sign younger than
+:data:`YOUNG` s (a reversed joint first sticks), and the jumps of the speed that are younger: a
+jump is the part of an acceleration beyond the greatest smooth one. The scale
 
-    s² = a + b·g(|ċ|) + c·|ċ| + d·ρ²,   g = |ċ|ᵖ and c = 0, or g = ċ²/(ċ² + SLOW²),
+    s² = a + b·g(|ċ|) + c·|ċ| + d·ρ² + e·σ²,   g = |ċ|ᵖ and c = 0, or g = ċ²/(ċ² + SLOW²),
 
-ρ is the last of these parts. η has mean 0 and variance 1, normal or Student's t. It is the sum of a
-white part and a drift u that decays over :data:`DRIFT` s and has the share κ of the variance: it
+ρ is the last young part of the sign and σ that of the jumps in rad/s. A constant variance
+(p = 0) has b = c = d = e = 0. η has mean 0 and variance 1, normal or Student's t. It is the sum of
+a white part and a drift u that decays over :data:`DRIFT` s and has the share κ of the variance: it
 widens predictions at long horizons. Given r and z at sample k, the mean h samples ahead follows
 from powers of the companion matrix; the variance is, with the impulse response ψ_i,
 
@@ -30,16 +32,28 @@ from numpy.random import Generator
 
 from pipeline.arm.chain import Chain
 from pipeline.arm.interface import Mechanism
+from pipeline.core.delays import delayed_angles
 from pipeline.core.errors import ModelDomainError
 from pipeline.models.model import MotionModel, Traits, trace_factor
 
 MEMORY, DRIFT = 0.1, 0.1  # s, time constants of z and u
-REVERSALS = (0.05, 0.2)  # s
+YOUNG = (0.05, 0.2)  # s
 TURN = 0.01  # rad/s, speed at which the smoothed sign is tanh 1
 SLOW = 0.0125  # rad/s, speed at which a saturating variance has half of its growth
-GROWTH = ("rest", "growth", "speed", "late sign")  # terms of the variance s²
-INPUTS = ("offset", "speed", "acceleration", "sign", "fresh sign", "late sign")
+GROWTH = ("rest", "growth", "speed", "late sign", "jumps")  # terms of the variance s²
+JUMPS = GROWTH.index("jumps")
+INPUTS = (
+    "offset",
+    "speed",
+    "acceleration",
+    "sign",
+    "fresh sign",
+    "late sign",
+    "fresh jumps",
+    "late jumps",
+)
 SATURATING = "saturating"
+ROUNDED = 1e-9  # greatest excess of the memory's spectral radius over 1
 CHUNK = 1024  # samples whose variances are computed together
 
 
@@ -114,30 +128,26 @@ def past_of(r: ndarray, keep: float) -> ndarray:
     return np.stack([r, np.concatenate([r[:1], r[:-1]]), smoothed(r, keep)], axis=-1)
 
 
-def drive(command: ndarray, rate: float, power: float | str) -> Drive:
-    """Inputs at every sample of ``command`` (N, n) in rad at ``rate`` samples per second."""
-    speed = np.zeros_like(command)
-    speed[1:] = rate * np.diff(command, axis=0)
-    if len(speed) > 1:
-        speed[0] = speed[1]
-    change = np.zeros_like(speed)
-    change[1:] = rate * np.diff(speed, axis=0)
-    sign = np.tanh(speed / TURN)
-    young = [sign - smoothed(sign, np.exp(-1 / (rate * each))) for each in REVERSALS]
-    return _terms(speed, change, sign, young, power)
-
-
 def _terms(
-    speed: ndarray, change: ndarray, sign: ndarray, young, power: float | str
+    speed: ndarray,
+    change: ndarray,
+    sign: ndarray,
+    young: list[ndarray],
+    power: float | str,
 ) -> Drive:
-    """Return the inputs of speed in rad/s, acceleration, sign and its ``young`` parts."""
-    one, size = np.ones_like(speed), np.abs(speed)
-    if power == SATURATING:
-        growth, far = speed**2 / (speed**2 + SLOW**2), size
+    """Return the inputs of speed in rad/s, acceleration without jumps, sign and ``young`` parts:
+    two of the sign, then two of the jumps.
+    """
+    constant, still, size = np.ones_like(speed), np.zeros_like(speed), np.abs(speed)
+    mean = [constant, speed, change, sign, *young]
+    if power == 0:
+        growth = [constant, still, still, still, still]
+    elif power == SATURATING:
+        saturated = speed**2 / (speed**2 + SLOW**2)
+        growth = [constant, saturated, size, young[1] ** 2, young[3] ** 2]
     else:
-        growth, far = (size > 0) * size**power, np.zeros_like(speed)
-    mean = np.stack([one, speed, change, sign, *young], axis=-1)
-    return Drive(mean, np.stack([one, growth, far, young[-1] ** 2], axis=-1))
+        growth = [constant, size**power, still, young[1] ** 2, young[3] ** 2]
+    return Drive(np.stack(mean, axis=-1), np.stack(growth, axis=-1))
 
 
 @dataclass(frozen=True)
@@ -153,6 +163,11 @@ class JointErrorModel(MotionModel):
     degrees: ndarray  # (n,) ν; infinite for normal noise
     reach: ndarray  # (n,) rad/s, greatest recorded commanded speed
     quantum: ndarray  # (n,) rad, step of the recorded angles
+    jump: ndarray  # (n,) rad/s², acceleration beyond which the commanded speed jumps
+    lag: ndarray  # (n,) s, mean lag of the measured angles behind the command
+    lag_std: (
+        ndarray  # (n,) s, standard deviation of the lag of another run about the mean
+    )
     power: float | str = SATURATING  # p
     traits: ClassVar = Traits(
         noisy_at_rest=True, needs_jacobian=False, compiled=False, memory=True
@@ -164,9 +179,39 @@ class JointErrorModel(MotionModel):
         return float(np.exp(-1 / (self.rate * MEMORY)))
 
     @property
+    def keeps(self) -> list[float]:
+        """Weights at one sample of the parts that are younger than YOUNG."""
+        return [float(np.exp(-1 / (self.rate * duration))) for duration in YOUNG]
+
+    @property
     def persistence(self) -> float:
         """Autocorrelation of the drift u at one sample."""
         return float(np.exp(-1 / (self.rate * DRIFT)))
+
+    def of_joint(self, j: int) -> "JointErrorModel":
+        """Return the law of joint ``j``."""
+        arrays = {}
+        for field in fields(self):
+            if isinstance(value := getattr(self, field.name), ndarray):
+                arrays[field.name] = value[[j]]
+        return replace(self, joints=(self.joints[j],), **arrays)
+
+    def inputs(self, command: ndarray) -> Drive:
+        """Return the inputs at every sample of ``command`` (N, n) in rad."""
+        speed = np.zeros_like(command)
+        speed[1:] = self.rate * np.diff(command, axis=0)
+        if len(speed) > 1:
+            speed[0] = speed[1]
+        change = np.zeros_like(speed)
+        change[1:] = self.rate * np.diff(speed, axis=0)
+        smooth = np.clip(change, -self.jump, self.jump)
+        sign, young = np.tanh(speed / TURN), []
+        for keep in self.keeps:
+            young.append(sign - smoothed(sign, keep))
+        for keep in self.keeps:
+            jumps = smoothed((change - smooth) / self.rate, keep)
+            young.append(jumps / (1 - keep))
+        return _terms(speed, smooth, sign, young, self.power)
 
     def companion(self) -> ndarray:
         """(n, 3, 3) matrix that maps (r_k, r_{k−1}, z_k) to its mean one sample later."""
@@ -217,34 +262,62 @@ class JointErrorModel(MotionModel):
             parts.append(total)
         return np.concatenate(parts)
 
-    def outlook(self, error: ndarray, inputs: Drive, steps: int) -> Outlook:
+    def outlook(
+        self, error: ndarray, inputs: Drive, steps: int, lag_known: bool = True
+    ) -> Outlook:
         """Law at samples ``steps`` … N−1 of ``error`` (N, n) in rad, each given the errors until
-        ``steps`` samples before and the commands. Shapes (N − steps, n).
+        ``steps`` samples before and the commands. Shapes (N − steps, n). If the lag of the run is
+        not known, errors and inputs are those at the mean lag, and the variance includes lag_std:
+        a lag that is longer by δ adds −δċ to every error.
         """
         weights, impulse = self.response(steps)
+        last = weights[-1]
         before = self.residuals(error, inputs)[: len(error) - steps]
-        mean = np.einsum("kji,ji->kj", before, weights[-1])
+        mean = np.einsum("kji,ji->kj", before, last)
         mean += np.einsum("kji,ji->kj", inputs.mean[steps:], self.mean_gain)
         variance = self.variance(
             self.innovation_std(inputs), np.arange(steps, len(error)), steps, impulse
         )
+        if not lag_known:
+            speed = inputs.mean[..., INPUTS.index("speed")]
+            past = past_of(speed, self.keep)[: len(error) - steps]
+            unforeseen = speed[steps:] - np.einsum("kji,ji->kj", past, last)
+            variance += (self.lag_std * unforeseen) ** 2
         return Outlook(mean, variance, self.degrees)
 
     def predict(
-        self, errors: ndarray, commands: ndarray, steps: int
+        self,
+        errors: ndarray,
+        commands: ndarray,
+        steps: int,
+        lag: float | ndarray | None = None,
     ) -> tuple[ndarray, ndarray]:
         """Return mean (n,) in rad and covariance (n, n) in rad² of the recorded error, its rounding
-        included, ``steps`` samples after the last of the known ``errors`` (K, n). ``commands``
-        (K + steps, n) are the commanded angles at these samples and the next ``steps``.
+        included, ``steps`` samples after the last of the known ``errors`` (K, n); the arm starts at
+        rest if none is known. ``commands`` are the commanded angles, as sent, at these samples and
+        at least the next ``steps``; errors are about them. ``lag`` in s is the run's, if it is
+        known: a number or (n,); else the mean lag holds, and the covariance includes its spread.
         """
-        if len(commands) != len(errors) + steps or steps < 1:
+        if steps < 1 or len(commands) < len(errors) + steps:
             message = f"commands must have a row for each of the {len(errors)} errors and each of "
             raise ModelDomainError(
                 f"{message}the {steps} next samples, got {len(commands)}"
             )
-        known = np.concatenate([errors, np.tile(errors[-1:], (steps, 1))])
-        law = self.outlook(known, drive(commands, self.rate, self.power), steps)
-        return law.mean[-1], np.diag(law.variance[-1] + self.quantum**2 / 12)
+        if not len(errors):  # at rest at the first command before it
+            commands = np.concatenate([commands[:1], commands])
+        late = self.lag if lag is None else np.broadcast_to(lag, self.lag.shape)
+        delayed = delayed_angles(commands, self.rate * late)
+        shift = delayed - commands
+        if len(errors):
+            known = errors - shift[: len(errors)]
+        else:
+            known = self.mean_gain[None, :, 0]
+        total = len(known) + steps
+        padded = np.concatenate([known, np.tile(known[-1:], (steps, 1))])
+        inputs = self.inputs(delayed[:total])
+        law = self.outlook(padded, inputs, steps, lag_known=lag is not None)
+        covariance = np.diag(law.variance[-1] + self.quantum**2 / 12)
+        return law.mean[-1] + shift[total - 1], covariance
 
     def innovation_std(self, inputs: Drive) -> ndarray:
         """(N, n) s in rad at every sample."""
@@ -254,8 +327,7 @@ class JointErrorModel(MotionModel):
         """(..., n, n) covariance in rad² of the next error, given the errors until now, for
         commanded steps ``dq`` (..., n) in rad of constant speed.
         """
-        command = np.stack([np.zeros(dq.size), dq.ravel()])
-        growth = drive(command, self.rate, self.power).growth[-1].reshape(*dq.shape, -1)
+        growth = self.inputs(np.stack([np.zeros_like(dq), dq])).growth[-1]
         variance = np.einsum("...ji,ji->...j", growth, self.scale)
         return variance[..., None] * np.eye(dq.shape[-1])
 
@@ -301,21 +373,19 @@ class JointErrorModel(MotionModel):
         return noise
 
     def first_memory(self, q: ndarray, commanded: ndarray, rng: Generator) -> ndarray:
-        """(P, 8n) memory of first poses ``q`` (P, n) in rad at rest at ``commanded`` (n,), in a
+        """(P, 10n) memory of first poses ``q`` (P, n) in rad at rest at ``commanded`` (n,), in a
         filter the mean of the training takes' first poses: commanded pose, its speed, the two means
-        of the sign, m, previous r and z, and u.
+        of the sign, two sums of jumps, m, previous r and z, and u.
         """
         still, offset = np.zeros_like(q), np.zeros_like(q) + self.mean_gain[:, 0]
         r, command = q - commanded - offset, np.zeros_like(q) + commanded
         drift = rng.standard_normal(q.shape)
-        return np.concatenate(
-            [command, still, still, still, offset, r, r, drift], axis=-1
-        )
+        return np.concatenate([command, *[still] * 5, offset, r, r, drift], axis=-1)
 
     def advance(
         self, chain: Chain, q: ndarray, v: ndarray, memory: ndarray, rng: Generator
     ) -> tuple[ndarray, ndarray]:
-        """Return draws (P, n) of the next poses in rad, and their memory (P, 8n), after ``q``
+        """Return draws (P, n) of the next poses in rad, and their memory (P, 10n), after ``q``
         (P, n) and ``memory`` under the commands ``v`` (m,) or (P, m) of the commanded pose.
         """
         return self.follow(
@@ -326,14 +396,17 @@ class JointErrorModel(MotionModel):
         self, q: ndarray, dq: ndarray, memory: ndarray, rng: Generator
     ) -> tuple[ndarray, ndarray]:
         """Return :meth:`advance` for the commanded joint steps ``dq`` (n,) or (P, n) in rad."""
-        command, speed, *means, mean, before, z, drift = np.split(memory, 8, axis=-1)
+        command, speed, *parts, mean, before, z, drift = np.split(memory, 10, axis=-1)
         dq = dq + np.zeros_like(q)
         now = self.rate * dq
-        keeps = [np.exp(-1 / (self.rate * each)) for each in REVERSALS]
-        sign = np.tanh(now / TURN)
-        means = [k * old + (1 - k) * sign for k, old in zip(keeps, means, strict=True)]
-        young = [sign - each for each in means]
-        inputs = _terms(now, self.rate * (now - speed), sign, young, self.power)
+        sign, change = np.tanh(now / TURN), self.rate * (now - speed)
+        smooth = np.clip(change, -self.jump, self.jump)
+        means, jumps = parts[:2], parts[2:]
+        for i, keep in enumerate(self.keeps):
+            means[i] = keep * means[i] + (1 - keep) * sign
+            jumps[i] = keep * jumps[i] + (change - smooth) / self.rate
+        young = [sign - means[0], sign - means[1], *jumps]
+        inputs = _terms(now, smooth, sign, young, self.power)
         r = q - command - mean
         z = self.keep * z + (1 - self.keep) * r
         moved = np.einsum("kji,ji->kj", np.stack([r, before, z], axis=-1), self.memory)
@@ -343,7 +416,7 @@ class JointErrorModel(MotionModel):
         noise += np.sqrt(self.drift) * drift
         moved += self.innovation_std(inputs) * noise
         mean = np.einsum("kji,ji->kj", inputs.mean, self.mean_gain)
-        after = [command + dq, now, *means, mean, r, z, drift]
+        after = [command + dq, now, *means, *jumps, mean, r, z, drift]
         return command + dq + mean + moved, np.concatenate(after, axis=-1)
 
     def parameters(self) -> dict[str, Any]:
@@ -367,6 +440,7 @@ def build(parameters: dict[str, Any]) -> JointErrorModel:
     ends = {
         "memory": (-inf, inf),
         "mean_gain": (-inf, inf),
+        "lag": (-inf, inf),
         "degrees": (2.0, inf),
         "drift": (0, 1),
     }
@@ -378,4 +452,11 @@ def build(parameters: dict[str, Any]) -> JointErrorModel:
     if (power := whole["power"]) != SATURATING and not isinstance(power, int | float):
         message = f"parameters.power must be a number or {SATURATING!r}, got {power!r}"
         raise ModelDomainError(message)
-    return JointErrorModel(**arrays, **whole | {"joints": tuple(whole["joints"])})
+    law = JointErrorModel(**arrays, **whole | {"joints": tuple(whole["joints"])})
+    radius = np.abs(np.linalg.eigvals(law.companion())).max()
+    if radius > 1 + ROUNDED:
+        message = (
+            f"parameters.memory is unstable: errors grow {radius:.4g} times a sample"
+        )
+        raise ModelDomainError(f"{message}; a factor of at most 1 is required")
+    return law

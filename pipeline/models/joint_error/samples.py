@@ -11,7 +11,8 @@ from numpy import ndarray
 
 HORIZONS = (0.0, 0.1, 0.5)  # s; the first is one sample
 SETTLING = 0.6  # s after a jump of the commanded speed
-JUMP = 5.0  # times the 0.8 quantile of the commanded acceleration: a jump of the speed
+USUAL = 0.9  # quantile of the size of the commanded acceleration in motion
+JUMP = 5.0  # times the USUAL acceleration: a jump of the speed
 SMALL = 0.2  # rad/s², acceleration below which nothing counts as a jump
 STANDING = 2e-4  # rad/s, commanded speed below which a joint stands still
 
@@ -38,36 +39,58 @@ class JointRun:
     @cached_property
     def moving(self) -> ndarray:
         """(M+1, n) True at samples to which a joint was commanded to move."""
-        result = np.zeros(self.command.shape, dtype=bool)
-        result[1:] = np.abs(np.diff(self.command, axis=0)) * self.rate > STANDING
-        return result
+        return moving_samples(self.command, self.rate)
+
+
+def accelerations(command: ndarray, rate: float) -> ndarray:
+    """(N, n) size in rad/s² of the steps of the commanded speed; 0 at the first two samples."""
+    change = np.zeros_like(command)
+    change[2:] = rate**2 * np.abs(np.diff(command, 2, axis=0))
+    return change
+
+
+def moving_samples(command: ndarray, rate: float) -> ndarray:
+    """(N, n) True at samples to which a joint is commanded to move."""
+    result = np.zeros(command.shape, dtype=bool)
+    result[1:] = np.abs(np.diff(command, axis=0)) * rate > STANDING
+    return result
+
+
+def jump_threshold(commands: Sequence[ndarray], rate: float) -> ndarray:
+    """(n,) rad/s², acceleration beyond which the speed of the ``commands`` (N, n) in rad jumps:
+    JUMP times their USUAL quantile in motion, or times SMALL.
+    """
+    change = np.concatenate([accelerations(command, rate) for command in commands])
+    moving = np.concatenate([moving_samples(command, rate) for command in commands])
+    usual = []
+    for sizes, used in zip(change.T, moving.T, strict=True):
+        usual.append(np.quantile(sizes[used], USUAL) if used.any() else 0.0)
+    return JUMP * np.maximum(usual, SMALL)
 
 
 def settled(command: ndarray, rate: float) -> ndarray:
     """(N, n) True where no jump of the commanded speed lies within the last SETTLING s."""
-    change = np.zeros_like(command)
-    change[2:] = rate**2 * np.abs(np.diff(command, 2, axis=0))
-    moving = np.where(change > 1e-3, change, np.nan)
-    usual = np.array(
-        [np.nanquantile(a, 0.8) if np.any(a > 0) else 0.0 for a in moving.T]
-    )
-    jump = change > JUMP * np.maximum(usual, SMALL)
+    jump = accelerations(command, rate) > jump_threshold([command], rate)
     count = np.cumsum(np.concatenate([np.zeros_like(jump[:1]), jump]), axis=0)
     now = np.arange(1, len(command) + 1)
     return count[now] == count[np.maximum(now - 1 - round(SETTLING * rate), 0)]
 
 
-def counted(
-    run: JointRun, steps: int, joints: Sequence[int] | slice = slice(None)
-) -> ndarray:
-    """(N − steps, n) True where a prediction ``steps`` samples ahead counts: the joint, one of the
-    columns ``joints``, is commanded to move, and neither end is within SETTLING s of a jump of the
-    commanded speed.
+def lasting_speeds(run: JointRun) -> ndarray:
+    """(M, n) commanded speeds in rad/s that last for two samples, 0 elsewhere: what a command does
+    between two rows of a gap in the clock is not a speed of the arm.
     """
-    calm, moving = run.calm[:, joints], run.moving[:, joints]
-    return (calm & moving)[steps:] & calm[: max(len(calm) - steps, 0)]
+    speed = run.rate * np.diff(run.command, axis=0)
+    following = np.concatenate([speed[1:], np.zeros_like(speed[:1])])
+    lower = np.minimum(np.abs(speed), np.abs(following))
+    return np.where(speed * following > 0, np.sign(speed) * lower, 0.0)
 
 
-def horizons(rate: float) -> list[int]:
+def lags_of_logs(runs: Sequence[JointRun]) -> ndarray:
+    """(logs, n) lags in s of the logs of ``runs``: the runs of one log have one lag."""
+    return np.unique([run.lag for run in runs], axis=0)
+
+
+def horizon_samples(rate: float) -> list[int]:
     """Numbers of samples of HORIZONS."""
     return [max(1, round(each * rate)) for each in HORIZONS]

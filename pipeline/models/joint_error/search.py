@@ -11,20 +11,23 @@ commanded steps count that are not within :data:`SETTLING` s of a jump of the co
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import pairwise, product
+from typing import Literal
 
 import numpy as np
 from numpy import ndarray
 
 from pipeline.models.joint_error.law import (
+    INPUTS,
     Drive,
     JointErrorModel,
     past_of,
     unit_variance_factor,
 )
 from pipeline.models.joint_error.likelihood import composite_loss, damped_memory
-from pipeline.models.joint_error.samples import JointRun, counted, horizons
+from pipeline.models.joint_error.samples import JointRun, horizon_samples
 
+Memory = Literal["none", "persistent", "autoregressive", "full"]
 PENALTIES = (1e-3, 1e-2, 1e-1, 1.0, 10.0, np.inf)  # of the ridge regression, relative
 MOST = (2000, 1000, 500)  # samples by horizon in the composite likelihood
 DEGREES = (4.0, 50.0)  # bounds of ν: σ exists and ±σ holds less than .78
@@ -47,24 +50,25 @@ class JointSamples:
 
 
 def joint_samples(
-    runs: Sequence[JointRun], inputs: Sequence[Drive], j: int, memory: bool
+    law: JointErrorModel, runs: Sequence[JointRun], j: int, memory: Memory
 ) -> JointSamples:
-    """Return the samples of joint ``j`` of the ``runs`` under their ``inputs``; without ``memory``
-    only predictions one sample ahead.
+    """Return the samples of joint ``j`` of the ``runs`` with the inputs of its ``law``; without
+    full ``memory`` only predictions one sample ahead.
     """
     lengths = [len(run.command) for run in runs]
     starts, chosen = np.cumsum([0, *lengths[:-1]]), {}
     error = np.concatenate([run.measured[:, j] - run.command[:, j] for run in runs])
+    inputs = [law.inputs(run.command[:, [j]]) for run in runs]
     together = Drive(
-        *(np.concatenate([each[k][:, j] for each in inputs]) for k in range(2))
+        *(np.concatenate([each[k][:, 0] for each in inputs]) for k in range(2))
     )
     motions = sorted({run.motion for run in runs})
     # the held-out part of each sample: its motion, or quarter of the run
     groups = np.repeat([motions.index(run.motion) for run in runs], lengths)
     if len(motions) == 1:
         groups = np.concatenate([np.arange(count) * 4 // count for count in lengths])
-    for steps in horizons(runs[0].rate)[: 3 if memory else 1]:
-        own = [np.flatnonzero(counted(run, steps, [j])) for run in runs]
+    for steps in horizon_samples(runs[0].rate)[: 3 if memory == "full" else 1]:
+        own = [np.flatnonzero(run.moving[steps:, j]) for run in runs]
         if sum(map(len, own)) < LEAST:  # a joint that stands still: all samples
             own = [np.arange(max(count - steps, 0)) for count in lengths]
         before = np.concatenate(
@@ -82,19 +86,33 @@ def joint_samples(
 
 
 def fit_one(
-    own: JointErrorModel, joint: JointSamples, memory: bool, tails: bool
+    law: JointErrorModel, joint: JointSamples, memory: Memory, tails: bool
 ) -> JointErrorModel:
-    """Return the law ``own`` of one joint, fitted to its samples."""
+    """Return the ``law`` of one joint, fitted to its samples."""
     size = float(np.sqrt(np.mean(joint.error**2))) or 1e-9
+    if memory != "full":
+        past = _past(law, joint, joint.error)
+        if memory == "none":
+            law = replace(law, memory=np.zeros((1, 3)))
+        if memory == "autoregressive":
+            law = replace(law, memory=_second_order(law, joint, past)[None])
+        return _likelihood(law, joint, joint.error, past, None, size, tails, None)[0]
     theta, held = None, joint.error
-    for round_ in range(ROUNDS if memory else 1):
-        past = _past(own, joint, held)
-        values = _regression(joint, held, past) if memory else None
-        own, theta = _likelihood(own, joint, held, past, values, size, tails, theta)
-        if memory and round_ < ROUNDS - 1:
-            gain, held = _mean(own, joint, size)
-            own = replace(own, mean_gain=gain[None])
-    return own
+    for round_ in range(ROUNDS):
+        past = _past(law, joint, held)
+        values = _regression(joint, held, past)
+        law, theta = _likelihood(law, joint, held, past, values, size, tails, theta)
+        if round_ < ROUNDS - 1:
+            gain, held = _mean(law, joint, size)
+            law = replace(law, mean_gain=gain[None])
+    return law
+
+
+def _second_order(law: JointErrorModel, joint: JointSamples, past: ndarray) -> ndarray:
+    """(3,) φ, ψ and 0 of an autoregression of order two, by least squares of one sample."""
+    memory = np.zeros(3)
+    memory[:2] = _regression(joint, joint.error, past[:, :2])[0]
+    return damped_memory(memory, 1.0, law.keep)
 
 
 def _past(own: JointErrorModel, joint: JointSamples, r: ndarray) -> ndarray:
@@ -107,7 +125,9 @@ def _past(own: JointErrorModel, joint: JointSamples, r: ndarray) -> ndarray:
 def _regression(
     joint: JointSamples, r: ndarray, past: ndarray
 ) -> tuple[ndarray, ndarray]:
-    """(3,) φ, ψ, χ by least squares of one sample."""
+    """Return the coefficients (p,) of the ``past`` (N, p) by least squares of one sample, φ, ψ and
+    χ, and a root (p, p) of their covariance.
+    """
     a, y = past[joint.one], r[joint.one + 1]
     moment = a.T @ a
     moment += np.diag(1e-9 * np.diag(moment) + 1e-300)
@@ -153,7 +173,7 @@ def _likelihood(
     )
     rounds = FIRST if start is None and values is not None else LAST
     if start is None:
-        mean = np.maximum(growth[before + steps].mean(axis=0), 1e-6)
+        mean = [typical_growth(column) for column in growth[before + steps].T]
         start = np.r_[
             rms - 0.7 - np.log(mean) / 2, np.log(4.0), -4.0, -7.0, np.zeros(3)
         ]
@@ -165,13 +185,19 @@ def _likelihood(
     memory, scale, drift, degrees = parameters(found)
     best = {
         "memory": memory,
-        "scale": scale * size**2,
+        "scale": np.where(growth.any(axis=0), scale * size**2, 0.0),
         "drift": drift,
         "degrees": degrees,
     }
     return replace(
         own, **{name: np.array([each]) for name, each in best.items()}
     ), found
+
+
+def typical_growth(column: ndarray) -> float:
+    """Return the mean of a factor of the scale over the samples at which it is not 0."""
+    active = column[column > 1e-6 * column.max(initial=0.0)]
+    return float(active.mean()) if len(active) else 1.0
 
 
 def _mean(
@@ -202,16 +228,24 @@ def _mean(
             normal[g] = [old + new for old, new in zip(normal[g], parts, strict=True)]
     total = [sum(normal[g][i] for g in numbers) for i in range(2)]
 
-    def ridge(moment: ndarray, across: ndarray, penalty: float) -> ndarray:
-        if np.isinf(penalty):
-            return np.zeros(len(across))
-        least = 1e-6 * np.diag(total[0]) + 1e-12 * np.trace(total[0]) + 1e-300
-        return np.linalg.solve(
-            moment + penalty * np.diag(np.diag(moment) + least), across
-        )
+    # of all groups: inputs that a fold lacks have no gain in it
+    size_of_input = np.diag(total[0]) + 1e-12 * np.trace(total[0]) + 1e-300
+
+    def ridge(moment: ndarray, across: ndarray, penalty: ndarray) -> ndarray:
+        used = np.isfinite(penalty)
+        gains = np.zeros(len(across))
+        if used.any():
+            penalised = np.diag(penalty[used] * size_of_input[used])
+            moment = moment[np.ix_(used, used)] + penalised
+            gains[used] = np.linalg.solve(moment, across[used])
+        return gains
 
     best = (np.inf, np.inf, {})
-    for penalty in PENALTIES:
+    jumped = np.array([name.endswith("jumps") for name in INPUTS])
+    for smooth, jump in product(
+        PENALTIES, PENALTIES if x[:, jumped].any() else PENALTIES[-1:]
+    ):
+        penalty = np.where(jumped, jump, smooth)
         gains, loss = {}, 0.0
         for g in numbers:
             gains[g] = ridge(total[0] - normal[g][0], total[1] - normal[g][1], penalty)

@@ -42,6 +42,7 @@ from pipeline.models.wishart.decomposition import (
 )
 from pipeline.randommatrix.wishart import degrees_of_freedom, largest_dispersion
 
+LEAST_DISPERSION = 1e-15  # σ_B below which d = (m + 1)/σ_B² has no use as a double
 # ends of ln(d − m − 3): σ_B at the limit of the covariance, and a noise-free step
 LOG_EXCESS = (-12.0, 60.0)
 
@@ -50,8 +51,8 @@ LOG_EXCESS = (-12.0, 60.0)
 class WishartModel(MotionModel):
     """Random Jacobian J₁BJ₂ with the dispersion ``sigma_b`` σ_B for a ``decomposition``, Eq.
     (LUDecom). A step, Eq. (RMTInvDiff), has the law of Algorithm 1 and no noise in the null space
-    of J. Raises ModelDomainError for σ_B ≤ 0. Its methods raise ModelDomainError for a σ_B without
-    a density or a given J₁ of another size than the task.
+    of J. Raises ModelDomainError for σ_B < LEAST_DISPERSION. Its methods raise ModelDomainError
+    for a σ_B without a density or a given J₁ of another size than the task.
     """
 
     traits: ClassVar = Traits(noisy_at_rest=False, needs_jacobian=True)
@@ -59,9 +60,10 @@ class WishartModel(MotionModel):
     decomposition: Decomposition = PIVOTED_LU
 
     def __post_init__(self) -> None:
-        if not 0 < self.sigma_b < np.inf:
+        if not LEAST_DISPERSION <= self.sigma_b < np.inf:
             raise ModelDomainError(
-                "sigma_B must be positive and finite", sigma_B=self.sigma_b
+                f"sigma_B must be at least {LEAST_DISPERSION:g} and finite",
+                sigma_B=self.sigma_b,
             )
 
     def law(self, chain: Chain) -> Law:

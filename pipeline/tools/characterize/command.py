@@ -8,7 +8,7 @@ do not change the results of the dataset in params.yaml.
 import json
 import re
 import shutil
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import chdir, contextmanager, redirect_stdout
 from pathlib import Path
 
@@ -23,14 +23,14 @@ from pipeline.core import contracts
 from pipeline.core.errors import ConfigError, PipelineError
 from pipeline.core.filters import CLOSED
 from pipeline.core.typed_yaml import parse_yaml, read_yaml
-from pipeline.figures.motion import noise_quantiles
+from pipeline.figures.drawing import figures_in
 from pipeline.figures.style import save
+from pipeline.models.joint_error.choice import chosen_law
 from pipeline.models.joint_error.fit import FAMILY
 from pipeline.models.joint_error.held_out import joint_tables
 from pipeline.recordings import quality
 from pipeline.recordings.runs import RunsOfLogs, joint_runs
 from pipeline.stages import fit, ingest, predict, track
-from pipeline.statistics.horizons import chosen_law
 from pipeline.tools.characterize.logs import folder_logs
 from pipeline.tools.export import command as export
 from pipeline.tools.new_dataset.command import (
@@ -38,6 +38,7 @@ from pipeline.tools.new_dataset.command import (
     command_with,
     dataset_files,
     open_draft,
+    require_dataset_name,
 )
 from pipeline.tools.new_dataset.values import KEYS
 from pipeline.verdicts.model_card import answer, model_card
@@ -47,8 +48,7 @@ from pipeline.verdicts.run import Run
 WORK, REPORTS, LOG = Path("data/characterize"), Path("reports"), Path("stages.log")
 LOGGED = Template(Path(__file__).with_name("logged.txt").read_text(encoding="utf-8"))
 TOOLS = ("tool0", "flange", "ee_link", "tool")  # usual names of the last link
-PICTURE = "![Quantiles of the held-out noise](noise_quantiles.png)"
-HEADING = "## Predicted and measured errors on held-out motions\n"
+FIGURES = ("held_out_error", "sigma_over_horizon", "noise_quantiles")
 TO_EXPORT = re.compile(r"Export: `python.*\n*")
 
 
@@ -71,6 +71,8 @@ def run(
         raise ConfigError(
             f"no scale {scale!r}; there are {', '.join(scales)}", key="--scale"
         )
+    if name is not None:
+        require_dataset_name(name)
     name = name or re.sub(r"\W+", "_", folder.resolve().name)
     assigned = {"robot.urdf": str(urdf)} if urdf else {}
     assigned |= assigned_values(set)
@@ -101,11 +103,8 @@ def run(
                 else export.exported_record(exported, settings)
             )
     report = REPORTS / name
-    report.mkdir(parents=True, exist_ok=True)
-    save(noise_quantiles(card.tables["noise_quantiles"]), report, "noise_quantiles")
-    text = model_card(with_plain_names(card), []).replace(
-        HEADING, f"{HEADING}\n{PICTURE}\n", 1
-    )
+    _draw_figures(card.tables, report / "figures")
+    text = model_card(with_plain_names(card), [])
     # drop the card's export command, which would export a model of params.yaml's dataset
     contracts.write_text(TO_EXPORT.sub("", text), report / "model_card.md")
     print(f"\n{TO_EXPORT.sub('', answer(card)).rstrip()}\n")
@@ -119,6 +118,19 @@ def run(
         }
         command = command_with(f"assess RECORDING --model {file}", of_logs)
         print(f"characterize: `{command}` compares another recording with these")
+
+
+def _draw_figures(tables: Mapping[str, pd.DataFrame], folder: Path) -> None:
+    """Draw the FIGURES of ``tables`` into ``folder``."""
+    folder.mkdir(parents=True, exist_ok=True)
+    figures = figures_in()
+    for name in FIGURES:
+        figure = figures[name]
+        save(
+            figure.draw(**{table: tables[table] for table in figure.tables}),
+            folder,
+            name,
+        )
 
 
 def _logged_runs(folder: Path, assigned: dict[str, str]) -> RunsOfLogs | None:

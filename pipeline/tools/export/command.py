@@ -23,6 +23,7 @@ from pipeline.core.filters import CLOSED
 from pipeline.models import kinds
 from pipeline.models.closed_loop import FOLDER, SHARE, fit_closed_loop, mean_path
 from pipeline.models.exported import FORMAT, chain_record
+from pipeline.models.joint_error.choice import unconfirmed
 from pipeline.models.joint_error.fit import Options as ErrorOptions
 from pipeline.models.joint_error.fit import fit_joint_error, runs_of
 from pipeline.models.joint_error.held_out import (
@@ -31,12 +32,11 @@ from pipeline.models.joint_error.held_out import (
     ranges_of_runs,
     score_runs,
 )
-from pipeline.models.joint_error.samples import JointRun
+from pipeline.models.joint_error.samples import JointRun, lags_of_logs
 from pipeline.models.steps import Recorded
 from pipeline.randommatrix.wishart import largest_dispersion
 from pipeline.recordings.runs import runs_of_dataset
 from pipeline.recordings.steps import fitted_ranges, training_steps
-from pipeline.statistics.horizons import unconfirmed
 
 HERE, EXPORTS, FIT = Path(__file__).parent, Path("data/export"), Path("data/fit")
 # source files of an export, in addition to the fitted parameters
@@ -107,10 +107,19 @@ def error_record(
         "closed_loop_share": 0.0,
         "pose_noise_rad": max(noise, default=None),
         "parameters": law.parameters(),
-        "not_known": unconfirmed(scores, model),
+        "not_known": [*unconfirmed(scores, model), *unknown_lag(runs)],
         "ranges": _ranges(ranges_of_runs(runs)),
         "runs": known,
     }
+
+
+def unknown_lag(runs: Sequence[JointRun]) -> list[dict[str, str]]:
+    """Return an entry of ``not_known`` if all ``runs`` are of one log."""
+    if len(lags_of_logs(runs)) > 1:
+        return []
+    found = "unknown: all runs are of one log"
+    entry = {"parameter": "spread of the lag of another run", "found": found}
+    return [entry | {"required": "2 logs"}]
 
 
 def scores_by_horizon(law, run: JointRun) -> tuple[dict[str, float], pd.DataFrame]:
@@ -181,7 +190,7 @@ def _ranges(rows: pd.DataFrame) -> dict[str, dict[str, Any]]:
     return {
         quantity: own.set_index("name")[["unit", "least", "greatest"]].to_dict("index")
         for quantity, own in rows.groupby("quantity", sort=False)
-        if quantity in ("pose", "speed", "joint speed")
+        if quantity in ("pose", "speed", "joint speed", "error")
     }
 
 

@@ -107,9 +107,7 @@ def open_draft(name: str, folder: Path | None, assigned: Mapping[str, str]) -> "
         raise ConfigError(
             "there is no params.yaml here; run the pipeline from the project's root"
         )
-    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]*", name):
-        message = f"{name!r} cannot name a dataset: use letters, digits, _ and - only"
-        raise ConfigError(message, key="NAME")
+    require_dataset_name(name)
     files = dataset_files(name)
     if folder is None:
         if missing := [file for file in files if not file.is_file()]:
@@ -160,6 +158,13 @@ def _stated_files(assigned: Mapping[str, str]) -> dict[str, Any]:
         if f"joint_log.{key}" in assigned:
             stated[key] = parse_yaml(assigned[f"joint_log.{key}"])
     return stated
+
+
+def require_dataset_name(name: str) -> None:
+    """Raise ConfigError if ``name`` cannot be the name of a dataset and of its files."""
+    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]*", name):
+        message = f"{name!r} cannot name a dataset: use letters, digits, _ and - only"
+        raise ConfigError(message, key="NAME")
 
 
 def dataset_files(name: str) -> tuple[Path, Path]:

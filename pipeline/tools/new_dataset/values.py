@@ -303,7 +303,8 @@ def _joint_log(
                 f"{name}: [{_name_list(labels)}]" for name, labels in signals.items()
             ]
             found["signals"] = Entry(f"{{{', '.join(lists)}}}")
-        columns = (guessed or signals).get("actual", ())
+        named = guessed or signals  # or advice in words
+        columns = named.get("actual", ()) if isinstance(named, Mapping) else ()
         count = len(columns) or None
         clock = first.facts.get("time")
         if clock is None:
