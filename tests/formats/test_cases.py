@@ -20,6 +20,7 @@ from written_logs import seen
 
 from pipeline.arm.model import chain_of
 from pipeline.core.options.dataset import Robot
+from pipeline.core.typed_yaml import read_yaml
 
 TIME = np.arange(60) / 125
 Q = np.stack([np.sin(3 * TIME), 0.2 + 0.5 * TIME**2], axis=1)
@@ -37,60 +38,54 @@ def urdf(link: str) -> str:
 
 
 PAIRED = {"time": TIME, "q": Q, "q_target": Q}
-COLUMNS = pd.DataFrame(
-    {f"{n}_{j}": PAIRED[n][:, j] for n in ("q", "q_target") for j in (0, 1)}
-)
-BOTH = "joints 2; signals actual, target"
-TRC, FRAMES = (
-    "PathFileType\t4\t(X/Y/Z)\ta.trc\nDataRate\n100\n",
-    "Frame,Sub Frame,X\n1,0,1\n",
-)
-QUALISYS = "FILE_VERSION\t2.0\nNO_OF_FRAMES\t2\nFrame\tTime\tA X\n1\t0\t5\n"
-VICON = "ASCII export of Vicon is not read: export C3D"
-# words about a file that is refused
-STOPS = (
-    "xacro",
-    "separated",
-    "increase",
-    "Inches",
-    "quaternions",
-    "is not read",
-    "convert it",
-)
-STOPS += (
-    "echo -p",
-    "take ost.yaml",
-    "cam0",
-    "pairs two images",
-    "no time in its header",
-)
-UNUSUAL = {  # file, what is in it or writes it: what inspect says of it
-    "v4.mat": (lambda file: savemat(file, PAIRED, format="4"), BOTH),
+BOTH = ("joints 2", "signals actual, target")
+
+
+def columns() -> pd.DataFrame:
+    """The signals of PAIRED, one column for each joint."""
+    signals = {name: PAIRED[name] for name in ("q", "q_target")}
+    return pd.DataFrame(
+        {f"{name}_{j}": q[:, j] for name, q in signals.items() for j in (0, 1)}
+    )
+
+
+def write_objects(file: Path) -> None:
+    np.savez(file, **PAIRED, about=np.array([{}], object))
+
+
+def write_lists(file: Path) -> None:
+    lists = {name: [*values] for name, values in PAIRED.items()}
+    pd.DataFrame(lists).to_parquet(file)
+
+
+def write_one_column(file: Path) -> None:
+    file.write_text("".join(f"{angle}\n" for angle in Q[:, 0]))
+
+
+WRITTEN = {  # file: what writes it, what inspect says of it
+    "v4.mat": (partial(savemat, mdict=PAIRED, format="4"), BOTH),
     "struct.mat": (
-        lambda file: savemat(file, {"rec": PAIRED}), f"0.472 s; samples 60; {BOTH}"),
-    "objects.npz": (lambda file: np.savez(file, **PAIRED, about=np.array([{}], object)), BOTH),
+        partial(savemat, mdict={"rec": PAIRED}),
+        ("0.472 s; samples 60", *BOTH),
+    ),
+    "objects.npz": (write_objects, BOTH),
     "index.parquet": (
-        lambda file: COLUMNS.set_index(TIME).rename_axis("t").to_parquet(file), BOTH),
-    "lists.parquet": (
-        lambda file: pd.DataFrame({n: [*one] for n, one in PAIRED.items()}).to_parquet(file), BOTH),
-    "take.trc": (TRC + "Frame#\tTime\tA\n1\t0.0\t1\n", "TRC (OpenSim, Cortex) is not read: export"),
-    "take.tsv": (QUALISYS, "TSV of Qualisys Track Manager is not read: export C3D"),
-    "nexus.csv": ("Trajectories\n100\n,,a,,\n" + FRAMES, VICON),
-    "tracker.csv": ("Objects\n100\n,,Arm,,\n" + FRAMES, VICON),
-    "model.csv": ("\ufeffModel Outputs,,,\r\n100,,,\r\n" + FRAMES, VICON),
-    "echo.csv": (ECHO, "columns without numbers 1 (words)"),
-    "sparse.csv": ("time,q_0,q_1\n0,1,\n1,,2\n2,1,\n3,,2\n", "4 missing cells; columns time"),
-    "one.txt": ("".join(f"{q}\n" for q in Q[:, 0]), "the table has one column: for one"),
-    "text.pgm": ("P2\n2 2\n65535\n1 2 3 4\n", "whose pixels are text (PBM, PGM, PPM) is not read"),
-    "ost.ini": ("# oST version 5.0 parameters\n\n[image]\n\nwidth\n640\n", "take ost.yaml"),
-    "kalibr.yaml": ("cam0:\n  intrinsics: [5.0, 5.0, 3.5, 2.5]\n", "matrix; the file has cam0"),
-    "echo.txt": ("header: \n  seq: 5\nposition: [0.1, 0.2]\n---\n", "`rostopic echo -p`"),
-    "echo.yaml": ("position: [0.1, 0.2]\n---\n" * 9, "not recognised, no camera calibration"),
-    "pairs.txt": ("0.1 rgb/1.png 0.11 depth/1.png\n", "pairs two images"),
-    "arm.sdf": ('<?xml version="1.0"?>\n<sdf version="1.7"></sdf>\n', "convert it to URDF"),
-    "bom.urdf": ("\ufeff" + urdf("hand"), "joints revolute (shoulder, elbow, wrist)"),
-    "floating.urdf": (urdf("a").replace("revolute", "floating", 1), "joints floating (sh"),
-}  # fmt: skip
+        columns().set_index(TIME).rename_axis("t").to_parquet,
+        BOTH,
+    ),
+    "lists.parquet": (write_lists, BOTH),
+    "echo.csv": (ECHO, ("columns without numbers 1 (words)",)),
+    "one.txt": (write_one_column, ("the table has one column: for one",)),
+    "bom.urdf": (
+        "\ufeff" + urdf("hand"),
+        ("joints revolute (shoulder, elbow, wrist)",),
+    ),
+    "floating.urdf": (
+        urdf("a").replace("revolute", "floating", 1),
+        ("joints floating (sh",),
+    ),
+}
+TEXTS = read_yaml(Path(__file__).with_name("unusual_files.yaml"))
 
 
 def place_of(number: str, folder: Path) -> Path:
@@ -128,6 +123,17 @@ PUBLIC = {  # case, file: what inspect says of it
 }
 
 
+REFUSED = (  # files of PUBLIC that are refused
+    "same_stamp_other_values",
+    "without_stamps",
+    "arm.urdf.xacro",
+    "unexpanded_limits.urdf",
+    "semicolon_comma.csv",
+    "inches.csv",
+    "euler_keys_stripped.csv",
+)
+
+
 def writes(name: str, content: object) -> Callable[[Path], object]:
     """A function that writes the file ``name`` of the ``content``, or calls it with the file."""
     call = (
@@ -139,11 +145,13 @@ def writes(name: str, content: object) -> Callable[[Path], object]:
 
 
 KINDS = [*joint_kinds.KINDS, *other_kinds.KINDS]
-for name, (content, words) in UNUSUAL.items():
-    stops = any(stop in words for stop in STOPS)
-    KINDS.append(kind("program", writes(name, content), words, stops=stops))
+for name, (content, words) in WRITTEN.items():
+    KINDS.append(kind("program", writes(name, content), *words))
+for name, text in TEXTS.items():
+    make = writes(name, text["content"])
+    KINDS.append(kind("program", make, text["says"], stops=text["stops"]))
 for (number, name), words in PUBLIC.items():
-    stops = any(stop in words for stop in STOPS)
+    stops = name in REFUSED
     KINDS.append(kind(number, None, words, at=name, stops=stops))
 SLOW = ("06", "35")  # cases that take seconds
 ROWS = [
