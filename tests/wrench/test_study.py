@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from cable_systems import planar_cables
 from scipy.integrate import dblquad
+from scipy.stats import kstest
 
 from pipeline.core.errors import ConfigError
 from pipeline.core.options.analysis import Wrench
@@ -38,15 +39,13 @@ TILTED = Bounds(**RANGES, elevation=(0.2, 1.3), attachment=(-0.3, 0.5))
 
 
 def characteristics(system):
-    """Values that bounds name, by name; angles from the directions."""
-    e, values = (
-        system.direction,
-        {k: v for k, v in vars(system).items() if v is not None},
-    )
+    """Return the values that bounds name, by name; angles from the directions."""
+    e = system.direction
+    values = {name: value for name, value in vars(system).items() if value is not None}
     values["direction"] = np.arctan2(e[..., 1], e[..., 0])
-    return values | (
-        {"elevation": np.arcsin(e[..., 2])} if system.dimension == 3 else {}
-    )
+    if system.dimension == 3:
+        values["elevation"] = np.arcsin(e[..., 2])
+    return values
 
 
 @pytest.mark.parametrize(
@@ -55,14 +54,26 @@ def characteristics(system):
 def test_systems_stay_within_their_bounds_and_fill_them(bounds):
     system = draw_systems(bounds, 4000, 3, np.random.default_rng(12))
     assert system.direction.shape == (4000, 3, bounds.dimension)
+    stated = {f.name: getattr(bounds, f.name) for f in fields(bounds)}
+    stated = {name: ends for name, ends in stated.items() if ends is not None}
     drawn = characteristics(system)
-    assert drawn.keys() == {
-        f.name for f in fields(bounds) if getattr(bounds, f.name) is not None
-    }
-    for name, values in drawn.items():
-        low, high = getattr(bounds, name)
-        assert low - 1e-12 <= values.min() < low + 0.01 * (high - low)
-        assert high + 1e-12 >= values.max() > high - 0.01 * (high - low)
+    assert drawn.keys() == stated.keys()
+    for name, (low, high) in stated.items():
+        margin, values = 0.01 * (high - low), drawn[name]
+        assert low - 1e-12 <= values.min() < low + margin
+        assert high + 1e-12 >= values.max() > high - margin
+
+
+def test_directions_in_space_are_uniform_on_the_sphere_and_not_in_elevation():
+    system = draw_systems(TILTED, 4000, 3, np.random.default_rng(12))
+    elevation = characteristics(system)["elevation"].ravel()
+    low, high = TILTED.elevation
+
+    heights = (np.sin(elevation) - np.sin(low)) / (np.sin(high) - np.sin(low))
+    angles = (elevation - low) / (high - low)
+
+    assert kstest(heights, "uniform").pvalue > 1e-3
+    assert kstest(angles, "uniform").pvalue < 1e-6  # control
 
 
 @pytest.mark.parametrize(
@@ -98,14 +109,14 @@ def test_a_configuration_in_space_has_elevations_and_attachments_over_the_length
     options = force(configuration, length=0.2)
     system = nominal_system(options, configuration)
     np.testing.assert_allclose(np.linalg.norm(system.direction, axis=1), 1)
-    np.testing.assert_allclose(np.arcsin(system.direction[:, 2]), SPATIAL["elevation"])
-    np.testing.assert_allclose(
-        np.arctan2(*system.direction[:, 1::-1].T), SPATIAL["direction"]
-    )
+    x, y, z = system.direction.T
+    np.testing.assert_allclose(np.arcsin(z), SPATIAL["elevation"])
+    np.testing.assert_allclose(np.arctan2(y, x), SPATIAL["direction"])
     np.testing.assert_allclose(0.2 * system.attachment, SPATIAL["attachment"])
     planar = Arrangement(**PLANAR)
     met = nominal_system(force(planar), planar)
-    np.testing.assert_allclose(np.arctan2(*met.direction.T[::-1]), PLANAR["direction"])
+    x, y = met.direction.T
+    np.testing.assert_allclose(np.arctan2(y, x), PLANAR["direction"])
     assert met.tension_sd.tolist() == [0.5, 0.6] and met.attachment is None
     bounds = configuration_bounds(force(planar), planar)
     assert (bounds.dimension, bounds.attachment) == (2, None)
@@ -150,15 +161,12 @@ def test_for_one_cable_it_is_the_integral_over_tension_and_its_deviation():
     for i, j in DISTINCT:
 
         def entry(sd, tension, i=i, j=j):
-            system = planar_cables(
-                *(np.array([value]) for value in (tension, 0.6, sd, 150.0))
-            )
-            return unbounded_sigma_s(system)[i, j]
+            values = [np.array([value]) for value in (tension, 0.6, sd, 150.0)]
+            return unbounded_sigma_s(planar_cables(*values))[i, j]
 
-        direct = (
-            dblquad(entry, *bounds.tension, *bounds.tension_sd, epsabs=1e-10)[0] / area
-        )
-        assert expected[i, j] == pytest.approx(direct, abs=1e-10)
+        ends = *bounds.tension, *bounds.tension_sd
+        integral, _ = dblquad(entry, *ends, epsabs=1e-10)
+        assert expected[i, j] == pytest.approx(integral / area, abs=1e-10)
 
 
 @pytest.mark.slow
@@ -181,9 +189,8 @@ def test_without_the_bound_it_is_what_averages_over_systems_tend_to(bounds, agen
 def test_with_its_own_bounds_alone_it_is_what_averages_over_systems_tend_to(
     form, agents
 ):
-    estimate = averaged_sigma_s(
-        draw_systems(WIDE, 40_000, agents, np.random.default_rng(46))
-    )[form]
+    systems = draw_systems(WIDE, 40_000, agents, np.random.default_rng(46))
+    estimate = averaged_sigma_s(systems)[form]
     expected = expected_sigma_s(WIDE, agents, np.random.default_rng(47))[form]
     assert estimate.clipped > 1000
     assert np.abs(z_scores(estimate, expected)).max() < 4
@@ -191,18 +198,13 @@ def test_with_its_own_bounds_alone_it_is_what_averages_over_systems_tend_to(
     deviations = np.diag(estimate.standard_error) * np.sqrt(estimate.systems)
     np.testing.assert_allclose(deviations, np.diag(expected.deviation), rtol=0.05)
     error = np.diag(estimate.standard_error)
-    assert (
-        np.max(
-            np.diag(estimate.mean - expected_unbounded_sigma_s(WIDE, agents)) / error
-        )
-        > 8
-    )
-    other = Bounds(WIDE.tension, (0.1, 0.8), WIDE.tension_sd, WIDE.concentration)
-    moved = (
-        estimate.mean
-        - expected_sigma_s(other, agents, np.random.default_rng(48))[form].mean
-    )
-    assert np.max(np.abs(np.diag(moved)) / error) > 8
+    # controls: without the bound, and of wider directions
+    without_bound = estimate.mean - expected_unbounded_sigma_s(WIDE, agents)
+    assert np.max(np.diag(without_bound) / error) > 8
+    wider = Bounds(WIDE.tension, (0.1, 0.8), WIDE.tension_sd, WIDE.concentration)
+    of_wider = expected_sigma_s(wider, agents, np.random.default_rng(48))[form]
+    moved = np.diag(estimate.mean - of_wider.mean)
+    assert np.max(np.abs(moved) / error) > 8
 
 
 def study_options(agents: list[int], repeats: int) -> Wrench:
