@@ -149,8 +149,8 @@ def test_a_users_own_setting_is_overwritten_by_the_command():
         "import pipeline.__main__, os; print(*map(os.environ.get, %r), sep=chr(10))"
         % [*BOUNDS]
     )
-    found = elsewhere(code, OMP_NUM_THREADS="4", OPENBLAS_CORETYPE="Prescott")
-    assert found.splitlines() == [*BOUNDS.values()]
+    printed = elsewhere(code, OMP_NUM_THREADS="4", OPENBLAS_CORETYPE="Prescott")
+    assert printed.splitlines() == [*BOUNDS.values()]
 
 
 @pytest.mark.parametrize(
@@ -180,8 +180,8 @@ def test_without_avx2_the_arithmetic_is_the_processors():
 
 def test_the_audit_of_another_processor_allows_rounding_and_no_more():
     assert agree("a,1.0,x2", "a,1.000001,x2")
-    for other in ("a,1.0001,x2", "a,1.0000000001,y2", "a,1.0000000001"):
-        assert not agree("a,1.0,x2", other)
+    for line in ("a,1.0001,x2", "a,1.0000000001,y2", "a,1.0000000001"):
+        assert not agree("a,1.0,x2", line)
 
 
 def test_loading_an_exported_model_leaves_a_colleagues_environment():

@@ -28,7 +28,7 @@ from pipeline.core.elementary import (
 
 def units(function, exact, x: np.ndarray) -> float:
     """Greatest error in units in the last place, against the library's in extended precision."""
-    result = np.array([function(each) for each in x])
+    result = np.array([function(value) for value in x])
     right = exact(x.astype(np.longdouble))
     return float(
         np.max(np.abs(result - right) / np.spacing(np.maximum(np.abs(result), 1e-300)))
@@ -116,11 +116,11 @@ def run(package: Path, **environment: str) -> tuple[float, int, str]:
     """The outer function's value in a new process, whether its code was loaded from the cache, and
     the folder of the cache.
     """
-    kept = {name: os.environ[name] for name in ("PATH", "HOME") if name in os.environ}
+    paths = {name: os.environ[name] for name in ("PATH", "HOME") if name in os.environ}
     done = subprocess.run(
         [sys.executable, "-c", PROGRAM],
         cwd=package,
-        env=kept | environment,
+        env=paths | environment,
         capture_output=True,
         text=True,
         check=False,
@@ -158,12 +158,12 @@ def test_machine_code_depends_on_the_compiled_modules_and_their_imports_alone(
     needed, waiting = set(), []
     for module in MODULES:
         every = (
-            one
+            decorator
             for node in tree(module).body
-            for one in getattr(node, "decorator_list", [])
+            for decorator in getattr(node, "decorator_list", [])
         )
         if {"compiled", "inner", "inlined"} & {
-            getattr(one, "id", None) for one in every
+            getattr(decorator, "id", None) for decorator in every
         }:
             waiting.append(module)
     assert len(waiting) > 10

@@ -82,7 +82,7 @@ def test_a_table_that_fits_is_read_as_it_was_written_and_no_column_more_or_less(
         if not kind.optional
     ]
     for column in (required[0], required[-1]):  # of a family, all of it
-        gone = [each for each in good if each.split(":")[0] == column.split(":")[0]]
+        gone = [name for name in good if name.split(":")[0] == column.split(":")[0]]
         with pytest.raises(ContractError, match="is missing"):
             contracts.write(good.drop(columns=gone), name, tmp_path, FILES[place])
     with pytest.raises(ContractError, match=r"is not declared.*surplus"):
@@ -292,11 +292,11 @@ def test_a_folder_is_replaced_whole_or_stays_as_it_was(tmp_path):
             assert not list(partial.iterdir())
             (partial / name).write_text(name)
             assert not (folder / "new").exists()
-    other = tmp_path / ".track.1.partial"  # of a living process
-    other.mkdir()
+    living = tmp_path / ".track.1.partial"  # of a living process
+    living.mkdir()
     with contracts.replacing(folder) as partial:
         (partial / "new").touch()
-    other.rmdir()
+    living.rmdir()
     for error in (ContractError("refused"), KeyboardInterrupt()):
         with pytest.raises(type(error)), contracts.replacing(folder) as partial:
             (partial / "newer").write_text("newer")

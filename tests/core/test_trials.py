@@ -85,7 +85,8 @@ def test_results_and_their_order_do_not_depend_on_the_workers_and_a_log_sees_one
     capsys,
 ):
     drawn = [
-        each.random() for each in results(partial(stream, 7, "test"), range(6), SERIAL)
+        generator.random()
+        for generator in results(partial(stream, 7, "test"), range(6), SERIAL)
     ]
     assert drawn == [stream(7, "test", trial).random() for trial in range(6)]
     assert capsys.readouterr() == ("trials: 6 done\n", "")
@@ -166,16 +167,16 @@ def test_trials_go_out_in_blocks_that_the_dashboard_shows_by_name(tmp_path):
     }
     with LocalCluster(n_workers=1, threads_per_worker=1, **here) as cluster:
         compute = on(cluster.scheduler_address)
-        taken = run_trials(
+        running = run_trials(
             operator.neg, iter(range(3000)), compute=compute, label=label
         )
-        first = next(taken)
+        first = next(running)
         with Client(compute.dask.address, set_as_default=False) as client:
             assert client.run_on_scheduler(tasks) >= {
                 label,
                 f"{label}, what they share",
             }
-            assert [first, *taken] == [-number for number in range(3000)]
+            assert [first, *running] == [-number for number in range(3000)]
             assert not client.run_on_scheduler(tasks)
         numbers = iter(range(2000))
         with pytest.raises(ConfigError, match="refused") as raised:
@@ -199,11 +200,11 @@ def test_a_cluster_gives_the_bytes_of_this_process_and_a_killed_worker_costs_tim
         assert results(computed, range(6), compute) == results(
             computed, range(6), SERIAL
         )
-        taken = run_trials(late, range(150), compute=compute, label="trials")
-        first = list(islice(taken, 10))
+        running = run_trials(late, range(150), compute=compute, label="trials")
+        first = list(islice(running, 10))
         lost = first[-1][1]
         os.kill(lost, signal.SIGKILL)
-        rest = list(taken)
+        rest = list(running)
         assert [number for number, _ in first + rest] == list(range(150))
         assert lost not in {pid for _, pid in rest[-20:]}
         with pytest.raises(TimeoutError, match="of the trial itself"):
@@ -222,14 +223,14 @@ def test_a_scheduler_that_is_lost_or_silent_is_named(tmp_path, end):
         stack.enter_context(process(*words, **os.environ | {"PYTHONPATH": "."}))
         with Client(address, timeout=WAIT, set_as_default=False) as client:
             client.wait_for_workers(1, timeout=WAIT)
-        taken = run_trials(
+        running = run_trials(
             pause, [0.05] * 400, compute=on(address, 5.0), label="trials"
         )
-        next(taken)
+        next(running)
         started.send_signal(end)
         before = time.monotonic()
         with pytest.raises(ComputeError, match="is lost; start it again") as raised:
-            list(taken)
+            list(running)
         assert raised.value.evidence["address"] == address
         # the trials alone would take 20 s; a killed one is missed at once
         assert time.monotonic() - before < 18
@@ -285,14 +286,14 @@ def test_a_cluster_without_workers_or_with_one_of_other_bytes_is_refused_with_th
         with pytest.raises(ComputeError, match="without workers for 1 s"):
             results(operator.neg, [1], on(address, 1.0))
         here, empty = ({"PYTHONPATH": place} for place in (".", str(tmp_path)))
-        other = here | {"OPENBLAS_CORETYPE": "Prescott"}
+        older = here | {"OPENBLAS_CORETYPE": "Prescott"}
         (
             tmp_path / "pipeline"
         ).mkdir()  # a package of this name without the project's modules
         (tmp_path / "pipeline/__init__.py").touch()
         for threads, variables, reason in (
             ("2", here, "threads is 2 there and 1 here"),
-            ("1", other, "(CORETYPE|arithmetic) is .* there and"),
+            ("1", older, "(CORETYPE|arithmetic) is .* there and"),
             ("1", empty, "cannot import what it needs: No module named 'pip"),
         ):
             words = "worker", address, "--nthreads", threads, "--no-nanny"

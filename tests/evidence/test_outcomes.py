@@ -130,9 +130,9 @@ def test_a_filter_has_the_noise_of_a_pose_by_its_loop_and_the_training_mean_its_
     # an open loop has half the noise of ω at rest, which is of two poses
     np.testing.assert_allclose(2 * noise[0], training.measurement)
     assert not np.allclose(*noise)
-    known = replace(training, known_measurement=np.eye(3))
+    with_known_noise = replace(training, known_measurement=np.eye(3))
     np.testing.assert_array_equal(
-        pose_covariances(known, takes.poses), [np.eye(3) / 2] * 2
+        pose_covariances(with_known_noise, takes.poses), [np.eye(3) / 2] * 2
     )
     start = Start.of_takes(takes.training)
     np.testing.assert_allclose(start.covariance, np.cov(takes.poses[:, 0].T))
@@ -151,8 +151,8 @@ def test_claims_have_the_numbers_of_the_outcomes_and_a_difference_is_value_minus
         for file in CLAIMS
         for c in parse_claims(config.read_yaml(ROOT / file)["claims"])
     ]
-    asked = [claim for claim in claims if not claim.id.startswith(WRENCH)]
-    verdicts = decide(asked, evidence, "paper", ARM)
+    decidable = [claim for claim in claims if not claim.id.startswith(WRENCH)]
+    verdicts = decide(decidable, evidence, "paper", ARM)
     without = {
         v.claim.id for v in verdicts if any(case.value is None for case in v.cases)
     }
@@ -165,14 +165,14 @@ def test_claims_have_the_numbers_of_the_outcomes_and_a_difference_is_value_minus
         .set_index(["quantity", "model", "joint", "steps"])["value"]
         .sort_index()
     )
-    for own in evidence[~rows].itertuples():
-        other = (
-            (own.model, own.rival) if own.rival in JOINTS else (own.rival, own.joint)
+    for row in evidence[~rows].itertuples():
+        rival_keys = (
+            (row.model, row.rival) if row.rival in JOINTS else (row.rival, row.joint)
         )
-        rival = values[own.quantity, *other, own.steps]
-        mine = values[own.quantity, own.model, own.joint, own.steps]
-        assert own.value == pytest.approx(mine - rival, abs=1e-12), own
-        assert own.low <= own.value <= own.high
+        rival = values[row.quantity, *rival_keys, row.steps]
+        mine = values[row.quantity, row.model, row.joint, row.steps]
+        assert row.value == pytest.approx(mine - rival, abs=1e-12), row
+        assert row.low <= row.value <= row.high
     training, poses = takes.training, takes.poses
     nominal = training.chain.nominal_step(training.q, training.v)
     ranges = np.ptp(np.cumsum(nominal.mean(axis=0), axis=0), axis=0)
@@ -290,8 +290,8 @@ def test_the_log_score_has_the_measurement_noise_times_its_factor(base, takes, f
         np.diff(test, axis=1) - nominal
     )
     moving = np.any(training.v, axis=1)
-    for steps, own in (("all", expected), ("moving", expected[:, moving])):
-        np.testing.assert_allclose(scores[steps], own.mean(axis=1), rtol=1e-10)
+    for steps, densities in (("all", expected), ("moving", expected[:, moving])):
+        np.testing.assert_allclose(scores[steps], densities.mean(axis=1), rtol=1e-10)
 
 
 def test_without_noise_at_rest_moving_steps_alone_are_scored_and_modes_differ(
@@ -310,9 +310,11 @@ def test_without_test_takes_each_training_take_is_predicted_by_a_fit_to_the_othe
     alone = replace(takes, test={})
     scores = outcome_of(base, "additive", alone).log_score["all"]
     training = takes.training
-    others = np.delete(training.noise, 3, axis=0)
+    noise_of_others = np.delete(training.noise, 3, axis=0)
     rest = training.subset(np.delete(np.arange(12), 3))
-    law = multivariate_normal(np.zeros(3), mean_covariance(others) + rest.measurement)
+    law = multivariate_normal(
+        np.zeros(3), mean_covariance(noise_of_others) + rest.measurement
+    )
     assert scores[3] == pytest.approx(law.logpdf(training.noise[3]).mean(), rel=1e-10)
     assert len(scores) == 12
 
@@ -363,17 +365,17 @@ SMALL |= {"each": {"model": ["wishart", "gaussian"]}}
 def test_a_claim_holds_where_its_rule_does_in_every_case_and_lacks_none(
     values, expected
 ):
-    own, other = (
+    evidence, reading = (
         evidence_table(
             evidence_row("std", value, model=model) for model, value in sizes.items()
         )
         for sizes in ({"wishart": 0.5, "gaussian": values["gaussian"]}, values)
     )
-    other = other[other["model"] == "wishart"].assign(reading="other")
+    reading = reading[reading["model"] == "wishart"].assign(reading="other")
     reasons = pd.DataFrame(
         {"reading": ["own", "other"], "refused": [np.nan, "no noise"]}
     )
-    tables = {"evidence": own, "readings": other, "reading_refusals": reasons}
+    tables = {"evidence": evidence, "readings": reading, "reading_refusals": reasons}
     run = Run("lab", "paper", True, ["a"], ["x"], {}, {}, tables)
     table = reading_verdicts(parse_claims([SMALL]), run)
     assert tuple(table.loc[0, ["holds", "refused"]]) == ("holds", "")

@@ -84,12 +84,12 @@ def kalman(measurements: Measurements) -> tuple[np.ndarray, np.ndarray]:
     return np.array(means), np.array(covariances)
 
 
-def distance(runs: list[Posterior], *known: np.ndarray) -> np.ndarray:
+def distance(runs: list[Posterior], *exact_moments: np.ndarray) -> np.ndarray:
     """Root mean square deviation of the runs' average from the exact mean and covariance, in
     standard errors taken from the independent runs; about 1 where the filter is right.
     """
     deviations = []
-    for name, exact in zip(("mean", "covariance"), known, strict=True):
+    for name, exact in zip(("mean", "covariance"), exact_moments, strict=True):
         values = np.array([getattr(run, name) for run in runs])
         error = np.asarray(values.std(axis=0, ddof=1) / np.sqrt(len(runs)))
         varies = error > 1e-15
@@ -254,16 +254,19 @@ def test_the_filter_of_a_closed_loop_is_calibrated_and_the_open_loops_wanders(
     k = np.arange(3, steps + 1, 3)
     noise, zero = np.tile(sensor**2 * np.eye(3), (len(k), 1, 1)), np.zeros((len(k), 3))
     y = takes[:, k] + sensor * rng.standard_normal((count, len(k), 3))
-    measured = [Measurements("take", DT * k, each, zero, noise) for each in y]
+    measured = [Measurements("take", DT * k, angles, zero, noise) for angles in y]
 
     def filtered(commands: Commands) -> tuple[np.ndarray, np.ndarray]:
         options, arguments = filter_options(400), (model, chain, commands, DT, start)
         posteriors = [
-            particle_filter(*arguments, each, options, rng) for each in measured
+            particle_filter(*arguments, take, options, rng) for take in measured
         ]
-        error = np.stack([each.mean for each in posteriors]) - takes
+        error = np.stack([posterior.mean for posterior in posteriors]) - takes
         std = np.sqrt(
-            [np.diagonal(each.covariance, axis1=1, axis2=2) for each in posteriors]
+            [
+                np.diagonal(posterior.covariance, axis1=1, axis2=2)
+                for posterior in posteriors
+            ]
         )
         of_mean = np.mean((takes - poses) ** 2, axis=(0, 1))
         return np.sqrt(np.mean(error**2, axis=(0, 1)) / of_mean), np.mean(

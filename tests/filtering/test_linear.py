@@ -52,8 +52,8 @@ def test_every_step_has_the_moments_of_the_joint_law_given_the_frames_so_far(n):
         np.testing.assert_allclose(mean[k], expected, rtol=1e-8)
         np.testing.assert_allclose(covariance[k], spread, rtol=1e-6, atol=1e-12)
     # control: measurements without the response
-    (other,), _ = linear.linear_filter(path, prior, [frames], DT)
-    assert np.abs(other - mean)[1:].max() > 1e-3
+    (without_response,), _ = linear.linear_filter(path, prior, [frames], DT)
+    assert np.abs(without_response - mean)[1:].max() > 1e-3
     with pytest.raises(ModelDomainError, match="prior covariance"):
         linear.linear_filter(path, -prior, [frames], DT)
 
@@ -121,7 +121,9 @@ def test_the_autocorrelated_filter_is_calibrated_and_without_measurements_the_tr
             np.zeros(2), noise, (len(true), len(k))
         )
         zero, covariance = np.zeros((len(k), 2)), np.tile(noise, (len(k), 1, 1))
-        frames = [Measurements("take", DT * k, each, zero, covariance) for each in y]
+        frames = [
+            Measurements("take", DT * k, angles, zero, covariance) for angles in y
+        ]
         return linear.autocorrelated_filter(poses, NOISE, frames, DT)
 
     means, covariances = filtered(NOISE)

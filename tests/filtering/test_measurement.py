@@ -26,8 +26,8 @@ def measurements_at(t, **changed) -> Measurements:
     root = 0.05 * rng.standard_normal((len(t), 3, 3))
     y, bias = rng.standard_normal((len(t), 3)), 0.1 * rng.standard_normal((len(t), 3))
     covariance = root @ np.swapaxes(root, 1, 2) + 1e-4 * np.eye(3)
-    known = {"y": y, "bias": bias, "covariance": covariance}
-    return Measurements("test07", np.asarray(t, dtype=float), **(known | changed))
+    arrays = {"y": y, "bias": bias, "covariance": covariance}
+    return Measurements("test07", np.asarray(t, dtype=float), **(arrays | changed))
 
 
 def test_a_frame_enters_at_the_step_during_which_it_was_taken():
@@ -162,17 +162,20 @@ def tables(tmp_path, monkeypatch):
     )
     k, t, rng = np.arange(5), np.arange(9) / 200, np.random.default_rng(1)
     joints, read = [], []
-    for take, part in parts.items():
-        frame = pd.DataFrame({"take": take, "part": part, "k": k, "t": k / 100})
+    for take, part_of_take in parts.items():
+        frame = pd.DataFrame({"take": take, "part": part_of_take, "k": k, "t": k / 100})
         q = spread("q", LWR4.joints, np.full((5, 7), 0.3))
         joints += [] if take == "test_3" else [frame.assign(**q, residual=0.0)]
         # errors of which the first joint's is off by 0.02 rad all the same
         y = 0.3 + 2e-3 * rng.standard_normal((9, 7)) + [0.02, 0, 0, 0, 0, 0, 0]
-        y = np.full((9, 7), float(take[-1])) if part == "test" else y
-        frame = pd.DataFrame({"take": take, "part": part, "t": t})
+        y = np.full((9, 7), float(take[-1])) if part_of_take == "test" else y
+        frame = pd.DataFrame({"take": take, "part": part_of_take, "t": t})
         read.append(frame.assign(**spread("q", LWR4.joints, y)))
-    for name, each, folder in (("joints", joints, TRACK), ("encoders", read, MOTION)):
-        contracts.write(pd.concat(each, ignore_index=True), name, folder)
+    for name, tables_of_takes, folder in (
+        ("joints", joints, TRACK),
+        ("encoders", read, MOTION),
+    ):
+        contracts.write(pd.concat(tables_of_takes, ignore_index=True), name, folder)
 
 
 def test_the_takes_that_stay_are_measured_by_the_chosen_instrument(tables):

@@ -31,7 +31,10 @@ DT = 0.01
 COVARIANCE = 1e-5 * np.array([[3.0, -2.0, 1.0], [-2.0, 4.0, -1.5], [1.0, -1.5, 9.0]])
 MODELS = {
     "additive": AdditiveModel(COVARIANCE),
-    **{f"wishart {name}": WishartModel(0.25, each) for name, each in READINGS.items()},
+    **{
+        f"wishart {name}": WishartModel(0.25, reading)
+        for name, reading in READINGS.items()
+    },
     "wishart pivoted_lu, wide": WishartModel(1.2, READINGS["pivoted_lu"]),
     "gaussian": GaussianModel(0.05, 15.5),
 }
@@ -73,11 +76,13 @@ def scene(arm: PlanarChain, steps: int = 60) -> tuple[np.ndarray, Start, Measure
     return v, Start(PATH_START, first), observed
 
 
-def greatest_difference(one: Posterior, other: Posterior) -> float:
+def greatest_difference(posterior: Posterior, reference: Posterior) -> float:
     """Over all fields, of logarithms and counts as a share; infinite where a decision differs."""
     greatest = 0.0
     for field in fields(Posterior):
-        a, b = (np.asarray(getattr(each, field.name)) for each in (one, other))
+        a, b = (
+            np.asarray(getattr(result, field.name)) for result in (posterior, reference)
+        )
         if a.dtype.kind == "f":
             scale = 1.0 if field.name in ("mean", "covariance") else np.abs(b) + 1.0
             greatest = max(greatest, float(np.max(np.abs(a - b) / scale)))
@@ -142,11 +147,11 @@ def test_a_law_without_compiled_code_is_filtered_by_its_samples(kind, share):
     )
     assert greatest_difference(sampled, compiled) < 1e-11 and compiled.resampled.any()
     q, v = np.tile(PATH_START, (4, 1)), np.full(3, 1e-3)
-    one, other = (
+    by_samples, by_compiled_law = (
         draw_steps(law, ARM, q, v, RNG(3))[0]
         for law in (Sampled(MODELS[kind]), MODELS[kind])
     )
-    np.testing.assert_allclose(one, other, atol=1e-12)
+    np.testing.assert_allclose(by_samples, by_compiled_law, atol=1e-12)
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
@@ -177,10 +182,10 @@ def test_a_deviation_of_a_billionth_and_another_resampling_and_loop_are_noticed(
     assert (
         greatest_difference(off, plain) > 1e-12 > greatest_difference(compiled, plain)
     )
-    others = (filter_options(PARTICLES, threshold=0.6), 0.0), (filter_options(), 0.4)
-    for options, share in others:
-        other, _ = both(MODELS["additive"], ARM, options, share)
-        assert greatest_difference(other, plain) > 1e-3
+    changes = (filter_options(PARTICLES, threshold=0.6), 0.0), (filter_options(), 0.4)
+    for options, share in changes:
+        changed, _ = both(MODELS["additive"], ARM, options, share)
+        assert greatest_difference(changed, plain) > 1e-3
 
 
 # an arm whose joints are its task, J = I, its limits out of the way
@@ -339,10 +344,10 @@ def test_counts_have_the_mean_and_the_variance_of_their_scheme_and_of_no_other(
     counts = np.array([np.bincount(chosen, minlength=count) for chosen in drawn])
     assert np.all(counts[:, weights == 0.0] == 0)
     assert off(counts, count * weights) < BAND
-    for other in DRAWING:
-        variance = exact_variance(other, weights)
+    for rival in DRAWING:
+        variance = exact_variance(rival, weights)
         distance = off((counts - counts.mean(axis=0)) ** 2, variance)
-        assert (distance < BAND) == (other == name)
+        assert (distance < BAND) == (rival == name)
 
 
 @pytest.mark.parametrize("scheme", DRAWING)

@@ -46,7 +46,7 @@ def first_factor(jacobian: np.ndarray, decomposition: Decomposition) -> np.ndarr
             return np.array(left)
 
 
-def least_p_value(one: np.ndarray, other: np.ndarray) -> float:
+def least_p_value(sample: np.ndarray, reference: np.ndarray) -> float:
     """Least p-value of two-sample Kolmogorov–Smirnov tests of each of three coordinates, of sums of
     them and of the distance from the common middle: eight views.
     """
@@ -55,9 +55,9 @@ def least_p_value(one: np.ndarray, other: np.ndarray) -> float:
     )
     views = [
         np.column_stack(
-            [x @ axes, np.linalg.norm(x - np.median(other, axis=0), axis=1)]
+            [x @ axes, np.linalg.norm(x - np.median(reference, axis=0), axis=1)]
         )
-        for x in (one, other)
+        for x in (sample, reference)
     ]
     return min(
         stats.ks_2samp(*pair).pvalue for pair in zip(*(x.T for x in views), strict=True)

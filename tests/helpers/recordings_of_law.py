@@ -82,6 +82,6 @@ def rows(values: np.ndarray, family: str) -> pd.DataFrame:
     """``values`` (2·TAKES, STEPS + 1, 3) as a table, the first half of the takes for training."""
     k = np.tile(np.arange(STEPS + 1), 2 * TAKES)
     take = np.repeat([f"take_{i:02d}" for i in range(2 * TAKES)], STEPS + 1)
-    part = np.repeat(["training", "test"], TAKES * (STEPS + 1))
-    step = {"take": take, "part": part, "k": k, "t": k / 100.0}
+    part_of_take = np.repeat(["training", "test"], TAKES * (STEPS + 1))
+    step = {"take": take, "part": part_of_take, "k": k, "t": k / 100.0}
     return pd.DataFrame(step | spread(family, JOINTS, values))

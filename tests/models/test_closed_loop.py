@@ -137,9 +137,9 @@ def takes_of(
         q[:, k + 1] = draw_steps(model, chain, q[:, k], v, rng)[0]
     measured = q + std * rng.standard_normal(q.shape)
     measured += 1e-3 * rng.standard_normal((TAKES, 1, n))
-    noise, known = process_noise(chain, measured, path.v), 2 * np.diag(std**2)
+    noise, measurement = process_noise(chain, measured, path.v), 2 * np.diag(std**2)
     joints = tuple(f"joint_{j}" for j in range(n))
-    return Recorded(chain, measured[:, :-1], path.v, noise, joints, known)
+    return Recorded(chain, measured[:, :-1], path.v, noise, joints, measurement)
 
 
 def fitted(kind: str, recorded: Recorded) -> closed_loop.ClosedLoopFit:
@@ -242,9 +242,9 @@ def test_the_likelihood_is_that_of_the_whole_motion_as_one_normal_vector():
 
 def test_a_share_without_a_covariance_has_no_likelihood_and_the_others_keep_theirs():
     """The innovation y_1 − y_0 has the variance 1.99κ² − 0.2 + 0.02, negative at κ = 0.1."""
-    one = np.ones((1, 1, 1))
+    unit = np.ones((1, 1, 1))
     space = closed_loop.StateSpace(
-        one, one, -0.2 * one, 0.01 * one[0], np.ones(1, dtype=bool)
+        unit, unit, -0.2 * unit, 0.01 * unit[0], np.ones(1, dtype=bool)
     )
     deviation, shares = (
         np.array([1.0, -1.0])[:, None, None] * np.ones((2, 2, 1)),
@@ -266,8 +266,8 @@ def test_a_single_take_and_an_unknown_measurement_noise_are_refused(path):
     moving = np.any(recorded.v, axis=1)
     parts = {"q": recorded.q[:, moving], "noise": recorded.noise[:, moving]}
     never = replace(recorded, v=recorded.v[moving], known_measurement=None, **parts)
-    known = Estimate(
+    open_loop = Estimate(
         {"kind": "additive", "noise_covariance": COVARIANCE.tolist()}, {}, {}
     )
     with pytest.raises(ModelDomainError, match="never rests"):
-        closed_loop.fit_closed_loop(never, options, known)
+        closed_loop.fit_closed_loop(never, options, open_loop)

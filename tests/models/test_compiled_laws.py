@@ -22,11 +22,16 @@ COVARIANCE = 1e-5 * np.array([[3.0, -2.0, 1.0], [-2.0, 4.0, -1.5], [1.0, -1.5, 9
 MEASUREMENT = np.diag([1e-6, 2e-6, 3e-6])
 NORMAL = {"additive": AdditiveModel(COVARIANCE)}
 MATRIX = {  # without noise at rest
-    **{f"wishart {name}": WishartModel(0.25, each) for name, each in READINGS.items()},
+    **{
+        f"wishart {name}": WishartModel(0.25, reading)
+        for name, reading in READINGS.items()
+    },
     "gaussian": GaussianModel(0.05, 30.0),
 }
 MODELS = NORMAL | MATRIX
-WIDE = {f"{name}, wide": WishartModel(1.2, each) for name, each in READINGS.items()}
+WIDE = {
+    f"{name}, wide": WishartModel(1.2, reading) for name, reading in READINGS.items()
+}
 every_model = pytest.mark.parametrize("model", MODELS.values(), ids=MODELS)
 # every first pivot of LU occurs, with and without an exchange after it
 ARMS = {
@@ -57,13 +62,13 @@ def test_every_compiled_law_is_its_formula_in_numpy(model, name):
         np.abs(np.linalg.det(arm.jacobian(q))) > 0.05 * arm.lengths[0] * arm.lengths[1]
     ]
     for v in np.array([[0.004, -0.003, 0.03], [-0.004, 0.0, 0.0], [0.0, 0.0, 0.0]]):
-        one, other = RNG(2), RNG(2)
-        moved, clipped = draw_steps(model, arm, q, v, one)
-        expected, expected_clipped = plain_steps(model, arm, q, v, other)
+        compiled_rng, plain_rng = RNG(2), RNG(2)
+        moved, clipped = draw_steps(model, arm, q, v, compiled_rng)
+        expected, expected_clipped = plain_steps(model, arm, q, v, plain_rng)
         # relative to the step: a few draws are nearly singular and lead far
         assert np.max(np.abs(moved - expected) / (1 + np.abs(expected - q))) < 1e-12
         assert clipped == expected_clipped
-        assert one.bit_generator.state == other.bit_generator.state
+        assert compiled_rng.bit_generator.state == plain_rng.bit_generator.state
         assert np.array_equal(draw_steps(model, arm, q, v, RNG(2))[0], moved)
         assert np.array_equal(draw_steps(model, arm, q, v, RNG(3))[0], moved) == (
             not v.any() and not model.traits.noisy_at_rest
@@ -112,8 +117,8 @@ def test_at_rest_a_matrix_model_stays_and_every_other_has_its_floor(
     rest = np.zeros(3)
     drawn, clipped = draw_steps(model, chain, poses, rest, RNG())
     assert clipped == 0
-    for each in (drawn, model.sample(chain, poses, rest, RNG())):
-        assert np.array_equal(each, poses) != model.traits.noisy_at_rest
+    for moved in (drawn, model.sample(chain, poses, rest, RNG())):
+        assert np.array_equal(moved, poses) != model.traits.noisy_at_rest
     if model.traits.noisy_at_rest:
         assert np.all(np.isfinite(model.log_density(chain, poses, rest, drawn)))
         return
@@ -129,11 +134,11 @@ def test_at_rest_a_matrix_model_stays_and_every_other_has_its_floor(
 @every_model
 def test_noise_depends_on_the_jacobian_where_the_law_says_so(model, chain, step):
     """The steps at two poses are the same joint step."""
-    other = POSE + np.array([0.5, -0.8, 0.4])
-    same = chain.jacobian(other) @ chain.nominal_step(POSE, step)
+    second = POSE + np.array([0.5, -0.8, 0.4])
+    same = chain.jacobian(second) @ chain.nominal_step(POSE, step)
     covariances = (
         model.covariance(chain, POSE, step),
-        model.covariance(chain, other, same),
+        model.covariance(chain, second, same),
     )
     needed = (
         model.traits.needs_jacobian and model is not MATRIX["wishart qr_transposed"]

@@ -34,8 +34,8 @@ def recorded(
 ) -> Recorded:
     """Takes of a rest and of a motion through ``poses``, each step drawn from the ``model``."""
     v = np.concatenate([np.zeros((REST, 3)), np.tile(step, (40, 1))])
-    own = recorded_on(chain, poses[: len(v)], v, measured, model, takes)
-    return replace(own, known_measurement=None)
+    takes_of_motion = recorded_on(chain, poses[: len(v)], v, measured, model, takes)
+    return replace(takes_of_motion, known_measurement=None)
 
 
 def recorded_on(arm, q, v, measured, model, takes: int) -> Recorded:
@@ -107,7 +107,8 @@ def test_the_moments_of_a_gaussian_model_and_of_the_measurement_sum_to_the_recor
     fitted = estimate(data, Gaussian("gaussian")).model
     modelled = fitted.covariance(chain, data.q, data.v).mean(axis=(0, 1))
     total, measured = (
-        np.trace(each) for each in (mean_covariance(data.noise), data.measurement)
+        np.trace(covariance)
+        for covariance in (mean_covariance(data.noise), data.measurement)
     )
     assert (
         np.trace(modelled) + measured == pytest.approx(total, rel=1e-9)
@@ -135,11 +136,11 @@ def test_the_bound_of_the_gaussian_model_is_found_where_the_noise_bends_with_it(
     norms = frobenius(chain.inverse_jacobian(poses[REST : REST + 40]))
     u = 1.1 * float(norms.max())
     data = recorded(chain, poses, step, GaussianModel(0.1, u), takes=300)
-    found = estimate(data, Gaussian("gaussian", estimator=estimator))
-    assert found.diagnostics["u_unbounded"] == 0 and found.undetermined == ()
-    assert found.estimates["u"] == pytest.approx(u, rel=0.1)
+    fitted = estimate(data, Gaussian("gaussian", estimator=estimator))
+    assert fitted.diagnostics["u_unbounded"] == 0 and fitted.undetermined == ()
+    assert fitted.estimates["u"] == pytest.approx(u, rel=0.1)
     level = 0.1 * np.sqrt(u**2 - np.mean(norms**2))
-    assert found.estimates["noise_level"] == pytest.approx(level, rel=0.03)
+    assert fitted.estimates["noise_level"] == pytest.approx(level, rel=0.03)
 
 
 @pytest.mark.parametrize("estimator", ["moments", "paper", "likelihood"])
@@ -147,19 +148,19 @@ def test_where_the_noise_follows_the_speed_alone_the_bound_is_unbounded(
     chain, poses, step, estimator
 ):
     data = recorded(chain, poses, step, GaussianModel(1e-3, 2000.0))
-    found = estimate(data, Gaussian("gaussian", estimator=estimator))
-    assert found.diagnostics["u_unbounded"] == found.parameters["u_unbounded"] == 1
-    assert found.undetermined == ("u", "alpha")
-    level, parameters = found.determined["noise_level"], found.parameters
-    assert [*found.determined] == ["noise_level"] and level == pytest.approx(
+    fitted = estimate(data, Gaussian("gaussian", estimator=estimator))
+    assert fitted.diagnostics["u_unbounded"] == fitted.parameters["u_unbounded"] == 1
+    assert fitted.undetermined == ("u", "alpha")
+    level, parameters = fitted.determined["noise_level"], fitted.parameters
+    assert [*fitted.determined] == ["noise_level"] and level == pytest.approx(
         2.0, rel=0.05
     )
     # the exported model, of this level alone, has the fitted variance; α·u of the search has not
-    models = found.model, build_model({"kind": "gaussian", "level": level})
-    own, exported = (
+    models = fitted.model, build_model({"kind": "gaussian", "level": level})
+    of_fit, exported = (
         np.trace(m.covariance(chain, data.q, data.v).mean((0, 1))) for m in models
     )
-    assert exported == pytest.approx(own, rel=0.01)
+    assert exported == pytest.approx(of_fit, rel=0.01)
     assert parameters["alpha"] * parameters["u"] > 1.04 * level
 
 
@@ -181,16 +182,16 @@ def test_the_curve_over_the_weight_falls_through_the_moment_estimate(
 ):
     data = recorded(chain, poses, 0.1 * step, WishartModel(0.5), takes=20)
     options, rng = wishart("moments"), np.random.default_rng(3)
-    found = estimate(data, options)
-    table = diagnose(data, options, found, 1, rng)[1]["sigma_b_weights"]
+    fitted = estimate(data, options)
+    table = diagnose(data, options, fitted, 1, rng)[1]["sigma_b_weights"]
     for source in ("recorded", "drawn"):
-        own = table[table["source"] == source]
+        points = table[table["source"] == source]
         curve, (ratio,) = (
-            own[own["point"] == "curve"],
-            own[own["point"] == "moments"]["ratio"],
+            points[points["point"] == "curve"],
+            points[points["point"] == "moments"]["ratio"],
         )
         near = np.interp(np.log(ratio), np.log(curve["ratio"]), curve["sigma_b"])
-        assert near == pytest.approx(found.estimates["sigma_b"], rel=0.15)
+        assert near == pytest.approx(fitted.estimates["sigma_b"], rel=0.15)
         assert curve["sigma_b"].iloc[-1] < 0.5 * curve["sigma_b"].iloc[0]
     # without a model no takes are drawn
     alone = diagnose(data, options, None, 1, rng)[1]["sigma_b_weights"]
@@ -258,20 +259,18 @@ ESTIMATORS = {
 
 @every_arm
 @pytest.mark.parametrize(
-    ("given", "names", "band", "factor"),
-    [(given, *each) for given, each in ESTIMATORS.items()],
-    ids=[f"{given[0]} {given[2]}" for given in ESTIMATORS],
+    ("option", "names", "band", "factor"),
+    [(option, *band) for option, band in ESTIMATORS.items()],
+    ids=[f"{option[0]} {option[2]}" for option in ESTIMATORS],
 )
 def test_known_parameters_come_back_on_any_arm_and_others_do_not(
-    n, m, given, names, band, factor
+    n, m, option, names, band, factor
 ):
     """Variances and standard deviations by their relative error, covariances by the error of the
     correlation. Control: a model whose noise is larger by a factor.
     """
-    (kind, option, value), (at, covariance, measured) = given, scene(n, m)
-    choice = {option: value} | (
-        {"estimator": "likelihood"} if kind == "wishart" else {}
-    )
+    (kind, field, value), (at, covariance, measured) = option, scene(n, m)
+    choice = {field: value} | ({"estimator": "likelihood"} if kind == "wishart" else {})
     options = kinds.options_type(kind)(kind, **choice)
     data = recorded_on(*at, measured, AdditiveModel(covariance), COUNT)
     (truth,) = kinds.truths(data, options, [0.25])
@@ -279,13 +278,15 @@ def test_known_parameters_come_back_on_any_arm_and_others_do_not(
     variance = np.trace(model.covariance(*at), axis1=-2, axis2=-1).mean()
 
     def error(model) -> float:
-        found = estimate(recorded_on(*at, measured, model, COUNT), options).estimates
+        estimates = estimate(
+            recorded_on(*at, measured, model, COUNT), options
+        ).estimates
         errors = []
-        for name, known in truth.values.items():
-            own = name.startswith("sigma_omega") and name[12] != name[13]
-            if name.startswith(names) and not own:
-                scale = 1.0 if name.startswith("correlation") else abs(known)
-                errors.append(abs(found[name] - known) / scale)
+        for name, true in truth.values.items():
+            is_covariance = name.startswith("sigma_omega") and name[12] != name[13]
+            if name.startswith(names) and not is_covariance:
+                scale = 1.0 if name.startswith("correlation") else abs(true)
+                errors.append(abs(estimates[name] - true) / scale)
         return max(errors)
 
     assert error(model) < band < error(model.with_trace(*at, factor**2 * variance))
@@ -358,18 +359,18 @@ def test_resampled_sums_give_the_estimate_of_the_resampled_takes(
     still = recording(chain, poses, step, np.zeros((8, 20, 3)))
     data = draw_data(WishartModel(0.25), still, np.random.default_rng(2))
     options = kinds.options_type(kind)(kind, estimator=estimator)
-    found = estimate(data, options)
+    fitted = estimate(data, options)
     name = {"wishart": "sigma_b", "gaussian": "noise_level"}[kind]
     for takes in (np.arange(8), np.array([0, 0, 3, 5, 5, 5, 6, 7]), np.array([1, 2])):
         anew = estimate(data.subset(takes), options).estimates[name]
-        assert found.from_takes(takes)[name] == pytest.approx(anew, rel=tolerance)
+        assert fitted.from_takes(takes)[name] == pytest.approx(anew, rel=tolerance)
     # control: the last takes have another estimate than all
-    assert abs(found.estimates[name] / anew - 1) > max(2e-3, tolerance)
+    assert abs(fitted.estimates[name] / anew - 1) > max(2e-3, tolerance)
 
 
 def test_a_replicate_without_an_estimate_is_counted_and_no_number():
-    known = [{"a": 1.0, "b": 2.0}, None, {"a": 3.0}]
-    spread = spreads(known, {"a": 2.0, "b": 2.0}, 4)
+    replicates = [{"a": 1.0, "b": 2.0}, None, {"a": 3.0}]
+    spread = spreads(replicates, {"a": 2.0, "b": 2.0}, 4)
     assert set(spread) == {"a"}
     error, low, high = spread["a"]
     assert error == pytest.approx(np.sqrt(2)) and (low + high) / 2 == pytest.approx(2.0)

@@ -89,28 +89,30 @@ def test_at_the_recorded_level_the_total_variance_is_the_recorded_one(name, size
     data, model = recorded(size, m), MODELS[name]
     if m == 2 and name == "wishart":
         model = replace(model, decomposition=Decomposition("qr"))
-    own, of_noise = (
+    scaled, of_noise = (
         at_recorded_level(model, data),
         float(np.trace(mean_covariance(data.noise))),
     )
-    assert model_trace(own, data) + np.trace(MEASUREMENT) == pytest.approx(
+    assert model_trace(scaled, data) + np.trace(MEASUREMENT) == pytest.approx(
         of_noise, rel=1e-9
     )
     # other parameters do not change, nor does the covariance over time of a normal model
-    assert type(own) is type(model)
+    assert type(scaled) is type(model)
     for name in ("u", "decomposition"):
-        assert getattr(own, name, None) == getattr(model, name, None)
+        assert getattr(scaled, name, None) == getattr(model, name, None)
     if not isinstance(model, WishartModel):
         at = data.chain, data.q, data.v
-        ratio = model_trace(own, data) / model_trace(model, data)
+        ratio = model_trace(scaled, data) / model_trace(model, data)
         np.testing.assert_allclose(
-            own.covariance(*at), ratio * model.covariance(*at), rtol=1e-12
+            scaled.covariance(*at), ratio * model.covariance(*at), rtol=1e-12
         )
     # in a closed loop every take has its own commands
     closed = at_recorded_level(
         model, replace(data, v=np.tile(data.v, (len(data.q), 1, 1)))
     )
-    assert model_trace(closed, data) == pytest.approx(model_trace(own, data), rel=1e-12)
+    assert model_trace(closed, data) == pytest.approx(
+        model_trace(scaled, data), rel=1e-12
+    )
 
 
 def test_there_is_no_level_without_noise_of_the_motion():
@@ -213,5 +215,5 @@ def test_the_spread_stays_step_by_step_and_grows_with_the_root_of_time_running_f
     band = 4 / np.sqrt(2 * count)
     np.testing.assert_allclose(spread, stated, rtol=band)
     # control: the other mode's law is far outside the band
-    other = STD * np.arange(1, steps + 1)[:, None] ** (0.5 - growth)
-    assert np.abs(spread / other - 1).max() > 5 * band
+    of_other_mode = STD * np.arange(1, steps + 1)[:, None] ** (0.5 - growth)
+    assert np.abs(spread / of_other_mode - 1).max() > 5 * band

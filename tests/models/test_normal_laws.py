@@ -43,15 +43,15 @@ def test_the_log_density_is_scipys(model, measurement, chain, poses, step):
     )
 
     def scipys(added: np.ndarray) -> list[float]:
-        each = zip(q_next, means, covariances, strict=True)
-        return [stats.multivariate_normal(m, c + added).logpdf(x) for x, m, c in each]
+        laws = zip(q_next, means, covariances, strict=True)
+        return [stats.multivariate_normal(m, c + added).logpdf(x) for x, m, c in laws]
 
     np.testing.assert_allclose(
         result, scipys(NONE if measurement is None else measurement), 1e-9
     )
     # control: the other noise is another density
-    other = scipys(MEASUREMENT if measurement is None else NONE)
-    assert np.abs(result - other).min() > 1e-6
+    unlike = scipys(MEASUREMENT if measurement is None else NONE)
+    assert np.abs(result - unlike).min() > 1e-6
 
 
 @pytest.mark.parametrize("kind", FLAT)
@@ -182,9 +182,9 @@ def test_the_law_of_a_step_is_that_of_algorithm_2(chain, step):
     wrong, _ = draw_steps(GaussianModel(0.105, 18.0), chain, q, step, rng)
     mean = model.mean(chain, POSE, step)
 
-    def p_value(one: np.ndarray) -> float:
+    def p_value(sample: np.ndarray) -> float:
         return stats.ks_2samp(
-            *(np.linalg.norm(x - mean, axis=1) for x in (one, matrices))
+            *(np.linalg.norm(x - mean, axis=1) for x in (sample, matrices))
         ).pvalue
 
     assert clipped == 0 and p_value(drawn) > 0.01 > 1e-4 > p_value(wrong)
@@ -244,8 +244,8 @@ def test_the_models_own_moments_return_its_parameters(alpha, extension):
     assert not result.at_end and not result.unbounded
     # β₁ weighs a constant: the mean of one step is the nominal one whatever the parameters
     assert result.objective == pytest.approx(0.5 * STEPS * np.sqrt(3) * 0.01, rel=1e-5)
-    other = fit(model_covariance(alpha, extension), beta1=0.9)
-    assert other.alpha == pytest.approx(result.alpha, rel=1e-3)
+    reweighted = fit(model_covariance(alpha, extension), beta1=0.9)
+    assert reweighted.alpha == pytest.approx(result.alpha, rel=1e-3)
 
 
 def test_alpha_is_the_best_for_each_extension():

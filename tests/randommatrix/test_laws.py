@@ -62,22 +62,22 @@ def test_of_two_laws_that_meet_the_constraints_the_wishart_law_has_the_greater_e
 ):
     n, draws, rng = 3, 4000, np.random.default_rng(1)
     d, wide = (wishart.degrees_of_freedom(factor * sigma_b, n) for factor in (1.0, 1.1))
-    other = inverse_wishart_of_the_same_constraints(d, n)
-    of_other = other.rvs(draws, random_state=rng)
+    rival = inverse_wishart_of_the_same_constraints(d, n)
+    of_other = rival.rvs(draws, random_state=rng)
     # the log density is a function of the constraints alone, so both laws have one expectation of
     # it: minus the entropy of the first
     of_own = maxent(d, n).rvs(draws, random_state=rng)
-    own, cross = (
+    log_density, cross = (
         maxent(d, n).logpdf(np.moveaxis(drawn, 0, -1)) for drawn in (of_own, of_other)
     )
-    assert abs(own.mean() - cross.mean()) < 4.5 * np.sqrt(
-        (own.var() + cross.var()) / draws
+    assert abs(log_density.mean() - cross.mean()) < 4.5 * np.sqrt(
+        (log_density.var() + cross.var()) / draws
     )
     # so the entropies differ by the divergence of the other law from this one
-    divergence = other.logpdf(np.moveaxis(of_other, 0, -1)) - cross
+    divergence = rival.logpdf(np.moveaxis(of_other, 0, -1)) - cross
     assert divergence.mean() > 4.5 * divergence.std() / np.sqrt(draws)
     # control: a law of a wider dispersion, which does not meet the constraints, has more
-    assert maxent(wide, n).entropy() > -own.mean() + 0.1
+    assert maxent(wide, n).entropy() > -log_density.mean() + 0.1
 
 
 def test_theta_follows_the_papers_equation_for_any_size():
@@ -105,19 +105,19 @@ POSES, BUFFER = 20_000, block_rows(7, 6)
 
 
 @pytest.mark.parametrize("degrees", [0.02, 1.0, 1.9999, 2.0, 2.0001, 3.7, 1e6])
-@pytest.mark.parametrize(("count", "each"), [(3, 2), (POSES, 7)])
+@pytest.mark.parametrize(("count", "normals"), [(3, 2), (POSES, 7)])
 def test_chi_squares_are_numpys_and_so_are_the_normals_behind_them(
-    degrees, count, each
+    degrees, count, normals
 ):
-    one, other = np.random.default_rng(7), np.random.default_rng(7)
+    rng, numpy_rng = np.random.default_rng(7), np.random.default_rng(7)
     block, freedom = np.full((BUFFER.size, POSES), np.nan), np.array([degrees, 5.0])
     first, then = BUFFER.chi_square, BUFFER.normal
-    from_python(draw_variates)(freedom, each, block, first, then, 0, count, one)
+    from_python(draw_variates)(freedom, normals, block, first, then, 0, count, rng)
     assert np.isnan(block[:, count:]).all()
     for k, d in enumerate(freedom):
         np.testing.assert_array_equal(
-            block[first + k, :count], other.chisquare(d, count)
+            block[first + k, :count], numpy_rng.chisquare(d, count)
         )
-    rows = block[then : then + each, :count]
-    np.testing.assert_array_equal(rows, other.standard_normal((count, each)).T)
-    assert one.random() == other.random()
+    rows = block[then : then + normals, :count]
+    np.testing.assert_array_equal(rows, numpy_rng.standard_normal((count, normals)).T)
+    assert rng.random() == numpy_rng.random()

@@ -199,9 +199,9 @@ def test_every_other_reading_has_evidence_of_the_wishart_model_and_of_no_other(
 ):
     readings.run()
     rows = contracts.read("readings", readings.OUT)
-    known = contracts.read("reading_refusals", readings.OUT)
-    assert list(known["reading"]) == ["pivoted LU", "QR of J", "QR of Jᵀ (control)"]
-    assert {*rows["reading"]} == {*known["reading"][1:]}
+    refusals = contracts.read("reading_refusals", readings.OUT)
+    assert list(refusals["reading"]) == ["pivoted LU", "QR of J", "QR of Jᵀ (control)"]
+    assert {*rows["reading"]} == {*refusals["reading"][1:]}
     assert {"std_error", "greatest_mean_error"} < {*rows["quantity"]}
     # without a camera there is none on filters; no other model depends on the reading
     assert not rows["quantity"].str.contains("bound|filter|camera").any()

@@ -97,10 +97,10 @@ def test_a_case_with_the_choices_of_the_run_has_the_runs_evidence_and_verdicts(
     )
     assert {"additive", "additive_closed", "none"} < {*run["model"]}
     arm = ArmNames(tuple(JOINTS), tuple(takes.training.chain.task))
-    own, other = (
+    of_run, of_case = (
         claim_verdicts(read_claims(), table, arm)["verdict"] for table in (run, again)
     )
-    assert own.tolist() == other.tolist() and {"holds", "fails"} < {*own}
+    assert of_run.tolist() == of_case.tolist() and {"holds", "fails"} < {*of_run}
     # control: other random numbers
     (other_draw,) = evaluate([replace(base, draw=1)], recordings, map)
     drawn = other_draw.evidence
@@ -144,9 +144,9 @@ def test_figures_without_tables_are_left_out_and_publish_replaces_earlier_files(
     project, choose
 ):
     choose(overrides={"dataset": {"force": None}})
-    for part in ("tables", "metrics"):
-        (score.OUT / part).mkdir(parents=True)
-        (score.OUT / part / "new.csv").write_text(part)
+    for folder in ("tables", "metrics"):
+        (score.OUT / folder).mkdir(parents=True)
+        (score.OUT / folder / "new.csv").write_text(folder)
     (score.OUT / "evidence.json").write_text('{"synthetic": true}')
     figures.run()
     captions = json.loads((figures.OUT / "captions.json").read_text())

@@ -66,9 +66,9 @@ def test_every_decomposition_is_a_law_of_its_own(chain, step):
         name: WishartModel(0.25, reading).covariance(chain, POSE, step)
         for name, reading in READINGS.items()
     }
-    for one, other in combinations(covariances, 2):
-        difference = np.linalg.norm(covariances[one] - covariances[other])
-        assert difference > 0.05 * np.linalg.norm(covariances[other])
+    for name, rival in combinations(covariances, 2):
+        difference = np.linalg.norm(covariances[name] - covariances[rival])
+        assert difference > 0.05 * np.linalg.norm(covariances[rival])
 
 
 def moments(jacobian: np.ndarray, v: np.ndarray, reading: Decomposition) -> np.ndarray:
@@ -99,9 +99,9 @@ def test_what_a_decomposition_does_not_depend_on(
         def same(
             left: np.ndarray, right: np.ndarray, law=law, jacobian=jacobian
         ) -> bool:
-            other = moments(left @ jacobian @ right.T, left @ step, reading)
+            changed = moments(left @ jacobian @ right.T, left @ step, reading)
             return bool(
-                np.allclose(right.T @ other @ right, law, rtol=1e-6, atol=1e-12)
+                np.allclose(right.T @ changed @ right, law, rtol=1e-6, atol=1e-12)
             )
 
         plain = np.eye(3)
@@ -112,25 +112,25 @@ def test_what_a_decomposition_does_not_depend_on(
 def test_what_is_no_decomposition_or_of_another_size_than_the_task_is_refused(
     chain, poses, step
 ):
-    given = [
+    lefts = [
         None,
         [[1.0, 2.0], [3.0]],
         np.zeros((3, 3)),
         np.full((3, 3), np.nan),
         "rows",
     ]
-    given += [[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]]]
+    lefts += [[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]]]
     for name, left in [
         ("lu", None),
         ("qr", np.eye(3)),
-        *[("given", each) for each in given],
+        *[("given", left) for left in lefts],
     ]:
         with pytest.raises(ModelDomainError):
             Decomposition(name, left=left)
-    other = Decomposition("given", left=np.eye(2))
+    small = Decomposition("given", left=np.eye(2))
     for call in (
-        lambda: factors(chain, poses, step, other),
-        lambda: WishartModel(0.2, other).law(chain),
+        lambda: factors(chain, poses, step, small),
+        lambda: WishartModel(0.2, small).law(chain),
     ):
         with pytest.raises(
             ModelDomainError, match="as many rows as the task, 3, got 2"

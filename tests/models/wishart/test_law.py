@@ -214,8 +214,8 @@ def test_it_is_the_mean_of_normals_over_the_law_of_z_and_g(n, m):
         model.log_density(arm, q, v, q_next, noise), exact, atol=3e-4
     )
     # control: another dispersion
-    other = WishartModel(1.02 * SIGMA_B, model.decomposition)
-    assert np.abs(other.log_density(arm, q, v, q_next, noise) - exact).max() > 1.5e-3
+    wider = WishartModel(1.02 * SIGMA_B, model.decomposition)
+    assert np.abs(wider.log_density(arm, q, v, q_next, noise) - exact).max() > 1.5e-3
 
 
 @pytest.mark.parametrize("n", [n for n, m in SIZES if m == n])

@@ -91,7 +91,8 @@ def test_many_of_those_problems_are_held_back_by_the_bound(chain, poses, step):
     """A smaller bound only lowers the objective."""
     noise, a, back = scene(chain, poses, step, 0.02)
     fit, looser = (
-        fit_perturbations(noise, a, back, weights(1e-3), each) for each in (0.1, 0.001)
+        fit_perturbations(noise, a, back, weights(1e-3), floor)
+        for floor in (0.1, 0.001)
     )
     assert fit.bound.sum() > 20
     assert np.all(looser.objective <= fit.objective * (1 + 1e-9))
@@ -106,7 +107,7 @@ def test_equal_weights_return_the_identity_for_every_step(chain, poses, step):
     fits = (
         fit_perturbations(noise, a, back, weights(ratio), 0.01) for ratio in (0.3, 3e-3)
     )
-    few, most = (each.s.any(axis=(1, 2)).mean() for each in fits)
+    few, most = (fit_of_ratio.s.any(axis=(1, 2)).mean() for fit_of_ratio in fits)
     assert few < 0.1 < 0.9 < most
 
 
@@ -119,8 +120,8 @@ def test_an_exact_fit_inverts_the_model(chain, poses, step):
     q = np.stack([poses, poses + np.matvec(back, a @ b_inv)], axis=1)
     noise = process_noise(chain, q, step[None])[:, 0]
     image, reverse = (
-        np.matvec(fit_perturbations(each, a, back, weights(1e-9), 0.01).s, a)
-        for each in (noise, -noise)
+        np.matvec(fit_perturbations(deviation, a, back, weights(1e-9), 0.01).s, a)
+        for deviation in (noise, -noise)
     )
     np.testing.assert_allclose(a + image, a @ b_inv, atol=1e-12)
     assert np.linalg.norm(reverse - image) > np.linalg.norm(image)
@@ -283,9 +284,9 @@ def test_every_optimum_is_feasible_and_certified_by_its_dual(ratio, floor, size)
     [
         *[(n, n, 1.0) for n in (1, 2, 6)],
         *[
-            (n, m, each)
+            (n, m, across)
             for n, m in ((3, 2), (7, 6), (8, 3))
-            for each in (0, 1e-13, 1e-9, 1e-3, 1)
+            for across in (0, 1e-13, 1e-9, 1e-3, 1)
         ],
     ],
 )
