@@ -52,16 +52,17 @@ def takes(chain) -> Takes:
     """12 takes to fit to and 4 to test on; noise at every step, ten times as much while the robot
     moves.
     """
-    v, rng = np.zeros((STEPS, 3)), np.random.default_rng(5)
+    rng = np.random.default_rng(5)
+    v = np.zeros((STEPS, 3))
     v[REST:-REST] = [0.002, -0.001, 0.02]
     moving = np.any(v, axis=1)
     poses = np.empty((16, STEPS + 1, 3))
     poses[:, 0] = rng.normal([0.3, 1.5, 0.2], 0.1 * STD, (16, 3))
     for k in range(STEPS):
-        noise = rng.normal(0.0, STD * (1.0 if moving[k] else 0.1), (16, 3))
-        poses[:, k + 1] = (
-            poses[:, k] + np.matvec(chain.inverse_jacobian(poses[:, k]), v[k]) + noise
-        )
+        size = 1.0 if moving[k] else 0.1
+        noise = rng.normal(0.0, size * STD, (16, 3))
+        nominal = chain.nominal_step(poses[:, k], v[k])
+        poses[:, k + 1] = poses[:, k] + nominal + noise
     noise = process_noise(chain, poses[:12], v)
     recorded = Recorded(chain, poses[:12, :-1], v, noise, JOINTS)
     names = tuple(f"train_{n}" for n in range(12))

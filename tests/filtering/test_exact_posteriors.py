@@ -178,15 +178,18 @@ WALL_FRAMES = Measurements(
 def integrated(measurements: Measurements) -> tuple[np.ndarray, np.ndarray]:
     """Posterior mean and variance by integration over a grid of the joint's range."""
     edges = np.linspace(*WALLS, 1401)
-    cell, q = edges[1] - edges[0], (edges[1:] + edges[:-1]) / 2
+    q = (edges[1:] + edges[:-1]) / 2
+    cell = q[1] - q[0]
     frames, due, shares = measurements.schedule(len(FAST), DT)
     density = norm.pdf(q, AT_WALL.mean[0], 0.03)
     density /= density.sum() * cell
-    step = (FAST[0, 0] / np.cos(q + PHASE))[:, None]
-    kernel = norm.pdf(q[None, :], q[:, None] + step, np.sqrt(VARIANCE))
+    after_step = q + FAST[0, 0] / np.cos(q + PHASE)
+    kernel = norm.pdf(q, after_step[:, None], np.sqrt(VARIANCE))
     means, variances = [], []
     for k in range(len(FAST) + 1):
-        joint = np.diag(density / cell) if k == 0 else density[:, None] * kernel
+        joint = density[:, None] * kernel
+        if k == 0:
+            joint = np.diag(density / cell)
         for frame, share in zip(frames[due == k], shares[due == k], strict=True):
             pose = (1 - share) * q[:, None] + share * q[None, :]
             joint *= norm.pdf(measurements.y[frame, 0], pose, 0.02)

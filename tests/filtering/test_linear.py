@@ -4,6 +4,7 @@ training takes alone.
 
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
 from scipy.signal import lfilter
 
 from pipeline.core.errors import ModelDomainError
@@ -16,30 +17,37 @@ DT = 0.01
 def drawn(grid: int, n: int, times: list[float], seed: int):
     """A path, a prior (grid, n, grid, n), the measurements at ``times`` and a response."""
     rng = np.random.default_rng(seed)
-    root = rng.standard_normal((grid * n, grid * n)) * 0.01
+    count = len(times)
+    root = 0.01 * rng.standard_normal((grid * n, grid * n))
     prior = (root @ root.T).reshape(grid, n, grid, n)
-    noise = rng.standard_normal((len(times), n, n)) * 0.02
-    y, bias = rng.standard_normal((2, len(times), n))
-    covariance = noise @ noise.swapaxes(1, 2) + 1e-4 * np.eye(n)
+    noise_root = 0.02 * rng.standard_normal((count, n, n))
+    y, bias = rng.standard_normal((2, count, n))
+    covariance = noise_root @ noise_root.swapaxes(1, 2)
+    covariance += 1e-4 * np.eye(n)
     frames = Measurements("a", np.array(times), y, bias, covariance)
     response = np.eye(n) + 0.3 * rng.standard_normal((n, n))
-    return rng.standard_normal((grid, n)), prior, frames, response
+    path = rng.standard_normal((grid, n))
+    return path, prior, frames, response
 
 
 def direct(path, prior, frames, response, k: int) -> tuple[np.ndarray, np.ndarray]:
     """Mean and covariance of the pose at step k from the joint law of poses and frames."""
     grid, n = path.shape
-    here, full = slice(k * n, (k + 1) * n), prior.reshape(grid * n, grid * n)
-    looks, residual, noise = np.empty((0, grid * n)), np.empty(0), np.empty((0, 0))
-    for j in np.flatnonzero((frames.t >= 0) & (frames.t <= k * DT + 1e-12)):
-        at = frames.t[j] / DT
-        weights = np.maximum(0, 1 - np.abs(np.arange(grid) - at))  # of a polygon
-        looks = np.vstack([looks, np.kron(weights, response)])
-        residual = np.append(residual, frames.y[j] - frames.bias[j] - weights @ path)
-        corner = np.zeros((len(noise), n))
-        noise = np.block([[noise, corner], [corner.T, frames.covariance[j]]])
-    gain = np.linalg.solve(looks @ full @ looks.T + noise, looks @ full[:, here]).T
-    return path[k] + gain @ residual, full[here, here] - gain @ looks @ full[:, here]
+    full = prior.reshape(grid * n, grid * n)
+    so_far = (frames.t >= 0) & (frames.t <= k * DT + 1e-12)
+    unbiased = frames.y - frames.bias
+    looks, residuals = [np.empty((0, grid * n))], [np.empty(0)]
+    for t, y in zip(frames.t[so_far], unbiased[so_far], strict=True):
+        distance = np.abs(np.arange(grid) - t / DT)
+        weights = np.maximum(0, 1 - distance)  # of a polygon
+        looks.append(np.kron(weights, response))
+        residuals.append(y - weights @ path)
+    look = np.vstack(looks)
+    spread = look @ full @ look.T + block_diag(*frames.covariance[so_far])
+    across = look @ full[:, k * n : (k + 1) * n]
+    gain = np.linalg.solve(spread, across).T
+    mean = path[k] + gain @ np.concatenate(residuals)
+    return mean, prior[k, :, k] - gain @ across
 
 
 @pytest.mark.parametrize("n", [2, 3])
@@ -66,12 +74,13 @@ NOISE = np.array([[2.0, -0.5], [-0.5, 1.0]]) * 1e-5
 def measured(takes: int, seed: int, noise=NOISE, keep: float = KEEP) -> np.ndarray:
     """(takes, STEPS, 2) rad of a first-order law about a path, measured with ``noise``."""
     rng = np.random.default_rng(seed)
-    fresh = rng.standard_normal((takes, STEPS, 2)) @ np.linalg.cholesky(SPREAD).T
-    off = fresh.copy()
-    for k in range(1, STEPS):
-        off[:, k] = keep * off[:, k - 1] + np.sqrt(1 - keep**2) * fresh[:, k]
-    seen = rng.multivariate_normal(np.zeros(2), noise, (takes, STEPS))
-    return np.linspace(0, 1, STEPS)[:, None] + off + seen
+    root = np.linalg.cholesky(SPREAD)
+    fresh = rng.standard_normal((takes, STEPS, 2)) @ root.T
+    fresh[:, 1:] *= np.sqrt(1 - keep**2)
+    deviations = lfilter([1.0], [1.0, -keep], fresh, axis=1)
+    errors = rng.multivariate_normal(np.zeros(2), noise, (takes, STEPS))
+    path = np.linspace(0, 1, STEPS)
+    return path[:, None] + deviations + errors
 
 
 @pytest.fixture(scope="module")
@@ -96,33 +105,29 @@ def test_the_autocorrelated_law_is_the_one_that_takes_were_drawn_with(poses):
 
 def test_the_autocorrelation_of_few_takes_is_not_biased_by_their_mean():
     """Four takes: with the noise of four, not of three, the first lag would be 8 % too high."""
-    rng, repeats, takes, steps, keep = np.random.default_rng(5), 300, 4, 200, 0.5
-    noise = np.array([[0.25]])
-    fresh = rng.standard_normal((repeats, takes, steps, 1)) * np.sqrt(1 - keep**2)
-    fresh[:, :, 0] /= np.sqrt(1 - keep**2)
-    deviations = lfilter([1.0], [1.0, -keep], fresh, axis=2)
-    poses = deviations + 0.5 * rng.standard_normal(deviations.shape)
-    first = [linear.autocorrelation(of_repeat, noise)[1] for of_repeat in poses]
-    expected = keep * (1 - 1 / steps)
-    assert np.mean(first) == pytest.approx(expected, rel=0.03)
+    takes, keep, noise = 4, 0.5, 0.25 * SPREAD
+    first_lags = []
+    for seed in range(300):
+        poses = measured(takes, seed, noise, keep)
+        first_lags.append(linear.autocorrelation(poses, noise)[1])
+    expected = keep * (1 - 1 / STEPS)
+    assert np.mean(first_lags) == pytest.approx(expected, rel=0.03)
 
 
 def test_the_autocorrelated_filter_is_calibrated_and_without_measurements_the_training_mean(
     poses,
 ):
-    true, k, rng = (
-        measured(100, 6, 0 * NOISE),
-        np.arange(0, STEPS, 3),
-        np.random.default_rng(5),
-    )
+    true = measured(100, 6, 0 * NOISE)
+    k = np.arange(0, STEPS, 3)
+    rng = np.random.default_rng(5)
 
     def filtered(noise):
-        y = true[:, k] + rng.multivariate_normal(
-            np.zeros(2), noise, (len(true), len(k))
-        )
-        zero, covariance = np.zeros((len(k), 2)), np.tile(noise, (len(k), 1, 1))
+        errors = rng.multivariate_normal(np.zeros(2), noise, (len(true), len(k)))
+        zero = np.zeros((len(k), 2))
+        covariance = np.tile(noise, (len(k), 1, 1))
         frames = [
-            Measurements("take", DT * k, angles, zero, covariance) for angles in y
+            Measurements("take", DT * k, y, zero, covariance)
+            for y in true[:, k] + errors
         ]
         return linear.autocorrelated_filter(poses, NOISE, frames, DT)
 
@@ -143,9 +148,9 @@ def test_the_autocorrelated_filter_is_calibrated_and_without_measurements_the_tr
 @pytest.mark.parametrize("keep", [0.0, 0.95])
 def test_baselines_predict_as_well_as_the_law_allows(keep):
     noise = 4e-6 * np.eye(2)
-    predicted = linear.baseline_predictions(
-        *(measured(300, s, noise, keep) for s in (1, 2)), noise
-    )
+    training = measured(300, 1, noise, keep)
+    poses = measured(300, 2, noise, keep)
+    predicted = linear.baseline_predictions(training, poses, noise)
     # variance less the part that the measured pose before tells
     gain = keep**2 * SPREAD @ np.linalg.solve(SPREAD + noise, SPREAD)
     for name, expected in (("none", SPREAD + noise), ("memory", SPREAD + noise - gain)):

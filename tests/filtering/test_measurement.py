@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.signal import lfilter
 from space_arms import LWR4
 
 from pipeline.core import contracts
@@ -22,12 +23,17 @@ from pipeline.filtering.measurement import (
 
 
 def measurements_at(t, **changed) -> Measurements:
+    """Measurements of three joints at the times ``t`` in s, with some arrays ``changed``."""
     rng = np.random.default_rng(3)
-    root = 0.05 * rng.standard_normal((len(t), 3, 3))
-    y, bias = rng.standard_normal((len(t), 3)), 0.1 * rng.standard_normal((len(t), 3))
-    covariance = root @ np.swapaxes(root, 1, 2) + 1e-4 * np.eye(3)
-    arrays = {"y": y, "bias": bias, "covariance": covariance}
-    return Measurements("test07", np.asarray(t, dtype=float), **(arrays | changed))
+    count = len(t)
+    root = 0.05 * rng.standard_normal((count, 3, 3))
+    arrays = {
+        "y": rng.standard_normal((count, 3)),
+        "bias": 0.1 * rng.standard_normal((count, 3)),
+        "covariance": root @ np.swapaxes(root, 1, 2) + 1e-4 * np.eye(3),
+    }
+    arrays |= changed
+    return Measurements("test07", np.array(t, dtype=float), **arrays)
 
 
 def test_a_frame_enters_at_the_step_during_which_it_was_taken():
@@ -96,12 +102,11 @@ BIAS = 1e-2 * np.linspace(-1, 1, STEPS)
 
 def encoder_errors(keep: float) -> np.ndarray:
     """(TAKES, STEPS, 2) rad errors of which a share ``keep`` is left after a step, about a bias."""
-    fresh = np.random.default_rng(1).standard_normal((TAKES, STEPS, 2))
-    fresh = fresh @ np.linalg.cholesky(SPREAD).T
-    errors = np.empty_like(fresh)
-    errors[:, 0] = fresh[:, 0]
-    for k in range(1, STEPS):
-        errors[:, k] = keep * errors[:, k - 1] + np.sqrt(1 - keep**2) * fresh[:, k]
+    rng = np.random.default_rng(1)
+    root = np.linalg.cholesky(SPREAD)
+    fresh = rng.standard_normal((TAKES, STEPS, 2)) @ root.T
+    fresh[:, 1:] *= np.sqrt(1 - keep**2)
+    errors = lfilter([1.0], [1.0, -keep], fresh, axis=1)
     return errors + BIAS[:, None]
 
 
@@ -133,10 +138,12 @@ def test_bias_covariance_and_duration_of_encoder_errors_are_those_drawn(keep):
 
 def test_the_covariance_of_few_takes_is_not_biased_by_their_mean():
     """Four takes: divided by their number, it would be a quarter too small."""
-    rng, repeats, takes = np.random.default_rng(3), 400, 4
-    root = np.linalg.cholesky(SPREAD)
-    errors = rng.standard_normal((repeats, takes, 40, len(SPREAD))) @ root.T
-    covariances = [encoder_noise(of_repeat, DT).covariance for of_repeat in errors]
+    rng = np.random.default_rng(3)
+    zero = np.zeros(len(SPREAD))
+    covariances = []
+    for _ in range(400):
+        errors = rng.multivariate_normal(zero, SPREAD, (4, 40))
+        covariances.append(encoder_noise(errors, DT).covariance)
     mean = np.mean(covariances, axis=(0, 1))
     np.testing.assert_allclose(mean, SPREAD, atol=0.05 * SPREAD.max())
 

@@ -221,18 +221,22 @@ def test_the_likelihood_is_that_of_the_whole_motion_as_one_normal_vector():
     deviation -= deviation.mean(axis=0)
     begin, _ = without_measurement(np.cov(deviation[:, 0].T), measured)
 
+    changes = (deviation[:, 1:] - deviation[:, :1]).reshape(takes, -1)
+
     def log_likelihoods(share: float) -> np.ndarray:
         # rows of e_k − e_0 in (e_0, w_0, …)
-        rows = [np.hstack([np.eye(n), np.zeros((n, n * steps))])]
+        first = np.hstack([np.eye(n), np.zeros((n, n * steps))])
+        row, rows = first, []
         for k in range(steps):
-            rows.append((drift[k] - share * correction[k]) @ rows[-1])
-            rows[-1][:, n * (k + 1) : n * (k + 2)] += np.eye(n)
-        moved = np.vstack([row - rows[0] for row in rows[1:]])
+            row = (drift[k] - share * correction[k]) @ row
+            row[:, n * (k + 1) : n * (k + 2)] += np.eye(n)
+            rows.append(row - first)
+        moved = np.vstack(rows)
         total = moved @ block_diag(begin, *noise) @ moved.T
         total += np.kron(np.eye(steps) + 1.0, measured)  # n_k − n_0
-        r = (deviation[:, 1:] - deviation[:, :1]).reshape(takes, -1)
-        squares = np.vecdot(r, np.linalg.solve(total, r.T).T)
-        return -0.5 * squares - 0.5 * (takes - 1) / takes * np.linalg.slogdet(total)[1]
+        squares = np.vecdot(changes, np.linalg.solve(total, changes.T).T)
+        _, log_determinant = np.linalg.slogdet(total)
+        return -0.5 * (squares + (takes - 1) / takes * log_determinant)
 
     shares = np.array([0.0, 0.3, 0.9])
     likelihoods = closed_loop.take_log_likelihoods(space, deviation, shares)

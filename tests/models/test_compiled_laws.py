@@ -66,7 +66,7 @@ def test_every_compiled_law_is_its_formula_in_numpy(model, name):
         moved, clipped = draw_steps(model, arm, q, v, compiled_rng)
         expected, expected_clipped = plain_steps(model, arm, q, v, plain_rng)
         # relative to the step: a few draws are nearly singular and lead far
-        assert np.max(np.abs(moved - expected) / (1 + np.abs(expected - q))) < 1e-12
+        assert np.max(np.abs(moved - expected) / (1 + np.abs(expected - q))) < 5e-12
         assert clipped == expected_clipped
         assert compiled_rng.bit_generator.state == plain_rng.bit_generator.state
         assert np.array_equal(draw_steps(model, arm, q, v, RNG(2))[0], moved)
@@ -231,7 +231,7 @@ def test_normal_models_steps_are_their_formula_in_numpy_whatever_the_size(n, m):
     for model in (AdditiveModel(noise), bounded):
         moved, clipped = draw_steps(model, chain, q, command, RNG(4))
         expected, expected_clipped = plain_steps(model, chain, q, command, RNG(4))
-        assert np.max(np.abs(moved - expected) / (1 + np.abs(expected - q))) < 1e-12
+        assert np.max(np.abs(moved - expected) / (1 + np.abs(expected - q))) < 5e-12
         assert clipped == expected_clipped == (150 if model is bounded else 0)
     with pytest.raises(ModelDomainError, match="run the stage fit"):
         NORMAL["additive"].law(random_arm(7, 6))

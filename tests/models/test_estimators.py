@@ -42,12 +42,13 @@ def recorded_on(arm, q, v, measured, model, takes: int) -> Recorded:
     """Takes of steps that begin at the poses ``q`` and are drawn from the ``model``, each measured
     with noise of the covariance ``measured``.
     """
-    rng, poses = np.random.default_rng(1), np.tile(q, (takes, 1, 1))
-    noise = (
-        draw_steps(model, arm, poses, v, rng)[0] - poses - arm.nominal_step(poses, v)
-    )
-    noise += rng.multivariate_normal(np.zeros(q.shape[1]), measured, noise.shape[:2])
-    joints = tuple(f"joint_{j}" for j in range(q.shape[1]))
+    rng = np.random.default_rng(1)
+    n = q.shape[1]
+    poses = np.tile(q, (takes, 1, 1))
+    moved, _ = draw_steps(model, arm, poses, v, rng)
+    noise = moved - poses - arm.nominal_step(poses, v)
+    noise += rng.multivariate_normal(np.zeros(n), measured, noise.shape[:2])
+    joints = tuple(f"joint_{j}" for j in range(n))
     return Recorded(arm, poses, v, noise, joints, measured)
 
 
@@ -237,12 +238,12 @@ def scene(n: int, m: int):
     """
     arm = random_arm(n, m)
     q, v = motion(arm, STEPS, REST)
-    step = np.sqrt(np.mean(np.diff(q[REST:], axis=0) ** 2))
-    root = np.eye(n) + 0.5 * np.random.default_rng(1).standard_normal((n, n)) / np.sqrt(
-        n
-    )
-    covariance = (0.1 * step) ** 2 * root @ root.T
-    return (arm, q[:-1], v), covariance, 1e-2 * np.diag(np.diag(covariance))
+    squares = np.diff(q[REST:], axis=0) ** 2
+    rng = np.random.default_rng(1)
+    root = np.eye(n) + 0.5 * rng.standard_normal((n, n)) / np.sqrt(n)
+    covariance = 0.01 * np.mean(squares) * root @ root.T
+    measured = 0.01 * np.diag(np.diag(covariance))
+    return (arm, q[:-1], v), covariance, measured
 
 
 # prefix of the compared estimates, band of their sampling error, factor on the control's noise

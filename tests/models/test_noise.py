@@ -194,12 +194,17 @@ def test_the_bias_of_a_step_is_the_mean_of_many_draws_and_zero_for_a_normal_law(
 
 def test_a_free_run_that_reaches_a_singular_pose_is_lost_and_counted(chain, poses, rng):
     q, v = takes(poses, 3, 4), np.zeros((4, 3))
-    straight = q[0, 0] + [0.0, chain.straight - q[0, 0, 1], 0.0]
-    v[0] = chain.jacobian(q[0, 0]) @ (straight - q[0, 0])  # the others arrive elsewhere
-    single, run = (realize(SILENT, chain, q, v, mode, rng) for mode in MODES)
-    assert (single[2], run[2]) == (0, 1) and np.isfinite(single[0]).all()
-    lost = np.isnan(run[0]).any(axis=-1)
-    assert lost.tolist() == [[False] * 2 + [True] * 3, [False] * 5, [False] * 5]
+    first = q[0, 0]
+    straight = first.copy()
+    straight[1] = chain.straight
+    v[0] = chain.jacobian(first) @ (straight - first)  # the others arrive elsewhere
+    single, _, lost_single = realize(SILENT, chain, q, v, "one_step", rng)
+    run, _, lost_run = realize(SILENT, chain, q, v, "free_running", rng)
+    assert (lost_single, lost_run) == (0, 1)
+    assert np.isfinite(single).all()
+    lost = np.isnan(run).any(axis=-1)
+    assert lost.sum(axis=1).tolist() == [3, 0, 0]
+    assert lost[0].tolist() == [False, False, True, True, True]
 
 
 @pytest.mark.parametrize(("mode", "growth"), [("one_step", 0.0), ("free_running", 0.5)])
