@@ -130,6 +130,8 @@ def add_table(finding: Finding, form: Format) -> None:
         beside = {*clocks, *counting}
         rows = {n: column for n, column in values.items() if n not in beside}
         signals, guesses = signals_by_values(rows, time)
+        if len(rows) > 2 and len(signals.get("actual", ())) == 1:
+            signals, guesses = {}, {}  # one pair of many columns may follow by chance
     if certain := {name: signals[name] for name in signals if name not in guesses}:
         facts["signals"] = certain
     if guesses:
