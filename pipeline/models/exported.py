@@ -1,4 +1,4 @@
-"""Reader of exported models with NumPy alone; the tool export copies it beside the model."""
+"""Reader of exported models; its copy beside a model, by the tool export, needs only NumPy."""
 
 import json
 import warnings

@@ -49,8 +49,11 @@ def _wishart(model, chain, q, v, rng) -> np.ndarray:
     """‖T‖ in closed form: T = N·sqrt((exp(‖N‖²/(d−1)) − 1)/‖N‖²) for N ~ N(0, I₂)."""
     d = degrees_of_freedom(model.sigma_b, 3)
     if model.decomposition.name == "qr_transposed":
-        # Q·B⁻¹Qᵀ has the law of B⁻¹, so that any orthonormal Q will do
-        a, back = np.matvec(chain.inverse_jacobian(q), v), np.eye(3)
+        # J = LQ: the step is Qᵀ·B⁻¹·L⁻¹v
+        jacobian = chain.jacobian(q)
+        lower = np.linalg.cholesky(jacobian @ jacobian.swapaxes(1, 2))
+        orthonormal = np.linalg.solve(lower, jacobian)
+        a, back = np.linalg.solve(lower, v[..., None])[..., 0], orthonormal.mT
     else:
         a, back, _ = split(chain.jacobian(q), v, model.decomposition)
     z = d / rng.chisquare(d - 2, len(q))

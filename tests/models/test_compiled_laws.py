@@ -65,8 +65,8 @@ def test_every_compiled_law_is_its_formula_in_numpy(model, name):
         compiled_rng, plain_rng = RNG(2), RNG(2)
         moved, clipped = draw_steps(model, arm, q, v, compiled_rng)
         expected, expected_clipped = plain_steps(model, arm, q, v, plain_rng)
-        # relative to the step: a few draws are nearly singular and lead far
-        assert np.max(np.abs(moved - expected) / (1 + np.abs(expected - q))) < 5e-12
+        # relative to the step: a few poses and draws are nearly singular and lead far
+        assert np.max(np.abs(moved - expected) / (1 + np.abs(expected - q))) < 1e-11
         assert clipped == expected_clipped
         assert compiled_rng.bit_generator.state == plain_rng.bit_generator.state
         assert np.array_equal(draw_steps(model, arm, q, v, RNG(2))[0], moved)
