@@ -5,9 +5,9 @@ from pathlib import Path
 
 
 def load(file: str | Path, period: float | None = None):
-    """Read an exported model (:class:`pipeline.models.exported.ExportedModel`) from ``file``. Raises
-    ContractError if ``file`` is not one, ModelDomainError where the model is not of steps of
-    ``period`` (s).
+    """Read an exported model (:class:`pipeline.models.exported.ExportedModel`) from ``file``.
+
+    Raises ContractError for another file, ModelDomainError for other steps than of ``period`` (s).
     """
     exported = (
         "pipeline.models.exported"  # imported by name: no dependency of the stages
