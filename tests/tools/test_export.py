@@ -2,13 +2,13 @@
 numbers; worked examples run with it: filters, a planner's cost, the covariance of a frame.
 """
 
-import ast
 import json
 import re
 import subprocess
 import sys
 import time
 import types
+from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -23,6 +23,8 @@ from pipeline.core.errors import ContractError, ModelDomainError
 from pipeline.models import load
 from pipeline.models.exported import SCORED, OutsideRanges, UnconfirmedBands
 from pipeline.models.joint_error.samples import HORIZONS
+from pipeline.models.kinds import kinds
+from pipeline.models.steps import Recorded
 from pipeline.tools.export import command
 from pipeline.tools.export.command import READER_NAME, reader_source
 
@@ -66,8 +68,7 @@ def alone(module: str, file: Path) -> subprocess.CompletedProcess:
 def folder(tmp_path_factory) -> Path:
     place = tmp_path_factory.mktemp("colleague")
     (place / READER_NAME).write_text(text := reader_source())
-    names = [each.name for each in ast.parse(text).body if hasattr(each, "name")]
-    assert len({*names}) == len(names)  # no module replaces a name of another one
+    assert text.count("def build(parameters") == len(kinds())  # none replaces another
     return place
 
 
@@ -88,6 +89,16 @@ def test_both_readers_give_the_projects_numbers_and_the_copied_one_needs_only_nu
     assert "\n" not in got["repr"] and got["repr"] == repr(model)
     np.testing.assert_array_equal(got["covariance"], model.covariance(q, task_step=v))
     assert np.isfinite(got["density"]).all()
+
+
+def test_equal_names_in_two_modules_of_the_reader_stay_apart(folder, monkeypatch):
+    reader = copied_reader(folder, monkeypatch)
+    for name in ("pipeline.models.joint_error.law", "pipeline.arm.rows"):
+        module, copied = import_module(name), reader._module(name)
+        assert copied.TURN == module.TURN
+    assert (
+        import_module(name).TURN != reader._MADE["pipeline.models.joint_error.law"].TURN
+    )
 
 
 def test_a_wrong_shape_and_a_singular_pose_are_named(folder, chain):
@@ -284,6 +295,31 @@ def test_a_wishart_model_whose_step_has_no_covariance_is_not_exported(chain):
     command.require_known("wishart", parameters | {"sigma_b": 0.81}, recorded)
     with pytest.raises(ModelDomainError, match=r"0\.82 is not below 0\.816"):  # √(4/6)
         command.require_known("wishart", parameters | {"sigma_b": 0.82}, recorded)
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_the_covariance_of_a_measured_pose_is_half_of_a_steps(
+    known, chain, monkeypatch
+):
+    rng, takes, steps = np.random.default_rng(3), 6, 20
+    q = np.array([0.3, 1.5, -0.4]) + 0.1 * rng.standard_normal((takes, steps, 3))
+    v = np.tile([1e-3, -1e-3, 1e-2], (steps, 1))
+    pose = np.diag([1e-6, 4e-6, 9e-6])  # rad², of one pose; a step has two
+    noise = 5e-3 * rng.standard_normal(q.shape)
+    stated = 2 * pose if known else None
+    recorded = Recorded(chain, q, v, noise, ("a", "b", "c"), stated)
+    monkeypatch.setattr(command, "training_steps", lambda *_: recorded)
+    monkeypatch.setattr(command, "SOURCES", [])
+    motion = SimpleNamespace(rate=100.0, pose_noise=None)
+    robot = SimpleNamespace(joints=["a", "b", "c"])
+    dataset = SimpleNamespace(name="lab", robot=robot, motion=motion, joint_log=None)
+    scale = SimpleNamespace(name="paper")
+    settings = SimpleNamespace(dataset=dataset, models={}, seed=1, scale=scale)
+    record = command.exported_record("additive", settings)
+    if known:
+        np.testing.assert_allclose(record["pose_covariance_rad2"], pose)
+    else:
+        assert record["pose_covariance_rad2"] is None
 
 
 PAGE = (ROOT / "pipeline/tools/export/README.md").read_text(encoding="utf-8")

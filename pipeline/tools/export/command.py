@@ -2,15 +2,14 @@
 filters outside the pipeline, and a Python file that reads it and needs only NumPy.
 """
 
+import ast
 import hashlib
 import json
-import re
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
-from string import Template
 from typing import Any
 
 import numpy as np
@@ -48,14 +47,9 @@ UNITS = {
     "joint step": "commanded step of each joint in 1/rate_per_s, rad",
 }
 READER_NAME, READER = "read_motion_model.py", "pipeline.models.exported"
-# are not copied: reader.txt has build_model, and the kinematics' helpers without a compiler
-LEFT_OUT = (
-    "pipeline.models.kinds",
-    "pipeline.core.compiled",
-    "pipeline.core.elementary",
-)
-IMPORT = re.compile(r"^((?:from (\S+) )?import (?:\([^)]*\)|.*)\n)", re.MULTILINE)
-FUTURE = "from __future__ import annotations\n"  # reader.txt has it
+KINDS = "pipeline.models.kinds"
+# modules whose texts in the reader are files of this folder: helpers without a compiler
+STAND_INS = ("pipeline.core.compiled", "pipeline.core.elementary")
 
 
 def run(model: str, to: Path | None = None) -> None:
@@ -268,31 +262,45 @@ def _read(file: Path) -> dict[str, Any]:
 
 
 def reader_source() -> str:
-    """Return the text of READER_NAME: reader.txt with the project's reader and laws, each module
-    after those that it imports. The function ``build`` of the law KIND is named ``build_KIND``;
-    other names of these modules are unique.
+    """Return the text of READER_NAME: reader.txt with the project's reader, its laws and the
+    modules that they import, each of which stays a module with names of its own.
     """
     laws = {kind: f"pipeline.models.{kind}.law" for kind in kinds.kinds()}
-    imports: set[str] = set()
-    texts: dict[str, str] = {}
-
-    def add(module: str) -> None:
-        text = Path(find_spec(module).origin).read_text(encoding="utf-8")
-        for statement, source in IMPORT.findall(text):
-            if not source.startswith("pipeline."):
-                imports.add(statement)
-            elif source not in {*texts, *LEFT_OUT}:
-                add(source)
-        texts[module] = re.sub(r"\n{4,}", "\n\n\n", IMPORT.sub("", text)).strip()
-
-    for module in (*laws.values(), READER):
-        add(module)
-    for kind, module in laws.items():
-        texts[module] = texts[module].replace("\ndef build(", f"\ndef build_{kind}(")
-    modules = re.sub(
-        r"\bnp\.(matvec|vecmat|vecdot)\(", r"\1(", "\n\n\n".join(texts.values())
+    texts = {name: _stand_in(name) for name in STAND_INS}
+    texts[KINDS] = "".join(
+        f"from {module} import build as build_{kind}\n" for kind, module in laws.items()
     )
-    parts = {"imports": "".join(sorted(imports - {FUTURE})), "modules": f"{modules}\n"}
+    texts[KINDS] += _stand_in(KINDS).replace(
+        "LAWS", ", ".join(f'"{kind}": build_{kind}' for kind in laws)
+    )
+    waiting = [*laws.values(), READER]
+    while waiting:
+        if (name := waiting.pop()) not in texts:
+            texts[name] = Path(find_spec(name).origin).read_text(encoding="utf-8")
+            waiting += imported_modules(texts[name])
+    modules = "".join(f"    {name!r}: {_quoted(texts[name])},\n" for name in texts)
     template = (HERE / "reader.txt").read_text(encoding="utf-8")
-    named = ", ".join(f'"{kind}": build_{kind}' for kind in laws)
-    return Template(template).substitute(parts, laws=named)
+    return template.replace("MODULES = {}", f"MODULES = {{\n{modules}}}")
+
+
+def imported_modules(text: str) -> list[str]:
+    """Return the modules of the pipeline that the module of this ``text`` imports at its top."""
+    names = []
+    for statement in ast.parse(text).body:
+        if isinstance(statement, ast.ImportFrom):
+            source = statement.module or ""
+            if source.partition(".")[0] == "pipeline":
+                names.append(source)
+    return names
+
+
+def _stand_in(module: str) -> str:
+    """Return the text that replaces ``module`` in the reader."""
+    file = HERE / f"{module.rpartition('.')[2]}.txt"
+    return file.read_text(encoding="utf-8")
+
+
+def _quoted(text: str) -> str:
+    """Return ``text`` as a literal of Python that a person can read."""
+    plain = "'''" not in text and not text.endswith(("\\", "'"))
+    return f"r'''{text}'''" if plain else repr(text)
