@@ -28,7 +28,7 @@ from pipeline.recordings.quality import (
 )
 from pipeline.wrench.measured_force import require_own_configuration
 
-TRAIN, TEST = "train_001", "test_001"
+TRAIN, TEST, LIMITS = "train_001", "test_001", Limits()
 
 
 @pytest.fixture
@@ -37,15 +37,14 @@ def folder(benches, dataset, tmp_path):
     (tmp_path / "optitrack").mkdir()
     source = tmp_path / "source.csv"
     source.write_bytes(benches["take"].files["optitrack/test_001.csv"])
-    take, rng = read_motive(source), np.random.default_rng(4)
+    rng, sound = np.random.default_rng(4), read_motive(source)
     for name in (TRAIN, TEST):
-        markers = {
-            n: xyz + rng.normal(0, 5e-5, xyz.shape) for n, xyz in take.markers.items()
-        }
-        own = replace(take, name=name, markers=markers)
-        write_motive(
-            tmp_path / f"optitrack/{name}.csv", own, start="2017-05-02 10.00.00.000 AM"
-        )
+        markers = {}
+        for marker, xyz in sound.markers.items():
+            markers[marker] = xyz + rng.normal(0, 5e-5, xyz.shape)
+        take = replace(sound, name=name, markers=markers)
+        file = tmp_path / f"optitrack/{name}.csv"
+        write_motive(file, take, start="2017-05-02 10.00.00.000 AM")
     mocap = replace(dataset.mocap, training="optitrack/train*", test="optitrack/test*")
     sections = {"trajectory": None, "depth": None, "force": None, "mocap": mocap}
     return replace(dataset, recordings=str(tmp_path), **sections)
@@ -54,11 +53,10 @@ def folder(benches, dataset, tmp_path):
 def ingest(dataset, tmp_path) -> dict[str, dict[str, float]]:
     """Take → counts of the part motion."""
     (tmp_path / "out").mkdir()
-    quality = read_part("motion", dataset, SimpleNamespace(), tmp_path / "out")
-    takes = {row["take"] for row in quality}
-    return {
-        t: {r["quantity"]: r["value"] for r in quality if r["take"] == t} for t in takes
-    }
+    counts: dict[str, dict[str, float]] = {}
+    for row in read_part("motion", dataset, SimpleNamespace(), tmp_path / "out"):
+        counts.setdefault(row["take"], {})[row["quantity"]] = row["value"]
+    return counts
 
 
 def exported_again(content: bytes) -> bytes:
@@ -79,12 +77,11 @@ def test_a_copy_of_a_take_is_refused_with_both_names(folder, tmp_path, change, c
 
 
 def test_rounded_samples_are_equal_and_noise_is_not():
-    rng = np.random.default_rng(1)
-    one, other = rng.normal(size=(50, 3)), rng.normal(size=(50, 3))
-    one[3] = np.nan
-    require_distinct("takes", {"a": one, "b": one + 1e-4, "c": other, "d": one[:40]})
+    a, c = np.random.default_rng(1).normal(size=(2, 50, 3))
+    a[3] = np.nan
+    require_distinct("takes", {"a": a, "b": a + 1e-4, "c": c, "d": a[:40]})
     with pytest.raises(RecordingError, match="a and b have equal samples"):
-        require_distinct("takes", {"a": one, "c": other, "b": one.round(6)})
+        require_distinct("takes", {"a": a, "c": c, "b": a.round(6)})
 
 
 def test_a_header_that_names_another_take_is_counted_or_refused(
@@ -94,9 +91,8 @@ def test_a_header_that_names_another_take_is_counted_or_refused(
     content = file.read_bytes()
     file.write_bytes(content.replace(TRAIN.encode(), b"Take 2017-05-02"))
     counts = ingest(folder, tmp_path)
-    assert (
-        counts[TRAIN]["named_otherwise"] == 1 and "named_otherwise" not in counts[TEST]
-    )
+    assert counts[TRAIN]["named_otherwise"] == 1
+    assert "named_otherwise" not in counts[TEST]
     assert "the take is 'Take 2017-05-02' by its header" in capsys.readouterr().out
     file.write_bytes(content.replace(TRAIN.encode(), TEST.encode()))
     (tmp_path / "out").rename(tmp_path / "before")
@@ -107,17 +103,17 @@ def test_a_header_that_names_another_take_is_counted_or_refused(
 
 def test_a_late_take_has_a_lag_beyond_the_limit_and_others_have_not(motion):
     rng, time = np.random.default_rng(2), np.arange(160) / 100
-    drawn = [
-        motion(time + rng.normal(0, 0.0015)) + rng.normal(0, 1e-3, (160, 3))
-        for _ in range(8)
-    ]
-    lags = lags_beside_others(np.array(drawn), 100.0)
-    assert np.abs(lags).max() < Limits().lag_beside_others / 2
-    late = np.array([*drawn[:-1], motion(time - 0.08)])
-    late[0, 40:60] = np.nan  # lost
-    lags = lags_beside_others(late, 100.0)
+    starts = rng.normal(0, 0.0015, 8)
+    takes = np.array([motion(time + start) for start in starts])
+    takes += rng.normal(0, 1e-3, takes.shape)
+    lags = lags_beside_others(takes, 100.0)
+    assert np.abs(lags).max() < LIMITS.lag_beside_others / 2
+    takes[-1] = motion(time - 0.08)
+    takes[0, 40:60] = np.nan  # lost
+    lags = lags_beside_others(takes, 100.0)
     assert lags[-1] == pytest.approx(0.08, abs=0.005)
-    assert (np.abs(lags) > Limits().lag_beside_others).tolist() == [False] * 7 + [True]
+    beyond = np.abs(lags) > LIMITS.lag_beside_others
+    assert np.flatnonzero(beyond).tolist() == [7]
 
 
 SHIFTS = {
@@ -142,9 +138,6 @@ def swaying_takes(takes: int, motion, rng: np.random.Generator) -> np.ndarray:
         take[:, :3] = motion(late) + 0.002 * np.sin(waves).sum(axis=1).T
         take[:, :3] += rng.normal(0, 1e-4, (320, 3))
     return q
-
-
-LIMITS = Limits()
 
 
 @pytest.mark.parametrize("disguise", [*SHIFTS, "all"])
@@ -231,8 +224,9 @@ def test_a_wrong_focal_length_gives_a_warning_with_its_mean_error(
     bench, name = benches["depth"], "kinect/intrinsics.yaml"
     focal = re.search(rb"data: \[ *([0-9.]+)", bench.files[name])[1]
     changed = bench.files[name].replace(focal, str(float(focal) * factor).encode(), 1)
-    _, found = bench.outcome({**bench.files, name: changed})
-    errors = spread("e", dataset.robot.joints, found.q - motion(found.time))
+    _, recovered = bench.outcome({**bench.files, name: changed})
+    error = recovered.q - motion(recovered.time)
+    errors = spread("e", dataset.robot.joints, error)
     warning = bias_warning(pd.DataFrame(errors))
     assert bool(warning) == warned == ("rad off the motion capture" in warning)
     with pytest.raises(RecordingError, match="mirrored"):
@@ -253,16 +247,17 @@ def test_images_of_another_take_have_a_share_beyond_the_limit(motion, dataset):
     seen_at = np.arange(5, 175, 3) / 100
 
     def share(images: int, name: int, noise: float) -> float:
-        nodes = arm.chain.points(joints[images].filter(like="q").to_numpy())[
-            :, 1:
-        ].mean(axis=1)
-        seen = np.stack([np.interp(seen_at, time, x) for x in nodes.T], axis=1)
+        """The share of a take ``name`` whose images are of the take ``images``."""
+        angles = joints[images].filter(like="q").to_numpy()
+        nodes = arm.chain.points(angles)[:, 1:].mean(axis=1)
+        centroids = [np.interp(seen_at, time, x) for x in nodes.T]
+        seen = np.stack(centroids, axis=1)
         seen = np.ascontiguousarray(seen + rng.normal(0, noise, seen.shape))
         order = [joints[name], *joints[:name], *joints[name + 1 :]]
-        own, *others = camera_residuals((seen_at, seen), order, arm, (-0.2, 0.2))
-        return residual_share(seen, own, others)
+        residual, *beside = camera_residuals((seen_at, seen), order, arm, (-0.2, 0.2))
+        return residual_share(seen, residual, beside)
 
-    limit = Limits().camera_residual_share
+    limit = LIMITS.camera_residual_share
     assert max(share(n, n, 3e-4) for n in range(6)) < limit
     foreign = np.array([share(n, n + 1, 3e-4) for n in range(6)])
     assert (
@@ -289,8 +284,8 @@ def test_a_plateau_of_equal_greatest_forces_is_saturation_wherever_it_lies():
     with pytest.raises(RecordingError, match="are saturated"):
         sound_samples(cut(values, 26.0), None, 0.5, 0.01, file="log.csv")
     # neither noise nor a coarse resolution is one
-    for other in (values, values.round(0), np.clip(values.round(1), -np.inf, 33)):
-        assert sound_samples(cut(other, 31.9), None, **rules)[1] == {}
+    for sound in (values, values.round(0), np.clip(values.round(1), -np.inf, 33)):
+        assert sound_samples(cut(sound, 31.9), None, **rules)[1] == {}
 
 
 ARRANGED = {

@@ -6,6 +6,7 @@ reader, or takes more than 1 GiB.
 from collections.abc import Callable
 from functools import partial
 from itertools import pairwise
+from operator import attrgetter
 from pathlib import Path
 from typing import NamedTuple
 
@@ -96,8 +97,8 @@ def pinhole(camera: Intrinsics) -> np.ndarray:
     return np.array([camera.fx, camera.fy, camera.cx, camera.cy, *camera.distortion])
 
 
-def content(held: bytes) -> Callable[[Path], object]:
-    return partial(Path.write_bytes, data=held)
+def content(written: bytes) -> Callable[[Path], object]:
+    return partial(Path.write_bytes, data=written)
 
 
 camera = partial(read_intrinsics, width=640, height=480)
@@ -117,7 +118,7 @@ SOUND = {
         partial(write_joint_log, log=JOINTS), joints, lambda log: log.signals["actual"], 0),
     "calibration": Sound(partial(write_intrinsics, intrinsics=CAMERA), camera, pinhole),
     "ATI calibration": Sound(
-        content(CALIBRATION.encode()), read_calibration, lambda found: found.matrix),
+        content(CALIBRATION.encode()), read_calibration, attrgetter("matrix")),
 }  # fmt: skip
 for mark in ".,":
     write = partial(write_daqft, record=RECORD, decimal=mark)
@@ -127,12 +128,12 @@ for counts in (None, 1000):
     SOUND[f"Net F/T, counts {counts}"] = Sound(write, read_netft, wrenches, 7)
 IMAGES = {"PNG": encoded(".png", SMALL), "PGM": PGM, "TIFF": tiff(SMALL)}
 IMAGES["TIFF, LZW"] = tiff(SMALL, compression="tiff_lzw")
-for name, held in IMAGES.items():
-    SOUND[name] = Sound(content(held), image, lambda raw: raw.pixels)
+for name, encoded_image in IMAGES.items():
+    SOUND[name] = Sound(content(encoded_image), image, attrgetter("pixels"))
 for name, text in CALIBRATIONS.items():
     SOUND[name] = Sound(content(text.encode()), camera, pinhole)
-for name, held in CLOUDS.items():
-    SOUND[name] = Sound(content(held), read_cloud, lambda cloud: cloud.points)
+for name, cloud in CLOUDS.items():
+    SOUND[name] = Sound(content(cloud), read_cloud, attrgetter("points"))
 
 
 @pytest.mark.parametrize("name", SOUND)
@@ -140,15 +141,13 @@ def test_a_file_cut_at_any_byte_is_refused_or_holds_only_rows_that_were_whole(
     tmp_path, monkeypatch, name
 ):
     # without a process for each cut
-    monkeypatch.setattr(intrinsics, "read_alone", lambda read, *held, **_: read(*held))
+    monkeypatch.setattr(intrinsics, "read_alone", lambda read, *args, **_: read(*args))
     sound, file, refused = SOUND[name], tmp_path / "cut", 0
     sound.write(file)
     whole, content = sound.rows(sound.read(file)), file.read_bytes()
     # all cuts in the last rows, where numbers can lose digits
-    for cut in [
-        *range(0, len(content) - 40, 31),
-        *range(len(content) - 40, len(content)),
-    ]:
+    last = len(content) - 40
+    for cut in [*range(0, last, 31), *range(last, len(content))]:
         file.write_bytes(content[:cut])
         try:
             result = sound.rows(sound.read(file))
@@ -183,25 +182,22 @@ def test_dropped_doubled_and_swapped_rows_are_counted_or_refused(
 ):
     sound, file = SOUND[name], tmp_path_factory.getbasetemp() / "rows.csv"
     sound.write(file)
-    whole, lines = (
-        sound.rows(sound.read(file)),
-        file.read_bytes().splitlines(keepends=True),
-    )
-    file.write_bytes(
-        b"".join([*lines[: sound.above], *(lines[sound.above + k] for k in picks)])
-    )
-    kept, counted = (
-        sorted({*picks}),
-        "repeated_rows" if "Motive" in name else "doubled_rows",
-    )
-    if name.startswith("DAQ"):  # without a time, doubled rows can only be counted
-        kept, counted = picks, "repeated_rows"
-    elif picks != sorted(picks) or (name == "Motive, typed rows" and len(kept) < 2):
+    whole = sound.rows(sound.read(file))
+    lines = file.read_bytes().splitlines(keepends=True)
+    picked = [lines[sound.above + k] for k in picks]
+    file.write_bytes(b"".join([*lines[: sound.above], *picked]))
+    distinct = sorted({*picks})
+    has_time = not name.startswith("DAQ")
+    single = name == "Motive, typed rows" and len(distinct) < 2
+    if has_time and (picks != sorted(picks) or single):
         with pytest.raises(RecordingError, match=r"goes back|not increase"):
             sound.read(file)
         return
     result = sound.read(file)
-    np.testing.assert_array_equal(sound.rows(result), whole[kept])
+    # without a time, doubled rows can only be counted
+    rows = distinct if has_time else picks
+    counted = "doubled_rows" if has_time and "Motive" not in name else "repeated_rows"
+    np.testing.assert_array_equal(sound.rows(result), whole[rows])
     doubled = sum(before == after for before, after in pairwise(picks))
     assert result.counts.get(counted, 0) == doubled
 
@@ -275,7 +271,7 @@ def failures(sandbox: Sandbox, name: str, folder: Path) -> list[str]:
     """The kinds of damage, and the ends, of mutants that no reader's check stops; of a library in a
     process of the reader's own the refusal names the file, and is none.
     """
-    file, found = folder / name.replace("/", " "), []
+    file, failed = folder / name.replace("/", " "), []
     written = MUTATED[name].write(file)
     file = written if isinstance(written, Path) else file
     MUTATED[name].read(file)
@@ -285,11 +281,10 @@ def failures(sandbox: Sandbox, name: str, folder: Path) -> list[str]:
         try:
             within(BOUNDS, sandbox.call, _read, name, file)
         except PipelineError as error:
-            failed = any(words in error.message for words in FAILURES)
-            found += [f"{kind}: {error.message}"] * (
-                failed and "file" not in error.evidence
-            )
-    return found
+            is_failure = any(words in error.message for words in FAILURES)
+            if is_failure and "file" not in error.evidence:
+                failed.append(f"{kind}: {error.message}")
+    return failed
 
 
 @pytest.mark.slow
@@ -300,8 +295,6 @@ def test_no_damage_ends_or_holds_up_a_reader(sandbox, tmp_path, name):
 
 def test_a_reader_that_takes_what_it_is_given_is_found_out(sandbox, tmp_path):
     """The control: float and split take every word for a number that they can."""
-    found = failures(sandbox, "credulous", tmp_path)
-    assert any(
-        failure.startswith("block zeroed: its reader fails on it (V")
-        for failure in found
-    )
+    words = "block zeroed: its reader fails on it (V"
+    failed = failures(sandbox, "credulous", tmp_path)
+    assert any(failure.startswith(words) for failure in failed)

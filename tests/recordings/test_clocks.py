@@ -57,11 +57,9 @@ def test_the_standard_errors_are_the_spread_of_the_estimates():
         find_offset(*recording(0.001, 0, OFFSET + way)).value for way in (0.01, 0.0)
     )
     assert late - right == pytest.approx(0.01, abs=0.002)
-    spread, stated = (
-        np.std([f.drift for f in result]),
-        [f.drift_standard_error for f in result],
-    )
-    assert np.mean(stated) == pytest.approx(spread, rel=0.25)
+    spread = np.std([offset.drift for offset in result])
+    stated = np.mean([offset.drift_standard_error for offset in result])
+    assert stated == pytest.approx(spread, rel=0.25)
 
 
 @pytest.mark.parametrize("drift", [0.0, 0.01, -0.03])
@@ -69,30 +67,33 @@ def test_a_drift_is_found_beside_the_offset_and_none_where_there_is_none(drift):
     t_a, a, t_b, b = recording(0.001, 5)
     middle = t_a.mean()
     result = find_offset(middle + (t_a - middle) / (1 + drift), a, t_b, b)
-    assert abs(result.drift - drift) < 3 * result.drift_standard_error + 0.05 * abs(
-        drift
-    )
+    margin = 3 * result.drift_standard_error + 0.05 * abs(drift)
+    assert abs(result.drift - drift) < margin
     assert result.value == pytest.approx(OFFSET, abs=0.006)
 
 
 @pytest.mark.parametrize(
-    ("spoil", "search", "words"),
+    ("fault", "search", "words"),
     [
-        (lambda t, a: (t, np.zeros_like(a)), 0.5, r"no motion.*take-2"),
-        (
-            lambda t, a: (t, np.random.default_rng(6).normal(size=a.shape)),
-            0.5,
-            "not alike|edge",
-        ),
-        (lambda t, a: (t, a), 0.05, "edge"),
-        (lambda t, a: (t + 100, a), 0.5, "overlap"),
-        (lambda t, a: (t[::-1], a), 0.5, "increase"),
+        ("at rest", 0.5, r"no motion.*take-2"),
+        ("only noise", 0.5, "not alike|edge"),
+        ("none", 0.05, "edge"),
+        ("100 s later", 0.5, "overlap"),
+        ("backwards", 0.5, "increase"),
     ],
 )
-def test_signals_that_tell_no_offset_are_refused_with_the_take(spoil, search, words):
+def test_signals_that_tell_no_offset_are_refused_with_the_take(fault, search, words):
     t_a, a, t_b, b = recording(0.001)
+    if fault == "at rest":
+        a = np.zeros_like(a)
+    elif fault == "only noise":
+        a = np.random.default_rng(6).normal(size=a.shape)
+    elif fault == "100 s later":
+        t_a = t_a + 100
+    elif fault == "backwards":
+        t_a = t_a[::-1]
     with pytest.raises(RecordingError, match=words):
-        find_offset(*spoil(t_a, a), t_b, b, search=(-search, search), take="take-2")
+        find_offset(t_a, a, t_b, b, search=(-search, search), take="take-2")
 
 
 RATE, JOINTS = 100.0, ("a", "b", "c", "d")
@@ -139,9 +140,8 @@ def test_what_is_wrong_is_found_to_the_row_and_refused_with_its_option(kind, nam
     factor, order, delay = WRONG[name]
     right = commands.Pairing(np.array(factor, float), np.array(order), delay)
     actual, target = commands.shift_rows(*logged(kind, lag=4e-3), -delay)
-    wrong = np.empty_like(
-        target
-    )  # commanded angles from which ``right`` recovers ``target``
+    # commanded angles from which ``right`` recovers ``target``
+    wrong = np.empty_like(target)
     wrong[:, right.order] = target / right.factor
     pair = commands.find_pairing(actual, wrong, RATE)
     np.testing.assert_allclose(pair.factor, right.factor)
@@ -149,12 +149,13 @@ def test_what_is_wrong_is_found_to_the_row_and_refused_with_its_option(kind, nam
     assert commands.tracking_errors(*pair.apply(actual, wrong)).max() < 0.02
     with pytest.raises(RecordingError, match="do not agree") as refused:
         commands.require_pair(actual, wrong, **HELD, file="log")
-    for option, said in (
-        ("target_factor", np.any(right.factor != 1)),
-        ("signals", order != [0, 1, 2, 3]),
-        ("target_delay", delay != 0),
-    ):
-        assert (f"({option}: " in refused.value.message) == said
+    is_wrong = {
+        "target_factor": np.any(right.factor != 1),
+        "signals": order != [0, 1, 2, 3],
+        "target_delay": delay != 0,
+    }
+    for option, is_named in is_wrong.items():
+        assert (f"({option}: " in refused.value.message) == is_named
     assert refused.value.evidence["file"] == "log"
 
 

@@ -99,27 +99,23 @@ def off(points: np.ndarray, place: np.ndarray) -> float:
 def read(path: Path, depth: Depth, folder: Path):
     """Rows of the table, the points of each, and the quality of the take in ``path``."""
     rows, quality = frame_rows(("take", path), depth, ARM, folder, folder)
-    return (
-        rows,
-        arm_points(rows, folder),
-        {row["quantity"]: row["value"] for row in quality},
-    )
+    counts = {row["quantity"]: row["value"] for row in quality}
+    return rows, arm_points(rows, folder), counts
 
 
 @pytest.mark.parametrize("units", [1000.0, 5000.0])
 def test_a_patch_of_the_arm_is_found_where_it_is(tmp_path, units):
     take, depth = record(tmp_path, ARM, units)
-    rows, found, counted = read(take, depth, tmp_path)
+    rows, clouds, counted = read(take, depth, tmp_path)
     assert rows["t"].tolist() == [5.0, 5.033, 5.069] and counted["cut_rows"] == 0
     assert rows["file"].tolist() == [f"kinect/test_001/depth/{i}.png" for i in range(3)]
     assert set(rows["valid"]) == {PIXELS / (WIDTH * HEIGHT)}
-    for points, place in zip(found, PLACES, strict=True):
+    # half a pixel in the middle of the patch, and the rounding of the depth
+    margin, size = 0.5 * 1.2 / CAMERA.fx + 0.5 / units, 2 * PATCH * 1.15 / CAMERA.fx
+    for points, place in zip(clouds, PLACES, strict=True):
         assert len(points) == PIXELS
-        # half a pixel in the middle of the patch, and the rounding of the depth
-        assert off(points, place) < 0.5 * 1.2 / CAMERA.fx + 0.5 / units
-        np.testing.assert_allclose(
-            np.ptp(points, axis=0), 2 * PATCH * 1.15 / CAMERA.fx, rtol=0.1
-        )
+        assert off(points, place) < margin
+        np.testing.assert_allclose(np.ptp(points, axis=0), size, rtol=0.1)
 
 
 def test_frozen_frames_are_left_out_and_empty_ones_stay(tmp_path):
@@ -185,14 +181,12 @@ def test_clouds_enter_at_the_points(tmp_path, form):
         (take / f"{number}.pcd").write_bytes(head + points.astype("<f4").tobytes())
     keys = dict.fromkeys(("index", "intrinsics", "width", "height", "start"))
     described = replace(depth, **keys, frames="*.pcd", units_per_metre=1.0)
-    rows, found, _ = read(take, described, tmp_path)
-    for points, arm, valid, place in zip(
-        clouds, found, rows["valid"], PLACES, strict=True
-    ):
-        assert (
-            len(arm) == PIXELS and off(arm, place) < 0.5 * 1.2 / CAMERA.fx + 0.5 / 1000
-        )
-        assert valid == (len(points) - 9) / len(points)
+    rows, on_arm, _ = read(take, described, tmp_path)
+    margin = 0.5 * 1.2 / CAMERA.fx + 0.5 / 1000
+    for points, place in zip(on_arm, PLACES, strict=True):
+        assert len(points) == PIXELS and off(points, place) < margin
+    shares = [(len(points) - 9) / len(points) for points in clouds]
+    assert rows["valid"].tolist() == shares
 
 
 def test_what_the_description_of_the_camera_leaves_open_or_contradicts_is_refused(

@@ -114,8 +114,8 @@ def test_markers_and_bodies_give_back_the_joints_that_carried_them(tmp_path):
     assert np.nanmax(tracked(rows).residual) < 1e-5
     # the control: the same bodies, taken to be mounted otherwise
     mount = Pose(MOUNT.position, [0.3, -0.1, 1.1])
-    other = {link: Body(body.name, mount) for link, body in bodies.items()}
-    rows, _ = read(tmp_path / "t.csv", bodies=other)
+    remounted = {link: Body(body.name, mount) for link, body in bodies.items()}
+    rows, _ = read(tmp_path / "t.csv", bodies=remounted)
     assert np.abs(tracked(rows).q - JOINTS).max() > 0.01
 
 
@@ -125,8 +125,8 @@ def test_bodies_and_markers_mix_link_by_link_and_lost_poses_are_missing_markers(
     bodies, markers = bodies_of(), markers_of()
     bodies["B2"].position[5:8] = bodies["B2"].quaternion[5:8] = np.nan
     bodies["B2"].quaternion[20:] *= -1  # the same rotations
-    kept = {name: points for name, points in markers.items() if not name.endswith("2")}
-    file = written(tmp_path, kept | {"stray": markers["a2"]}, bodies)
+    on_others = {n: points for n, points in markers.items() if not n.endswith("2")}
+    file = written(tmp_path, on_others | {"stray": markers["a2"]}, bodies)
     rows, count = read(file, "test", bodies={"link2": Body("B2", MOUNT)})
     require_angles(rows)
     assert (count("missing_samples"), count("unlabelled_markers")) == (9, 0)

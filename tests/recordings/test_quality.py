@@ -28,10 +28,10 @@ def measured(
     quantity: str, values: dict[str, float], part: str = "training", unit: str = "m"
 ):
     """A value of the ``quantity`` of each take."""
-    given = part, "joint log", quantity
-    return pd.DataFrame(
-        [quality_row(take, *given, value, unit) for take, value in values.items()]
-    )
+    rows = []
+    for take, value in values.items():
+        rows.append(quality_row(take, part, "joint log", quantity, value, unit))
+    return pd.DataFrame(rows)
 
 
 def test_a_take_beyond_a_limit_is_left_out_whole_and_one_at_the_limit_or_without_stays():
@@ -56,12 +56,10 @@ def test_a_take_beyond_a_limit_is_left_out_whole_and_one_at_the_limit_or_without
         assert not beside_limits(residual, limits)["left_out"].any()
     # a clock may drift to neither side, and to be less disturbed than others is no reason
     drift = measured("clock_drift", {"a": -0.05, "b": 0.01}, unit="s/s")
-    other = (
-        measured("disturbance", {"a": -7.0, "b": 5.0}),
-        measured("cut_rows", {"a": 9.0}),
-    )
+    disturbance = measured("disturbance", {"a": -7.0, "b": 5.0})
+    no_measure = measured("cut_rows", {"a": 9.0})
     limits = {"clock_drift": 0.02, "disturbance": 6.0}
-    takes = beside_limits(pd.concat([drift, *other]), limits)
+    takes = beside_limits(pd.concat([drift, disturbance, no_measure]), limits)
     assert takes[["take", "measure", "beyond", "left_out"]].values.tolist() == [
         ["a", "clock_drift", True, True],
         ["a", "disturbance", False, True],
@@ -72,16 +70,15 @@ def test_a_take_beyond_a_limit_is_left_out_whole_and_one_at_the_limit_or_without
 
 def test_fewer_than_two_takes_of_a_part_are_refused_by_the_limits_name():
     parts = {"training": {"a": 1e-4, "b": 1e-4}, "test": {"c": 5e-3, "d": 1e-4}}
-    rows = pd.concat(
-        [measured("residual_rms", each, part) for part, each in parts.items()]
-    )
+    by_part = [measured("residual_rms", takes, part) for part, takes in parts.items()]
+    rows = pd.concat(by_part)
     words = r"1 test take\(s\), 2 are.* c \(residual_rms 0.005.*dataset\.limits\.residual_rms"
     with pytest.raises(RecordingError, match=words):
         require_enough(beside_limits(rows, {"residual_rms": 1e-3}))
     require_enough(beside_limits(rows, {"residual_rms": 1e-2}))
     # a single take that no limit leaves out is for others to judge
-    one = measured("residual_rms", {"a": 1e-4})
-    require_enough(beside_limits(one, {"residual_rms": 1e-3}))
+    single = measured("residual_rms", {"a": 1e-4})
+    require_enough(beside_limits(single, {"residual_rms": 1e-3}))
 
 
 FILES = {
@@ -194,25 +191,14 @@ FOUND = [
 
 
 def test_each_step_says_what_it_found_kept_and_left_out():
-    rows = [
-        quality_row(take, "training", "joint log", *row)
-        for take, held in {
-            "a": [
-                ("repetitions", 2),
-                ("excursions_cut_off", 1),
-                ("excursions_other_motion", 3),
-            ],
-            "b": [
-                ("repetitions", 0),
-                ("excursions_cut_off", 1),
-                ("excursions_other_motion", 0),
-            ],
-            "a_1": [("disturbance", 7.0, "robust standard deviations")],
-            "a_2": [("disturbance", 0.5, "robust standard deviations")],
-        }.items()
-        for row in held
-    ]
-    quality = pd.DataFrame(rows)
+    movements = {
+        "repetitions": {"a": 2, "b": 0},
+        "excursions_cut_off": {"a": 1, "b": 1},
+        "excursions_other_motion": {"a": 3, "b": 0},
+    }
+    quality = [measured(name, n, unit="count") for name, n in movements.items()]
+    quality.append(measured("disturbance", {"a_1": 7.0, "a_2": 0.5}))
+    quality = pd.concat(quality, ignore_index=True)
     table = account(FOUND, quality, beside_limits(quality, {"disturbance": 6.0}))
     assert table.to_numpy().tolist() == [
         ["files", "all", 6, 3, "LICENSE, old (2)"],

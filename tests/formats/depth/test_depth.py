@@ -91,9 +91,9 @@ DEPTHS = [  # values, their encoding, depth in m
 @pytest.mark.parametrize("number", range(len(DEPTHS)))
 def test_values_become_depth_by_their_encoding_and_nan_where_there_is_none(number):
     values, encoding, depth = DEPTHS[number]
-    found = metres(RawDepth(values[None]), encoding)
-    assert found.dtype == np.float32
-    np.testing.assert_allclose(found[0], depth, rtol=1e-6)
+    result = metres(RawDepth(values[None]), encoding)
+    assert result.dtype == np.float32
+    np.testing.assert_allclose(result[0], depth, rtol=1e-6)
 
 
 def test_disparities_whose_bytes_were_not_swapped_are_refused():
@@ -280,13 +280,11 @@ def test_every_tools_format_gives_the_same_camera(tmp_path, name):
 
 def test_open3ds_matrix_runs_down_the_columns_and_may_stand_beside_its_pose(tmp_path):
     matrix = [525.5, 0, 0, 0, 524.0, 0, 319.5, 239.25, 1]
-    camera = SIZE | {"intrinsic_matrix": matrix}
+    file, camera = tmp_path / "c.json", SIZE | {"intrinsic_matrix": matrix}
     for stored in (camera, {"intrinsic": camera, "extrinsic": []}):
-        found = read(tmp_path / "c.json", json.dumps(stored))
-        assert found == Intrinsics(525.5, 524, 319.5, 239.25, 640, 480)
-        assert "calibrated at 640" in refusal(
-            tmp_path / "c.json", json.dumps(stored), width=9
-        )
+        text = json.dumps(stored)
+        assert read(file, text) == Intrinsics(525.5, 524, 319.5, 239.25, 640, 480)
+        assert "calibrated at 640" in refusal(file, text, width=9)
 
 
 def test_several_cameras_in_one_file_are_told_apart_by_option_alone(tmp_path):
@@ -303,14 +301,14 @@ def test_several_cameras_in_one_file_are_told_apart_by_option_alone(tmp_path):
 def test_a_camera_info_that_ros_printed_is_read_however_often_it_is_there(tmp_path):
     message = made.CALIBRATIONS["printed.yaml"]
     assert read(tmp_path / "info.yaml", 2 * message) == CAMERA
-    other = message + message.replace("525.5", "499.0")
-    assert "calibrations that differ" in refusal(tmp_path / "info.yaml", other)
+    contradiction = message + message.replace("525.5", "499.0")
+    assert "calibrations that differ" in refusal(tmp_path / "info.yaml", contradiction)
 
 
 def test_distortion_of_another_model_is_refused_and_none_of_it_is_overlooked(tmp_path):
     file, camera = tmp_path / "c.json", {"K": [[500, 0, 320], [0, 501, 240], [0, 0, 1]]}
-    other, four = camera | {"distortion_model": "equidistant"}, [0.1, 0.2, 0.3, 0.4]
-    assert "equidistant" in refusal(file, json.dumps(other | {"D": four}))
+    fisheye, four = camera | {"distortion_model": "equidistant"}, [0.1, 0.2, 0.3, 0.4]
+    assert "equidistant" in refusal(file, json.dumps(fisheye | {"D": four}))
     for key in ("dist", "lens_distortion", "radial_coeffs", "k1"):
         assert key in refusal(file, json.dumps(camera | {key: four}))
     realsense = {
@@ -320,11 +318,12 @@ def test_distortion_of_another_model_is_refused_and_none_of_it_is_overlooked(tmp
         "ppy": 240,
         "coeffs": [0.1, 0, 0, 0, 0],
     }
-    found = read(file, json.dumps(realsense | {"model": "distortion.brown_conrady"}))
-    assert (found.fy, found.cx, found.distortion[0]) == (501, 320, 0.1)
+    stated = json.dumps(realsense | {"model": "distortion.brown_conrady"})
+    intrinsics = read(file, stated)
+    assert (intrinsics.fy, intrinsics.cx, intrinsics.distortion[0]) == (501, 320, 0.1)
     assert "not stated" in refusal(file, json.dumps(realsense))
     # the control: nothing is distorted
-    assert read(file, json.dumps(other | {"D": [0] * 4})).distortion == (0, 0, 0, 0)
+    assert read(file, json.dumps(fisheye | {"D": [0] * 4})).distortion == (0, 0, 0, 0)
 
 
 GENERATOR = np.random.default_rng(2)
@@ -402,18 +401,16 @@ def test_a_camera_has_the_intrinsics_of_its_info(version):
         version
     )
     assert camera_info(undistorted, width=640, height=480).distortion == ()
-    for other, words in (
-        (info(MATRIX, [], (320, 240)), "320 × 240"),
-        (info([0.0] * 9, [], (640, 480)), "camera matrix"),
-        (
-            info(MATRIX, [0.1, 0.2, 0.3, 0.4], (640, 480), model="equidistant"),
-            "equidistant",
-        ),
-    ):
+    four = [0.1, 0.2, 0.3, 0.4]
+    wrong = {
+        "320 × 240": info(MATRIX, [], (320, 240)),
+        "camera matrix": info([0.0] * 9, [], (640, 480)),
+        "equidistant": info(MATRIX, four, (640, 480), model="equidistant"),
+    }
+    for words, recorded in wrong.items():
+        message = recorded.for_version(version)
         with pytest.raises(RecordingError, match=words):
-            camera_info(
-                other.for_version(version), width=640, height=480, file="take.bag"
-            )
+            camera_info(message, width=640, height=480, file="take.bag")
 
 
 def test_a_worker_that_may_have_no_processes_reads_and_refuses_too(tmp_path):

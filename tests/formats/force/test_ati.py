@@ -100,8 +100,9 @@ def test_labels_or_numbers_say_which_column_is_which_axis(tmp_path):
 
 
 def test_a_rate_is_the_labels_or_the_options(tmp_path):
-    file, other = log(tmp_path, ROW, ROW), ForceLogOptions(rate=64.0)
-    assert "in Hz is 62.5 in the log" in refusal(read_daqft, file, other).message
+    file = log(tmp_path, ROW, ROW)
+    at_another_rate = refusal(read_daqft, file, ForceLogOptions(rate=64.0))
+    assert "in Hz is 62.5 in the log" in at_another_rate.message
     change(file, "Frequency = 1000,Averaging Level = 16,", "")
     assert refusal(read_daqft, file).evidence["key"] == f"{KEY}.rate"
     assert read_daqft(file, ForceLogOptions(rate=250.0)).time.tolist() == [0, 0.004]
@@ -116,13 +117,14 @@ CLOCKS += [("Sample Number", 1, PLAIN), ("Clock (ms)", 16, BY_CLOCK)]
 def test_rows_that_were_lost_leave_a_gap_where_the_log_has_times_or_numbers(
     tmp_path, label, tick, options
 ):
-    kept = np.array([k for k in range(20) if k not in (7, 8)])
-    file = log(tmp_path, *(f'"{k * tick:g}","{k}.5","2","3","4","5","6"' for k in kept))
+    numbers = np.array([k for k in range(20) if k not in (7, 8)])
+    rows = [f'"{k * tick:g}","{k}.5","2","3","4","5","6"' for k in numbers]
+    file = log(tmp_path, *rows)
     file.write_text(f'"{label}",' + file.read_text())
     result = read_daqft(file, options)
     assert result.counts["missing_samples"] == 2 and result.rate == pytest.approx(62.5)
-    np.testing.assert_allclose(result.time, kept * 0.016, rtol=0, atol=1e-12)
-    np.testing.assert_array_equal(result.force[:, 0], kept + 0.5)
+    np.testing.assert_allclose(result.time, numbers * 0.016, rtol=0, atol=1e-12)
+    np.testing.assert_array_equal(result.force[:, 0], numbers + 0.5)
     if label == "Time":
         assert refusal(read_daqft, file).evidence["key"] == f"{KEY}.time_unit"
 
@@ -150,8 +152,8 @@ def test_a_netft_log_reads_back_to_the_bit_whatever_is_beside_its_numbers(netft)
 def test_repeated_zero_and_blank_rows_are_counted_and_lost_packets_leave_a_gap(
     tmp_path, netft
 ):
-    zero, one = ",".join(['"0"'] * 6), ",".join(['"1"'] * 6)
-    result = read_daqft(log(tmp_path, one, one, zero, "", zero, one))
+    zeros, ones = ",".join(['"0"'] * 6), ",".join(['"1"'] * 6)
+    result = read_daqft(log(tmp_path, ones, ones, zeros, "", zeros, ones))
     assert result.force[:, 0].tolist() == [1, 1, 0, 0, 1]
     assert result.counts == {
         "repeated_rows": 2,
@@ -162,21 +164,30 @@ def test_repeated_zero_and_blank_rows_are_counted_and_lost_packets_leave_a_gap(
     write_netft(netft, record())
     lines = netft.read_bytes().split(b"\r\n")
     netft.write_bytes(b"\r\n".join([*lines[:17], *lines[21:28], *lines[27:]]))
-    result, kept = read_netft(netft), np.delete(np.arange(50), range(10, 14))
+    result, received = read_netft(netft), np.delete(np.arange(50), range(10, 14))
     assert (result.counts["lost_packets"], result.counts["doubled_rows"]) == (4, 1)
-    np.testing.assert_array_equal(result.force, record().force[kept])
-    np.testing.assert_allclose(result.time, kept / 500, rtol=0, atol=1e-12)
+    np.testing.assert_array_equal(result.force, record().force[received])
+    np.testing.assert_allclose(result.time, received / 500, rtol=0, atol=1e-12)
 
 
-def test_counts_are_divided_as_the_header_says_and_what_may_be_counts_is_asked(
-    tmp_path,
+@pytest.mark.parametrize("torque_counts", [1_000_000, 250_000, 4_000_000])
+def test_counts_of_forces_and_of_torques_are_divided_each_by_its_own(
+    tmp_path, torque_counts
 ):
-    file, sevens = tmp_path / "log.csv", np.full((3, 3), 7.0)
+    """Transducers have more counts a N·m than a N, or fewer."""
+    file, share = tmp_path / "log.csv", 1_000_000 / torque_counts
     write_netft(file, record(), counts_per_unit=1_000_000)
+    stated = "Counts per Unit Torque: "
+    change(file, f"{stated}1000000.0", f"{stated}{torque_counts}.0")
     change(file, "Torque Units: N-m", "Torque Units: N-mm")
     result = read_netft(file)
+    torque = record().torque * 1e-3 * share
     np.testing.assert_allclose(result.force, record().force, atol=0.51e-6)
-    np.testing.assert_allclose(result.torque, record().torque * 1e-3, atol=0.51e-9)
+    np.testing.assert_allclose(result.torque, torque, atol=0.51e-9 * share)
+
+
+def test_what_may_be_counts_is_asked(tmp_path):
+    file, sevens = tmp_path / "log.csv", np.full((3, 3), 7.0)
     write_netft(file, ForceRecord(np.arange(3) / 500, sevens, sevens, 500, "", "", {}))
     assert refusal(read_netft, file).evidence["key"] == f"{KEY}.counts"
     for counts, value in ((False, 7), (True, 7e-6)):

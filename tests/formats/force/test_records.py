@@ -72,14 +72,14 @@ def test_samples_at_or_beyond_full_scale_of_any_axis_are_saturated(torque):
     assert sound_samples(log, SCALE, 0.5, 0.0, file="log.csv")[0].all()
     log.force[[10, 11], [0, 2]] = [10.0, -12.0]
     log.torque[20] = 11.0 if torque else np.nan
-    for scale, found in (
-        (SCALE, [10, 11, *[20] * torque]),
-        (SCALE[:3], [10, 11]),
-        (None, []),
-    ):
+    of_all_axes = [10, 11, 20] if torque else [10, 11]
+    saturated_by_scale = [(SCALE, of_all_axes), (SCALE[:3], [10, 11])]
+    for scale, saturated in saturated_by_scale:
         sound, counts = sound_samples(log, scale, 0.5, 0.01, file="log.csv")
-        assert np.flatnonzero(~sound).tolist() == found
-        assert counts == ({"saturated_samples": len(found)} if found else {})
+        assert np.flatnonzero(~sound).tolist() == saturated
+        assert counts == {"saturated_samples": len(saturated)}
+    sound, counts = sound_samples(log, None, 0.5, 0.01, file="log.csv")
+    assert sound.all() and counts == {}
     with pytest.raises(RecordingError, match=r"are saturated, the first at 0\.1 s"):
         sound_samples(log, SCALE, 0.5, 0.001, file="log.csv")
 
@@ -141,19 +141,15 @@ def test_units_stand_in_the_log_or_in_the_option_and_never_differ(tmp_path):
     np.testing.assert_allclose(result.force[0], [1000, 2, 3.5 * POUND], rtol=1e-12)
     np.testing.assert_allclose(result.time, [0, 0.01], atol=1e-12)
     assert np.isnan(result.torque).all()
-    other = dataclasses.replace(options, force_unit="N")
-    said = refusal(read_force_table, file, other).message
-    assert "'kN' in the log, 'N' by the option" in said
-    named = dataclasses.replace(
-        options, columns=options.columns | {"t": "t_ms"}, time_unit="s"
-    )
-    other = table(
-        tmp_path, "5,1,2,3", "6,1,2,3", header=header.replace("time (ms)", "t_ms")
-    )
-    assert (
-        "'ms' in the log, 's' by the option"
-        in refusal(read_force_table, other, named).message
-    )
+    in_newton = dataclasses.replace(options, force_unit="N")
+    message = refusal(read_force_table, file, in_newton).message
+    assert "'kN' in the log, 'N' by the option" in message
+    columns = options.columns | {"t": "t_ms"}
+    in_seconds = dataclasses.replace(options, columns=columns, time_unit="s")
+    header = header.replace("time (ms)", "t_ms")
+    file = table(tmp_path, "5,1,2,3", "6,1,2,3", header=header)
+    message = refusal(read_force_table, file, in_seconds).message
+    assert "'ms' in the log, 's' by the option" in message
     numbers = ForceLogOptions({"fx": 2, "fy": 0, "fz": 1}, force_unit="lbf", rate=100.0)
     result = read_force_table(table(tmp_path, "1.5,2,3", "4.5,5,6", header=""), numbers)
     np.testing.assert_allclose(

@@ -70,13 +70,9 @@ def test_labels_are_kept_apart_and_a_unit_is_stated_or_asked_for(tmp_path):
     result = read_c3d(write(tmp_path, ["A", "A", ""], points(4, 3)))
     assert list(result.markers) == ["A [1]", "A [2]", "Point 3"]
     assert result.counts["unlabelled_points"] == 1
-    for unit, asked, key in (
-        ("", None, "dataset.mocap.unit"),
-        ("mm", "m", "dataset.mocap.unit"),
-    ):
-        assert (
-            refusal(read_c3d, write(tmp_path, unit=unit), asked).evidence["key"] == key
-        )
+    for unit, option in (("", None), ("mm", "m")):
+        refused = refusal(read_c3d, write(tmp_path, unit=unit), option)
+        assert refused.evidence["key"] == "dataset.mocap.unit"
     assert "furlong" in refusal(read_c3d, write(tmp_path, unit="furlong")).message
     result = read_c3d(write(tmp_path, unit=""), "mm")
     np.testing.assert_allclose(
@@ -172,6 +168,7 @@ def test_a_rate_that_no_header_states_is_that_of_the_printed_times(
     frames, rate, decimals, known
 ):
     frame = np.delete(np.arange(72210, 74210), frames)
-    found = rate_from_times(frame, np.round(frame / rate, decimals))
-    assert found == (known if known is None else pytest.approx(known, abs=1e-9))
+    estimated = rate_from_times(frame, np.round(frame / rate, decimals))
+    assert (estimated is None) == (known is None)
+    assert known is None or estimated == pytest.approx(known, abs=1e-9)
     assert rate_from_times(frame, np.zeros(len(frame))) is None

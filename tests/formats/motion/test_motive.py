@@ -34,9 +34,10 @@ def test_written_takes_read_back_to_a_half_micrometre_and_keep_their_gaps(tmp_pa
     assert list(result.markers) == list(original.markers)
     for name, points in original.markers.items():
         np.testing.assert_allclose(result.markers[name], points, rtol=0, atol=0.501e-6)
-    for part in ("position", "quaternion"):
-        found, put = (getattr(take.bodies["Base"], part) for take in (result, original))
-        np.testing.assert_allclose(found, put, rtol=0, atol=0.501e-6)
+    read, written = result.bodies["Base"], original.bodies["Base"]
+    half_micrometre = {"rtol": 0, "atol": 0.501e-6}
+    np.testing.assert_allclose(read.position, written.position, **half_micrometre)
+    np.testing.assert_allclose(read.quaternion, written.quaternion, **half_micrometre)
     names = ("missing_samples", "missing_poses", "time_mismatches")
     assert [result.counts[name] for name in names] == [10, 1, 0]
 
@@ -150,15 +151,15 @@ def test_euler_angles_are_products_of_axis_rotations_in_the_order_of_the_header(
     body += f",{',Rotation' * 3}{',Position' * 3}\n"
     body += "Frame,Time (Seconds),X,Y,Z,X,Y,Z\n0,0,20,-35,50,1,2,3\n1,0.01,,,,,,\n"
     pose = read_motive(columns_file(tmp_path, body, rotation=order)).bodies["B"]
-    wanted = np.eye(3)
+    expected = np.eye(3)
     for axis in order:
-        a = "XYZ".index(axis)
-        c, s = np.cos(np.radians(degrees[axis])), np.sin(np.radians(degrees[axis]))
-        turn, i, j = np.eye(3), (a + 1) % 3, (a + 2) % 3
+        angle, number = np.radians(degrees[axis]), "XYZ".index(axis)
+        c, s = np.cos(angle), np.sin(angle)
+        turn, i, j = np.eye(3), (number + 1) % 3, (number + 2) % 3
         turn[[i, j, i, j], [i, j, j, i]] = c, c, -s, s
-        wanted = wanted @ turn
-    found = Rotation.from_quat(pose.quaternion[0]).as_matrix()
-    np.testing.assert_allclose(found, wanted, atol=1e-14)
+        expected = expected @ turn
+    rotation = Rotation.from_quat(pose.quaternion[0]).as_matrix()
+    np.testing.assert_allclose(rotation, expected, atol=1e-14)
     assert np.isnan(pose.quaternion[1]).all() and np.isnan(pose.position[1]).all()
 
 
