@@ -40,11 +40,13 @@ def camera_evidence(
     interval of the variation of the standard deviation is the jackknife's over takes.
     """
     rows = []
-    of_all = noise[noise["take"] == "none"]
+    tables = {take: table for take, table in noise.groupby("take", sort=False)}
+    # a frame that only one take has is missing without this take
+    frames = set.intersection(*(set(table["frame"]) for table in tables.values()))
+    tables = {n: table[table["frame"].isin(frames)] for n, table in tables.items()}
+    of_all = tables.pop("none")
+    by_take = [*tables.values()]
     joints = members(of_all, "b")
-    by_take = [
-        table for take, table in noise.groupby("take", sort=False) if take != "none"
-    ]
     takes = len(by_take)
     variances = []
     for table in (of_all, *by_take):
