@@ -44,7 +44,7 @@ def test_the_exponent_is_recovered_and_told_from_the_other(exponent, tails):
     for seed in range(20):
         rng = np.random.default_rng(seed)
         found = pose_effect(windows_of(motions(exponent, 0.5, rng, tails)), rng)
-        _, low, high, _ = found.exponent
+        low, high = found.exponent.low, found.exponent.high
         inside.append(low <= exponent <= high)
         assert found.power > POWER and not low <= 1 - exponent <= high
     assert np.mean(inside) >= 0.8

@@ -175,7 +175,7 @@ def test_the_simplex_finds_what_scipys_finds_or_better(end) -> None:
         ours.append(one.objective[0])
         reference.append(solution.fun)
     # ours has five starts in a first frame, SciPy's one
-    assert np.all(np.array(ours) <= np.array(reference) + 2e-4)
+    assert np.all(np.array(ours) <= np.array(reference) + 3e-4)
     assert np.mean(ours) <= np.mean(reference)
 
 

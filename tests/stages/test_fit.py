@@ -156,7 +156,7 @@ def test_the_true_model_predicts_best_and_its_coverage_is_a_normal_ones(
     choose(models=["gaussian", "additive", "wishart"])
     predict.run()
     scores = log_scores()
-    plain = {"none", "memory", "additive", "joint_step_t"}
+    plain = {"none", "memory", "additive", "joint_step_t", "speed"}
     # beside a Wishart model the control that depends on no unit
     wishart = {"wishart", "wishart_qr_transposed"}
     assert {*scores.index} == {"gaussian"} | plain | wishart
