@@ -151,7 +151,10 @@ def test_an_exported_error_law_predicts_what_its_draws_do(errors, monkeypatch):
     assert np.all(np.isfinite(resting[0])) and np.all(np.diag(resting[1]) > 0)
     with pytest.warns(OutsideRanges, match="error of a: .* is outside the range"):
         model.predict(poses[0, :154] + 1.0, commanded, 6)  # poses for errors
-    copied = copied_reader(errors.parent, monkeypatch).load(errors)
+    reader = copied_reader(errors.parent, monkeypatch)
+    # the warning's class is of the copied module, which pytest-xdist cannot import
+    with pytest.warns(reader.UnconfirmedBands, match="spread of the lag"):
+        copied = reader.load(errors)
     again = copied.predict(off[0, :154], commanded, 6)
     for one, other in zip(again, (mean, covariance), strict=True):
         np.testing.assert_array_equal(one, other)
