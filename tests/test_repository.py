@@ -236,8 +236,9 @@ def test_the_citation_agrees_with_the_package_the_change_log_and_the_readme():
         project["version"],
         project["license"],
     )
-    heading = re.search(r"^## (.*)$", read("CHANGELOG.md"), re.MULTILINE)[1]
-    assert heading == f"[{citation['version']}] - {citation['date-released']}"
+    headings = re.findall(r"^## (.*)$", read("CHANGELOG.md"), re.MULTILINE)
+    released = [heading for heading in headings if heading != "[Unreleased]"]
+    assert released[0] == f"[{citation['version']}] - {citation['date-released']}"
     readme = read("README.md")
     assert f"# {citation['title']}" == readme.splitlines()[0]
     (paper,) = citation["references"]
