@@ -16,6 +16,10 @@ from pipeline.core.options.dataset import Robot
 LIMITED = ("revolute", "prismatic")  # kinds of joints with one coordinate and limits
 SINGLE = (*LIMITED, "continuous")  # with one coordinate
 XACRO = "a xacro: expand it with xacro {} > arm.urdf"
+# an entity's text may be used any number of times: a small file can fill the memory
+ENTITIES = (
+    "it declares entities, which are not read: write their texts where they are used"
+)
 NO_LIMITS = "the joint {} has no limits; give it <limit lower upper velocity effort>, or the type "
 NO_LIMITS += "continuous"
 
@@ -78,7 +82,10 @@ def read_urdf(file: Path) -> Tree:
     """Return the tree in ``file``; raises ConfigError if it is not a URDF file."""
     file, line = Path(file), None
     try:
-        root = ElementTree.fromstring(read_whole(file))
+        content = read_whole(file)
+        if b"<!ENTITY" in content.replace(b"\0", b""):  # zeros of UTF-16
+            raise ValueError(ENTITIES)
+        root = ElementTree.fromstring(content)
         parts = root.findall("joint/*")
         words = [part.tag for part in root.iter()]
         words += [word for part in parts for word in part.attrib.values()]

@@ -53,7 +53,6 @@ SERIALIZATION = re.compile(rb"serialization_format: *[\"']?(\w+)")
 ROS1, ROS2 = "ros1", "cdr"  # serializations
 # types of messages that may have commanded or measured angles, and are not read
 OF_JOINTS = (
-    "control_msgs/msg/JointTrajectoryControllerState",
     "control_msgs/msg/JointControllerState",
     "control_msgs/msg/MultiDOFStateStamped",
     "control_msgs/msg/DynamicJointState",
@@ -354,7 +353,10 @@ def _types(
     if definition.format == MessageDefinitionFormat.NONE:
         store = get_typestore(Stores.ROS2_HUMBLE)
         if kind not in store.fielddefs:
-            raise RecordingError(f"the bag has no definition of {kind}")
+            raise RecordingError(
+                f"the bag has no definition of {kind}: `ros2 bag convert` it to an MCAP, which has "
+                "the definitions of its types"
+            )
         return store
     store = get_typestore(Stores.EMPTY)
     try:

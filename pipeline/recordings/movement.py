@@ -16,14 +16,10 @@ from pipeline.core.options.dataset import SIGNALS, JointLogSection
 from pipeline.formats import joints as joint_formats
 from pipeline.formats import rosbag
 from pipeline.formats.format import Kind, format_of, formats_in, is_bag
-from pipeline.formats.joints.log import (
-    OPTION,
-    TABLE,
-    JointLog,
-    LogOptions,
-    read_clock,
-)
+from pipeline.formats.joints.log import OPTION, JointLog, LogOptions
 from pipeline.formats.joints.names import match_joints
+from pipeline.formats.joints.table import FORMAT as TABLE
+from pipeline.formats.joints.table import read_clock
 from pipeline.recordings import commands
 from pipeline.recordings.lags import REACH
 from pipeline.recordings.repetitions import Excursion, excursions

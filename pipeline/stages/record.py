@@ -17,7 +17,7 @@ from pipeline.core.errors import ConfigError
 from pipeline.formats.depth.image import write_depth, write_index
 from pipeline.formats.depth.intrinsics import Intrinsics, write_intrinsics
 from pipeline.formats.force.daqft import ForceRecord, write_daqft
-from pipeline.formats.joints.log import write_joint_table
+from pipeline.formats.joints.table import write_joint_table
 from pipeline.formats.motion.motive import write_motive
 from pipeline.formats.motion.take import MotionTake, RigidBody
 from pipeline.formats.trajectory import write_trajectory

@@ -196,6 +196,11 @@ LEANING = "".join(chain(2, kind="prismatic")).replace("0 0 1", "0.6 0.8 0")
 COUPLED = robot_text(TWO[0], *chain(2, inside=LIMIT + '<mimic joint="j1"/>')[1:])
 REFUSED = [  # URDF, options, words of the refusal
     ("<robot", {}, r"robot\.urdf: this is not a URDF file"),
+    (
+        f'<!DOCTYPE robot [<!ENTITY e "{"x" * 1000}">]><robot>{"&e;" * 1000}</robot>',
+        {},
+        "declares entities, which are not read: write their texts",
+    ),
     ("<robot name='a'/>", {}, "no joint 'j1'"),
     (
         "<?xml version='1.0' encoding='klingon'?><robot/>",

@@ -5,7 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from ros_bags import Message, image, write_bag
+from ros_bags import CONTROLLER_STATE, Message, image, write_bag
+from rosbags.highlevel import AnyReader
 from sample_options import made
 from source_code import ROOT
 from written_logs import refusal
@@ -13,7 +14,8 @@ from written_logs import refusal
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.dataset import JointLogSection
 from pipeline.formats.format import is_bag
-from pipeline.formats.joints.log import JOINT_STATE, LogOptions, read_joint_bag
+from pipeline.formats.joints.bag import JOINT_STATE, read_joint_bag
+from pipeline.formats.joints.log import LogOptions
 from pipeline.formats.rosbag import choose_topic, messages, seconds, summary, topics
 from pipeline.recordings.movement import read_logged_movement, read_movement
 from pipeline.tools.inspect.command import inspect
@@ -203,12 +205,75 @@ def test_a_topic_that_may_have_the_command_is_named_as_not_read_with_the_remedy(
         read_logged_movement("run", bag, options, 100.0)
 
 
-def test_the_state_of_a_controller_is_named_as_not_read():
-    case = CASES / "45-commands-in-controller-state/run_1"
+OLD_POINTS, NEW_POINTS = ("desired", "actual"), ("reference", "feedback")
+
+
+def controller_states(
+    points: tuple[str, str] = OLD_POINTS, late: float = 0.0
+) -> list[tuple[float, Message]]:
+    """States of a controller of the joints b and a: commands as of :func:`states`, at 1 and 2
+    rad/s; angles measured 0.1 rad below.
+    """
+    recorded = []
+    for stamp, message in states(late, names=("b", "a")):
+        commanded = message.fields["position"]
+        fields = {
+            points[0]: {"positions": commanded, "velocities": np.array([2.0, 1.0])},
+            points[1]: {"positions": commanded - 0.1, "effort": np.array([6.0, 5.0])},
+        }
+        names = ["b", "a"]
+        state = Message(CONTROLLER_STATE, stamp, joint_names=names, **fields)
+        recorded.append((stamp, state))
+    return recorded
+
+
+CONTROLLERS = {  # form of the bag, points with values, topics beside /arm/state
+    "ROS 1": ("ros1", OLD_POINTS, {}),
+    "newer points": ("mcap", NEW_POINTS, {}),
+    "joint states beside it": ("mcap", OLD_POINTS, {"/joint_states": states(0.004)}),
+    "two names": ("sqlite3", OLD_POINTS, {"/arm/c_state": controller_states()}),
+}
+
+
+@pytest.mark.parametrize("name", CONTROLLERS)
+def test_the_state_of_a_controller_has_the_command_and_the_measured_angles(
+    tmp_path, name
+):
+    form, points, beside = CONTROLLERS[name]
+    recorded = {"/arm/state": controller_states(points)} | beside
+    log = read_joint_bag(write_bag(tmp_path, form, recorded), AB)
+    commanded = np.outer(np.arange(6) / 100, [1.0, 2.0])
+    np.testing.assert_allclose(log.signals["target"], commanded, atol=1e-12)
+    np.testing.assert_allclose(log.signals["actual"], commanded - 0.1, atol=1e-12)
+    assert (log.joints, log.counts["interpolated_rows"]) == (("a", "b"), 0)
+
+
+def test_commands_of_a_controller_are_interpolated_at_chosen_measured_angles(tmp_path):
+    recorded = {"/arm/state": controller_states(), "/joint_states": states(0.004)}
+    signals = {name: ["/arm/state"] for name in ("target", "speed", "torque")}
+    signals["actual"] = ["/joint_states"]
+    bag = write_bag(tmp_path, "mcap", recorded)
+    log = read_joint_bag(bag, LogOptions(names=("a", "b"), signals=signals))
+    np.testing.assert_allclose(log.signals["target"], log.signals["actual"], atol=1e-9)
+    assert log.signals["speed"].tolist() == [[1, 2]] * 5
+    assert log.signals["torque"].tolist() == [[5, 6]] * 5
+
+
+@pytest.mark.parametrize("run", ["run_1", "run_2"])
+def test_the_public_case_of_a_controller_state_is_read_as_rosbags_reads_it(run):
+    case = CASES / "45-commands-in-controller-state" / run
     if not case.is_dir():
         pytest.skip("the cases are not beside the project")
-    (topic,) = summary(case).passed_over
-    assert topic == "/scaled_pos_joint_traj_controller/state"
+    log = read_joint_bag(case, LogOptions())
+    topic = "/scaled_pos_joint_traj_controller/state"
+    with AnyReader([case]) as reader:
+        chosen = [c for c in reader.connections if c.topic == topic]
+        messages = [
+            reader.deserialize(r, c.msgtype) for c, _, r in reader.messages(chosen)
+        ]
+    for signal, point in (("target", "desired"), ("actual", "actual")):
+        values = [getattr(message, point).positions for message in messages]
+        assert log.signals[signal].tolist() == np.stack(values).tolist()
 
 
 def test_efforts_and_velocities_are_read_as_what_they_are(tmp_path):
@@ -245,6 +310,11 @@ REFUSED = [
         {"/joint_states": states(), "/arm/joint_states": states()},
         AB,
         "2 topics could hold",
+    ),
+    (
+        {"/arm/state": controller_states(), "/hand/state": controller_states()},
+        AB,
+        "2 topics could hold the target values: .*: /arm/state, /hand/state",
     ),
     ({"/joint_states": [], "/arm/joint_states": []}, AB, "the bag has none"),
     ({"/joint_states": [*states(), states()[0]]}, AB, "does not increase"),

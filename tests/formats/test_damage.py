@@ -40,7 +40,8 @@ from pipeline.formats.force.calibration import read_calibration
 from pipeline.formats.force.daqft import read_daqft, read_netft, write_daqft
 from pipeline.formats.force.record import ForceRecord
 from pipeline.formats.joints.arrays import read_arrays
-from pipeline.formats.joints.log import JointLog, LogOptions, read_joint_table
+from pipeline.formats.joints.log import JointLog, LogOptions
+from pipeline.formats.joints.table import read_joint_table
 from pipeline.formats.motion.c3d import read_c3d
 from pipeline.formats.motion.motive import read_motive, write_motive
 from pipeline.formats.motion.take import MotionTake

@@ -18,7 +18,8 @@ from pipeline.formats.depth.intrinsics import read_intrinsics
 from pipeline.formats.force.calibration import read_calibration
 from pipeline.formats.force.daqft import read_daqft, read_netft
 from pipeline.formats.force.record import ForceLogOptions, ForceRecord, read_force_table
-from pipeline.formats.joints.log import LogOptions, read_joint_table
+from pipeline.formats.joints.log import LogOptions
+from pipeline.formats.joints.table import read_joint_table
 from pipeline.formats.motion.motive import read_motive
 from pipeline.formats.trajectory import COLUMNS, read_trajectory
 

@@ -7,7 +7,8 @@ import pytest
 from written_logs import seen
 
 from pipeline.core.errors import RecordingError
-from pipeline.formats.joints.log import LogOptions, read_joint_table
+from pipeline.formats.joints.log import LogOptions
+from pipeline.formats.joints.table import read_joint_table
 from pipeline.tools.inspect.command import inspect
 
 TIME = np.arange(60) / 125

@@ -6,12 +6,21 @@ import numpy as np
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
-from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 STORES = {
     "ros1": get_typestore(Stores.ROS1_NOETIC),
     "ros2": get_typestore(Stores.ROS2_HUMBLE),
 }
+POINT_FIELDS = ("positions", "velocities", "accelerations", "effort")
+POINT = "trajectory_msgs/msg/JointTrajectoryPoint"
+CONTROLLER_STATE = "control_msgs/msg/JointTrajectoryControllerState"
+# the fields of earlier and of newer versions of control_msgs, as of ROS 2 Humble
+DEFINITION = "std_msgs/Header header\nstring[] joint_names\n"
+for name in ("desired", "actual", "reference", "feedback"):
+    DEFINITION += f"trajectory_msgs/JointTrajectoryPoint {name}\n"
+for store in STORES.values():
+    store.register(get_types_from_msg(DEFINITION, CONTROLLER_STATE))
 
 
 class Message:
@@ -37,6 +46,12 @@ class Message:
             fields["wrench"] = wrench(
                 *(vector(*part) for part in fields["wrench"].tolist())
             )
+        if self.kind == CONTROLLER_STATE:
+            duration = types["builtin_interfaces/msg/Duration"](0, 0)
+            for name in ("desired", "actual", "reference", "feedback"):
+                values = fields.get(name, {})
+                point = [values.get(key, np.zeros(0)) for key in POINT_FIELDS]
+                fields[name] = types[POINT](*point, duration)
         if "distortion_model" in fields:
             fields["roi"] = types["sensor_msgs/msg/RegionOfInterest"](0, 0, 0, 0, False)
             if version == "ros2":  # d, k, r, p

@@ -20,12 +20,8 @@ from pipeline.core.columns import columns, spread
 from pipeline.core.errors import PipelineError, RecordingError
 from pipeline.core.options.dataset import Dataset, Encoders, Robot
 from pipeline.core.options.dataset import JointLogSection as Log
-from pipeline.formats.joints.log import (
-    JointLog,
-    LogOptions,
-    joint_labels,
-    write_joint_table,
-)
+from pipeline.formats.joints.log import JointLog, LogOptions
+from pipeline.formats.joints.table import joint_labels, write_joint_table
 from pipeline.recordings import commands, movement
 from pipeline.recordings.joint_logs import encoder_rows
 from pipeline.recordings.movement import read_logged_movement

@@ -32,7 +32,8 @@ from pipeline.formats.format import (
     paths_below,
     recognised,
 )
-from pipeline.formats.joints.log import BAG, JOINT_STATE
+from pipeline.formats.joints.bag import FORMAT as BAG
+from pipeline.formats.joints.bag import JOINT_TYPES
 from pipeline.formats.motion.take import STRAY
 from pipeline.formats.number_sheet import TREES
 from pipeline.tools.inspect.depth import (
@@ -47,7 +48,7 @@ from pipeline.tools.inspect.joints import add_joint_log, add_table, compare_tabl
 INDEXES = (".txt", ".csv", "")  # suffixes of indexes of depth frames
 LENGTH = "dataset.mocap.unit"
 DEPTH_TYPES = (rosbag.IMAGE, rosbag.CLOUD)
-ANALYSED = {*DEPTH_TYPES, *WRENCH, JOINT_STATE}  # message types
+ANALYSED = {*DEPTH_TYPES, *WRENCH, *JOINT_TYPES}  # message types
 # option that names a topic → message types of the topic
 TOPICS = {"force.log.topic": WRENCH, "depth.topic": DEPTH_TYPES}
 TOPICS |= {"depth.camera_info": (rosbag.CAMERA_INFO,)}
@@ -215,7 +216,8 @@ def _add_calibration(finding: Finding, form: Format) -> None:
 def _add_bag(finding: Finding, form: Format) -> None:
     summary = form.read(finding.file)
     types = {kind for kind, count in summary.topics.values() if count}
-    if types & ANALYSED == {JOINT_STATE}:
+    analysed = types & ANALYSED
+    if analysed and analysed <= {*JOINT_TYPES}:
         _read(finding, BAG)
         finding.facts["passed_over"] = summary.passed_over
         return
@@ -238,8 +240,8 @@ def _add_bag(finding: Finding, form: Format) -> None:
             finding.ask("topic", names=", ".join(names), option=option)
     if rosbag.IMAGE in types:
         finding.ask("bag_unit")
-    if not types & ANALYSED:
-        known = "Image, PointCloud2, WrenchStamped or JointState"
+    if not analysed:
+        known = "Image, PointCloud2, WrenchStamped, JointState or JointTrajectoryControllerState"
         finding.stops.append(f"no topic of {known} with a message: nothing to analyse")
 
 

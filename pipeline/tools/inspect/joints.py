@@ -19,11 +19,9 @@ from pipeline.formats.depth.image import dropped_frames
 from pipeline.formats.force.record import repeats
 from pipeline.formats.format import Format, Kind, format_of, formats_in
 from pipeline.formats.joints import names as meanings
-from pipeline.formats.joints.log import (
-    BAG,
-    OPTION,
-    JointLog,
-    LogOptions,
+from pipeline.formats.joints.bag import FORMAT as BAG
+from pipeline.formats.joints.log import OPTION, JointLog, LogOptions
+from pipeline.formats.joints.table import (
     log_of_sheet,
     names_in_cells,
     read_clock,
