@@ -19,8 +19,8 @@ from pipeline.arm.rotations import rotation_vector
 from pipeline.arm.rows import JOINTS, block_rows
 from pipeline.core.columns import PLANE
 
-# least singular value of J at a regular pose, divided by :meth:`Chain.scale`: a task step of 1e-3
-# of the arm's size then needs a joint step of at most 1 rad
+# least singular value of the scaled Jacobian at a regular pose: a task step of 1e-3 of the reach
+# or of 1e-3 rad then needs a joint step of at most 1 rad or the reach
 LEAST_SINGULAR = 1e-3
 # rows of velocity and angular velocity; phi is about the normal of a plane, its y axis
 ROWS = {"x": 0, "y": 1, "z": 2, "rx": 3, "ry": 4, "rz": 5, "phi": 4}
@@ -42,25 +42,33 @@ class Chain(Mechanism):
         return np.linalg.norm(self.placements[1:, 9:], axis=1)
 
     @cached_property
-    def scale(self) -> float:
-        """Magnitude of the entries of J in m: the reach or, if greater, the characteristic length.
-        The reach is at least 1 with prismatic joints, which are at zero.
+    def reach(self) -> float:
+        """Sum of :attr:`lengths` in m, 1 if all axes pass through one point."""
+        return float(self.lengths.sum()) or 1.0
+
+    @cached_property
+    def row_sizes(self) -> ndarray:
+        """(m,) by which rows of J are divided to be without unit: the reach, or the length."""
+        return np.where(self.constants.rows < 3, self.reach, self.length)
+
+    @cached_property
+    def column_sizes(self) -> ndarray:
+        """(n,) by which columns of J are multiplied to be without unit: 1, or the reach of a
+        prismatic joint.
         """
-        rows = np.array([ROWS[name] for name in self.task])
-        reach = self.lengths.sum()
-        if self.sliding.any():
-            reach = max(reach, 1.0)
-        return float(max(reach * np.any(rows < 3), self.length * np.any(rows >= 3)))
+        return np.where(self.sliding, self.reach, 1.0)
 
     @cached_property
     def constants(self) -> ArmConstants:
         """Constants of the chain for compiled code."""
         rows = np.array([ROWS[name] for name in self.task])
-        units = np.where(rows < 3, 1.0, self.length)
-        sliding = self.sliding.astype(float)
-        least = LEAST_SINGULAR * self.scale
         return ArmConstants(
-            *link_constants(self.placements), sliding, rows, units, least
+            *link_constants(self.placements),
+            sliding=self.sliding.astype(float),
+            rows=rows,
+            units=np.where(rows < 3, 1.0, self.length),
+            reach=self.reach,
+            least=LEAST_SINGULAR,
         )
 
     def _evaluate(self, q: ndarray, first: int, last: int) -> ndarray:
@@ -91,6 +99,12 @@ class Chain(Mechanism):
         rows = self._evaluate(q, first, first + m * n)
         return rows.reshape(*rows.shape[:-1], m, n)
 
+    def scaled_jacobian(self, q: ndarray) -> ndarray:
+        """(..., m, n) J(q) without units, the same in m and mm: velocities are divided by the
+        reach, angular rows by their length, and a prismatic joint moves by reaches.
+        """
+        return self.jacobian(q) / self.row_sizes[:, None] * self.column_sizes
+
     def displacement(self, start: ndarray, end: ndarray) -> ndarray:
         """(..., m) difference of the positions of the poses ``start`` and ``end`` (..., 12), and
         rotation vector of R_end·R_startᵀ times the length.
@@ -112,16 +126,18 @@ class Chain(Mechanism):
         return np.where(rows < 3, pose[:, np.minimum(rows, 2)], turned)
 
     def singular(self, q: ndarray) -> ndarray:
-        """(...,) True where the least singular value is below its bound, or ``q`` is not finite."""
-        finite, least = np.isfinite(q).all(axis=-1), LEAST_SINGULAR * self.scale
-        jacobian = self.jacobian(np.where(finite[..., None], q, 0.0))
-        square, others = jacobian @ jacobian.swapaxes(-1, -2), len(self.task) - 1
+        """(...,) True where the least singular value of the scaled Jacobian is below
+        LEAST_SINGULAR, or ``q`` is not finite.
+        """
+        finite, others = np.isfinite(q).all(axis=-1), len(self.task) - 1
+        jacobian = self.scaled_jacobian(np.where(finite[..., None], q, 0.0))
+        square = jacobian @ jacobian.swapaxes(-1, -2)
         # det JJᵀ ≤ least squared singular value times a power of the mean of the others
         mean = np.trace(square, axis1=-2, axis2=-1) / max(others, 1)
-        near = ~(np.linalg.det(square) > 4 * least**2 * mean**others)
+        near = ~(np.linalg.det(square) > 4 * LEAST_SINGULAR**2 * mean**others)
         result = np.array(~finite)
-        singular_values = np.linalg.svd(jacobian[near], compute_uv=False)
-        result[near] |= ~(singular_values[..., -1] >= least)
+        least = np.linalg.svd(jacobian[near], compute_uv=False)[..., -1]
+        result[near] |= ~(least >= LEAST_SINGULAR)
         return result[()]
 
     @np.errstate(invalid="ignore")  # a pose may be infinite
@@ -135,9 +151,9 @@ class Chain(Mechanism):
             self.require_regular(q, what=what)
             raise
         inverse = inverse if square else across @ inverse
-        # the least singular value is at least 1/‖J⁺‖_F
-        norm = np.linalg.norm(inverse, axis=(-2, -1))
-        doubtful = ~(norm * LEAST_SINGULAR * self.scale <= 1)
+        # the least singular value of a matrix is at least 1/‖right inverse‖_F
+        scaled = inverse * self.row_sizes / self.column_sizes[:, None]
+        doubtful = ~(np.linalg.norm(scaled, axis=(-2, -1)) * LEAST_SINGULAR <= 1)
         if doubtful.any() and self.singular(np.asarray(q)[doubtful]).any():
             self.require_regular(q, what=what)
         return inverse

@@ -29,32 +29,62 @@ def cholesky(block, jacobian, lower, inverse, m, n, shift, count):
 
 @inner
 def mark_singular(block, arm, jacobian, lower, spare, out, count):
-    """Set row ``out`` to 1 where a singular value of J is below ``arm.least``, i.e. JJᵀ − least²·I
-    has no factor, else to 0, and return True if it is 1 at any pose; m·m + m rows from ``spare`` on
-    are scratch. Most blocks need no such factor: (det L)² is at most the least squared singular
-    value times the (m − 1)th power of the mean of the other squares.
+    """Set row ``out`` to 1 where a singular value of the scaled Jacobian is below ``arm.least``,
+    else to 0, and return True if it is 1 at any pose; m·n + m·m + m rows from ``spare`` on are
+    scratch. ``lower`` has the factor L of JJᵀ.
     """
     m, n, least = len(arm.rows), len(arm.sliding), arm.least
-    fill(block, out, 1.0, count)
-    fill(block, spare, 0.0, count)
-    for r in range(m):
-        add_dot(block, spare, 1.0, lower + r * m, lower + r * m, r + 1, count)
-    for r in range(m):
-        for i in range(count):
-            square = block[lower + r * m + r, i] * block[lower + r * m + r, i]
-            block[out, i] *= square * ((m - 1) / block[spare, i] if r > 0 else 1.0)
-    near = 0
-    for i in range(count):
-        near += 0 if block[out, i] > 4.0 * least * least else 1  # NaN too
-    if near == 0:
+    if not _any_near_singular(block, arm, lower, spare, out, count):
         return False
+    scaled = spare + m * m + m
+    for r in range(m):
+        for j in range(n):
+            size = 1.0 / _row_size(arm, r)
+            size *= arm.reach if arm.sliding[j] > 0.0 else 1.0
+            entry = scaled + r * n + j
+            for i in range(count):
+                block[entry, i] = size * block[jacobian + r * n + j, i]
+    # JJᵀ − least²·I has no factor where a singular value is below the bound
+    cholesky(block, scaled, spare, spare + m * m, m, n, least * least, count)
     fill(block, out, 0.0, count)
-    cholesky(block, jacobian, spare, spare + m * m, m, n, least * least, count)
     for r in range(m):
         for i in range(count):
             regular = block[spare + r * m + r, i] > 0.0
             block[out, i] = block[out, i] if regular else 1.0
     return True
+
+
+@inner
+def _any_near_singular(block, arm, lower, spare, out, count):
+    """Return whether any pose may be singular, which is False for most blocks: (det L)² is at most
+    the least squared singular value times the (m − 1)th power of the mean of the other squares.
+    """
+    m = len(arm.rows)
+    least = arm.least
+    if np.any(
+        arm.sliding > 0.0
+    ):  # columns without units may be shorter than those of J
+        least /= min(arm.reach, 1.0)
+    fill(block, out, 1.0, count)
+    fill(block, spare, 0.0, count)
+    for r in range(m):
+        row = lower + r * m
+        add_dot(block, spare, 1.0 / _row_size(arm, r) ** 2, row, row, r + 1, count)
+    for r in range(m):
+        weight = 1.0 / _row_size(arm, r) ** 2
+        for i in range(count):
+            square = weight * block[lower + r * m + r, i] * block[lower + r * m + r, i]
+            block[out, i] *= square * ((m - 1) / block[spare, i] if r > 0 else 1.0)
+    near = 0
+    for i in range(count):
+        near += 0 if block[out, i] > 4.0 * least * least else 1  # NaN too
+    return near > 0
+
+
+@inner
+def _row_size(arm, r):
+    """Return the reach for a row of velocity, the length for an angular row."""
+    return arm.reach if arm.rows[r] < 3 else arm.units[r]
 
 
 @inner

@@ -40,7 +40,10 @@ class ArmConstants(NamedTuple):
     sliding: ndarray  # (n,) 1 for a prismatic, 0 for a revolute joint
     rows: ndarray  # (m,) task rows: 0 to 2 are velocity, 3 to 5 angular velocity
     units: ndarray  # (m,) factor of a row: 1, or a length in m for an angular row
-    least: float  # least singular value of the Jacobian at a regular pose
+    reach: float  # m, by which rows of velocity are divided to be without unit
+    least: (
+        float  # least singular value, at a regular pose, of the Jacobian without units
+    )
 
 
 def link_constants(placements: ndarray) -> tuple[ndarray, ndarray, float]:

@@ -62,7 +62,7 @@ def chain_of(robot: Robot) -> Chain:
     shares = np.outer(np.arange(SAMPLES), 2.0 ** (np.arange(1, n + 1) / (n + 1))) % 1.0
     q = low + (high - low) * shares
     if chain.singular(q).all():
-        still = np.abs(chain.jacobian(q)).max(axis=(0, 2)) <= 1e-9 * chain.scale
+        still = np.abs(chain.scaled_jacobian(q)).max(axis=(0, 2)) <= 1e-9
         rows = (
             ", ".join(np.array(task)[still])
             or f"{', '.join(task)} independently of each other"

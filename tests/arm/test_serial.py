@@ -108,8 +108,12 @@ def poses(chain, count: int = 150) -> np.ndarray:
 def regular(chain, count: int = 150) -> np.ndarray:
     """Those whose least singular value is ten times the least."""
     q = poses(chain, 4 * count)
-    least = np.linalg.svd(chain.jacobian(q), compute_uv=False)[:, -1]
-    return q[least > 10 * LEAST_SINGULAR * chain.scale][:count]
+    return q[least_scaled(chain, q) > 10 * LEAST_SINGULAR][:count]
+
+
+def least_scaled(chain, q: np.ndarray) -> np.ndarray:
+    """(P,) least singular values of the Jacobian without units at ``q`` (P, n)."""
+    return np.linalg.svd(chain.scaled_jacobian(q), compute_uv=False)[:, -1]
 
 
 def test_pose_and_jacobian_are_pinocchios_and_the_inverse_numpys_pseudoinverse(
@@ -150,7 +154,7 @@ def test_compiled_code_marks_the_singular_poses_of_the_chain(chain, monkeypatch)
     block[rows.jacobian : rows.lower] = chain.jacobian(q).reshape(WIDTH, m * n).T
     places = rows.jacobian, rows.lower, rows.inverse
     from_python(cholesky)(block, *places, m, n, 0.0, WIDTH)
-    median = np.median(chain.least_singular_value(q)) / chain.scale
+    median = np.median(least_scaled(chain, q))
     for bound in (LEAST_SINGULAR, median):
         monkeypatch.setattr("pipeline.arm.chain.LEAST_SINGULAR", bound)
         bounded = replace(chain)  # a chain keeps its constants
@@ -163,12 +167,26 @@ def test_compiled_code_marks_the_singular_poses_of_the_chain(chain, monkeypatch)
 
 def test_what_is_singular_is_so_by_the_least_singular_value(chain, monkeypatch):
     q = poses(chain, 1000)
-    shares = np.linalg.svd(chain.jacobian(q), compute_uv=False)[:, -1] / chain.scale
-    for bound in (LEAST_SINGULAR, *np.quantile(shares, [0.1004, 0.5004, 0.9004])):
+    least = least_scaled(chain, q)
+    for bound in (LEAST_SINGULAR, *np.quantile(least, [0.1004, 0.5004, 0.9004])):
         monkeypatch.setattr("pipeline.arm.chain.LEAST_SINGULAR", bound)
-        same = replace(chain)  # a chain keeps its constants
-        np.testing.assert_array_equal(same.singular(q), shares < bound)
-    assert 850 < same.singular(q).sum() < 950
+        np.testing.assert_array_equal(chain.singular(q), least < bound)
+    assert 850 < chain.singular(q).sum() < 950
+
+
+@pytest.mark.parametrize("metre", [100.0, 1000.0])
+def test_what_is_singular_does_not_depend_on_the_unit_of_length(chain, metre):
+    """The chain in cm and in mm: links, lever of angular rows, coordinates of prismatic joints."""
+    units = np.where(chain.sliding, metre, 1.0)
+    other = replace(
+        chain,
+        placements=chain.placements * np.repeat([1.0, metre], [9, 3]),
+        length=metre * chain.length,
+    )
+    q = poses(chain, WIDTH)
+    assert not other.singular(units * regular(chain)).any()
+    least = least_scaled(chain, q)
+    np.testing.assert_allclose(least_scaled(other, units * q), least, rtol=1e-9)
 
 
 def test_a_step_does_the_task_and_the_rest_of_the_command_where_the_task_does_not_feel_it(
@@ -220,7 +238,7 @@ def test_compiled_displacements_lose_digits_as_the_turn_nears_half_a_turn(gap):
     block = np.zeros((JOINTS + 12, WIDTH))
     block[ROTATION : ROTATION + 9] = (turns.swapaxes(1, 2) @ target).reshape(WIDTH, 9).T
     no_links = np.zeros(12), np.empty((0, 6)), 0.0
-    constants = ArmConstants(*no_links, np.zeros(1), np.arange(6), np.ones(6), 0.0)
+    constants = ArmConstants(*no_links, np.zeros(1), np.arange(6), np.ones(6), 1.0, 0.0)
     place = np.concatenate([np.zeros(3), target.ravel()])
     from_python(add_displacement)(constants, place, block, JOINTS + 6, 1.0, WIDTH)
     error = np.abs(block[JOINTS + 9 :].T - expected).max()

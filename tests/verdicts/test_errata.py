@@ -128,12 +128,12 @@ def test_noise_of_a_corrected_deviation_is_anticorrelated_and_white_noise_is_not
 def test_another_unit_of_length_is_another_model_but_under_qr_of_the_transpose(name):
     model = WishartModel(0.25, Decomposition(name))
     metres = model.covariance(arm(), POSE, STEP)
-    centimetres = model.covariance(arm(100), POSE, STEP * [100, 100, 1])
-    same = np.allclose(centimetres, metres, rtol=1e-6)
+    millimetres = model.covariance(arm(1000), POSE, STEP * [1000, 1000, 1])
+    same = np.allclose(millimetres, metres, rtol=1e-6)
     assert same == (name == "qr_transposed")
-    assert same or np.abs(np.diag(centimetres) / np.diag(metres) - 1).max() > 0.5
+    assert same or np.abs(np.diag(millimetres) / np.diag(metres) - 1).max() > 0.5
     # control: the nominal step is the same
-    nominal = arm(100).inverse_jacobian(POSE) @ (STEP * [100, 100, 1])
+    nominal = arm(1000).inverse_jacobian(POSE) @ (STEP * [1000, 1000, 1])
     np.testing.assert_allclose(nominal, arm().inverse_jacobian(POSE) @ STEP)
 
 
