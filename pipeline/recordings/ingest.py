@@ -91,20 +91,20 @@ def _motion(dataset: Dataset, raw: Path, folder: Path, errors: list) -> list[dic
     if dataset.joint_log is not None:
         with collecting(errors):
             movements = joint_logs.read_movements(dataset, partial(collecting, errors))
-            angles = {name: read.actual for name, read in movements.items()}
+            angles = {name: log.actual for name, log in movements.items()}
             exported = {name: rounding(measured) for name, measured in angles.items()}
             require_distinct("movements", angles, tolerances=exported)
         if not errors and dataset.robot is None:
-            for name, read in movements.items():
-                quality += joint_logs.count_rows(name, read.counts)
+            for name, movement in movements.items():
+                quality += joint_logs.count_rows(name, movement.counts)
+            movement_rows = joint_logs.movement_paths(movements, dataset.motion.rate)
+            contracts.write(movement_rows, "take_paths", folder)
         elif not errors:
             with collecting(errors):
-                trajectory, joints, counts = joint_logs.joint_log_rows(
-                    movements, dataset
-                )
-                contracts.write(trajectory, "trajectory", folder)
-                contracts.write(joints, "joint_log", folder)
-                quality += counts
+                tables = joint_logs.joint_log_rows(movements, dataset)
+                for name in ("trajectory", "joint_log", "disturbed_log"):
+                    contracts.write(getattr(tables, name), name, folder)
+                quality += tables.quality
     if dataset.trajectory is not None:
         with collecting(errors):
             table = motion_capture.trajectory_rows(raw / dataset.trajectory, dataset)

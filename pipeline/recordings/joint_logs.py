@@ -25,6 +25,7 @@ from pipeline.recordings.commands import (
 from pipeline.recordings.inventory import named_takes, raw_folder
 from pipeline.recordings.lags import REACH, in_phase, lag, stretch
 from pipeline.recordings.movement import LoggedMovement
+from pipeline.recordings.paths import thinned
 from pipeline.recordings.quality import (
     LEFT_OUT,
     REPETITIONS,
@@ -66,95 +67,213 @@ def read_movements(
     return movements
 
 
+class AlignedTake(NamedTuple):
+    """One repetition on the K rows of the motion grid, in phase with the first repetition."""
+
+    measured: np.ndarray  # (K, n) rad, angles of the chain
+    commanded: np.ndarray  # (K, n) rad
+    error: np.ndarray  # (K, joints) rad, measured minus commanded, of all logged joints
+    is_resampled: bool
+
+
+class JointLogTables(NamedTuple):
+    """Tables of the repetitions of a dataset's motion, and rows of the table ``quality``."""
+
+    trajectory: pd.DataFrame
+    joint_log: pd.DataFrame
+    disturbed_log: pd.DataFrame  # repetitions beyond the limit of the disturbance
+    quality: list[dict]
+
+
 def joint_log_rows(
     movements: Mapping[str, LoggedMovement], dataset: Dataset
-) -> tuple[pd.DataFrame, pd.DataFrame, list[dict]]:
-    """Return the tables ``trajectory`` and ``joint_log`` of the undisturbed repetitions of the
-    dataset's motion in the ``movements``, and the quality rows.
+) -> JointLogTables:
+    """Return the tables of the repetitions of the dataset's motion in the ``movements``.
 
-    The desired pose is the mean command. Before and after the motion it is constant, since a
-    controller at rest logs the measured angle as command. Repetitions without rest are shifted to
-    equal phase by interpolation. Raises RecordingError for fewer than two repetitions, and where
-    commands differ.
+    The desired pose is the mean command of the undisturbed repetitions. Before and after the
+    motion it is constant, since a controller at rest logs the measured angle as command.
+    Repetitions without rest are shifted to equal phase by interpolation. Raises RecordingError for
+    fewer than two undisturbed repetitions, and where commands differ.
+    """
+    rate, rest = dataset.motion.rate, dataset.joint_log.rest
+    takes, observed, notes = find_takes(movements, dataset)
+    aligned = align_takes(takes, movements, dataset)
+    for name, take in aligned.items():
+        if take.is_resampled:
+            notes.append((name, "resampled_rows", len(take.measured)))
+
+    disturbed = {}
+    if aligned:
+        measures = _measures_of(aligned, dataset)
+        for quantity, (of_takes, unit) in measures.items():
+            for name, value in zip(takes, of_takes, strict=True):
+                notes.append((name, quantity, value, unit))
+        disturbed = _disturbed_takes(aligned, measures["disturbance"][0], dataset)
+    for name in disturbed:
+        first = takes[name].first
+        notes.append((takes[name].movement, "disturbed_from_row", first, "row"))
+
+    undisturbed = {name: aligned[name] for name in aligned if name not in disturbed}
+    _require_repetitions(undisturbed, observed, dataset)
+    command = np.stack([take.commanded for take in undisturbed.values()]).mean(axis=0)
+    deviations = _command_deviations(undisturbed, command, dataset)
+    moving = _moving_rows(dataset)
+    for name, take in undisturbed.items():
+        late = lag(command[moving], take.measured[moving], rate)
+        notes.append((name, "command_deviation", deviations[name], "rad"))
+        notes.append((name, "lag_behind_command", late, "s"))
+
+    # the commanded angle changes one sample before the commanded speed is first logged
+    first_row, last_row = max(rest - 1, 0), moving.stop - 1
+    held = np.clip(np.arange(len(command)), first_row, last_row)
+    chain, joints = chain_of(dataset.robot), dataset.robot.joints
+    return JointLogTables(
+        trajectory_table(chain, command[held], rate, joints),
+        _take_rows(undisturbed, dataset),
+        _take_rows(disturbed, dataset),
+        [quality_row(take, "training", "joint log", *note) for take, *note in notes],
+    )
+
+
+def _moving_rows(dataset: Dataset) -> slice:
+    """Return the rows of the motion grid from the start to the end of the motion."""
+    rest = dataset.joint_log.rest
+    return slice(rest, dataset.motion.steps - rest + 1)
+
+
+def align_takes(
+    takes: Mapping[str, LoggedTake],
+    movements: Mapping[str, LoggedMovement],
+    dataset: Dataset,
+) -> dict[str, AlignedTake]:
+    """Return name → repetition in phase and whole turns with the command of the first of the
+    ``takes``, with ``rest`` rows before and after the motion.
+    """
+    rest, length = dataset.joint_log.rest, dataset.motion.steps + 1
+    aligned, reference = {}, None
+    for name, take in takes.items():
+        movement_log = movements[take.movement]
+        if reference is None:
+            reference = take.target[take.first :][: length - 2 * rest]
+        circular = movement_log.of(dataset.robot.joints).circular
+        first_command = take.target[take.first]
+        turns = TURN * turns_apart(reference[0], first_command, circular)
+        target = take.target + turns
+        start = in_phase(target, take.first, reference, SLACK, whole=rest > 0)
+        errors = movement_log.actual - movement_log.target
+        aligned[name] = AlignedTake(
+            stretch(take.actual + turns, start - rest, length),
+            stretch(target, start - rest, length),
+            stretch(errors, start - rest, length),
+            is_resampled=start != round(start),
+        )
+    return aligned
+
+
+def _measures_of(
+    aligned: Mapping[str, AlignedTake], dataset: Dataset
+) -> dict[str, tuple[np.ndarray, str]]:
+    """Return quantity → values (takes,) and unit of :func:`compare_takes`, and greatest error."""
+    errors = np.stack([take.error for take in aligned.values()])
+    angles = np.stack([take.measured for take in aligned.values()])
+    limit = dataset.limits.likeness
+    measures = compare_takes(angles, errors, dataset.motion.rate, limit)
+    measures["greatest_residual"] = np.abs(errors).max(axis=(1, 2)), "rad"
+    return measures
+
+
+def _disturbed_takes(
+    aligned: Mapping[str, AlignedTake], scores: np.ndarray, dataset: Dataset
+) -> dict[str, AlignedTake]:
+    """Return the repetitions whose disturbance ``scores`` (takes,) are beyond the limit."""
+    limit = dataset.limits.disturbance
+    if limit is None:
+        return {}
+    beyond = zip(aligned.items(), scores > limit, strict=True)
+    return dict(item for item, is_disturbed in beyond if is_disturbed)
+
+
+def _require_repetitions(
+    takes: Mapping[str, AlignedTake], observed: list[str], dataset: Dataset
+) -> None:
+    """Raise RecordingError where measured and commanded angles of a repetition disagree, and for
+    fewer than two repetitions, with the ``observed`` motions.
     """
     options, rate, joints = dataset.joint_log, dataset.motion.rate, dataset.robot.joints
-    rest, length, raw = (
-        options.rest,
-        dataset.motion.steps + 1,
-        raw_folder(dataset.recordings),
-    )
-    steps = dataset.motion.steps - 2 * rest
-    takes, observed, notes = find_takes(movements, dataset)
-    rows, residuals, reference = {}, {}, None
+    raw = raw_folder(dataset.recordings)
     for name, take in takes.items():
-        read = movements[take.movement]
-        if reference is None:
-            reference = take.target[take.first :][: steps + 1]
-        circular = read.of(joints).circular
-        turns = TURN * turns_apart(reference[0], take.target[take.first], circular)
-        actual, target = take.actual + turns, take.target + turns
-        start = in_phase(target, take.first, reference, SLACK, whole=rest > 0)
-        rows[name] = [stretch(q, start - rest, length) for q in (actual, target)]
-        residuals[name] = stretch(read.actual - read.target, start - rest, length)
-        notes += [(name, "resampled_rows", length)] if start != round(start) else []
-    if rows:
-        errors = np.stack([*residuals.values()])
-        angles = np.stack([actual for actual, _ in rows.values()])
-        measures = compare_takes(angles, errors, rate, dataset.limits.likeness)
-        measures["greatest_residual"] = np.abs(errors).max(axis=(1, 2)), "rad"
-        for quantity, (of_takes, unit) in measures.items():
-            notes += [
-                (n, quantity, v, unit) for n, v in zip(takes, of_takes, strict=True)
-            ]
-        limit, (scores, _) = dataset.limits.disturbance, measures["disturbance"]
-        for (name, take), score in zip(takes.items(), scores, strict=True):
-            if limit is not None and score > limit:
-                del rows[name]
-                notes.append((take.movement, "disturbed_from_row", take.first, "row"))
-    for name, pair in rows.items():
+        pair = take.measured, take.commanded
         require_pair(*pair, rate, options.mismatch, joints, file=raw, take=name)
-    if len(rows) < 2:
-        message = f"{len(rows)} repetition(s) found, at least two required, of the motion from"
-        message += f" {[*options.start]} to {[*options.end]} rad in {steps} steps between {rest} of"
-        message += f" rest; the movements hold {'; '.join(sorted(set(observed))) or 'no motion'}"
-        raise RecordingError(message, file=raw, key=OPTION)
-    measured, commanded = np.stack([*rows.values()], axis=1)
-    command, moving = commanded.mean(axis=0), slice(rest, rest + steps + 1)
-    deviations = np.abs(commanded - command)[:, moving].max(axis=(1, 2))
-    if np.any(deviations > options.tolerance):
-        message = f"the command is {deviations.max():.2g} rad off its mean over the takes, above"
-        message += f" {options.tolerance:g}: set tolerance, or leave out takes of another motion"
-        take = [*rows][int(deviations.argmax())]
-        raise RecordingError(message, file=raw, take=take, key=f"{OPTION}.tolerance")
-    for take, q, deviation in zip(rows, measured, deviations, strict=True):
-        notes.append((take, "command_deviation", deviation, "rad"))
-        notes.append(
-            (take, "lag_behind_command", lag(command[moving], q[moving], rate), "s")
+    if len(takes) >= 2:
+        return
+    steps = dataset.motion.steps - 2 * options.rest
+    motions = "; ".join(sorted(set(observed))) or "no motion"
+    raise RecordingError(
+        f"{len(takes)} repetition(s) found, at least two required, of the motion from "
+        f"{[*options.start]} to {[*options.end]} rad in {steps} steps between "
+        f"{options.rest} of rest; the movements hold {motions}",
+        file=raw,
+        key=OPTION,
+    )
+
+
+def _command_deviations(
+    takes: Mapping[str, AlignedTake], command: np.ndarray, dataset: Dataset
+) -> dict[str, float]:
+    """Return name → greatest distance in rad of a repetition's command from the mean ``command``
+    (K, n) in motion; RecordingError beyond the option ``tolerance``.
+    """
+    moving, tolerance = _moving_rows(dataset), dataset.joint_log.tolerance
+    deviations = {}
+    for name, take in takes.items():
+        deviations[name] = np.abs(take.commanded - command)[moving].max()
+    farthest = max(deviations, key=deviations.get)
+    if deviations[farthest] > tolerance:
+        raise RecordingError(
+            f"the command is {deviations[farthest]:.2g} rad off its mean over the takes, "
+            f"above {tolerance:g}: set tolerance, or leave out takes of another motion",
+            file=raw_folder(dataset.recordings),
+            take=farthest,
+            key=f"{OPTION}.tolerance",
         )
-    quality = [
-        quality_row(take, "training", "joint log", *note) for take, *note in notes
-    ]
-    # the commanded angle changes one sample before the commanded speed is first logged
-    desired = command[np.clip(np.arange(length), max(rest - 1, 0), rest + steps)]
-    k = np.tile(np.arange(length), len(rows))
+    return deviations
+
+
+def _take_rows(takes: Mapping[str, AlignedTake], dataset: Dataset) -> pd.DataFrame:
+    """Return the rows of the table ``joint_log`` of the ``takes``."""
+    length, joints = dataset.motion.steps + 1, dataset.robot.joints
+    k = np.tile(np.arange(length), len(takes))
     identity = {
-        "take": np.repeat([*rows], length),
+        "take": np.repeat(np.array([*takes], dtype=str), length),
         "part": "training",
         "k": k,
-        "t": k / rate,
+        "t": k / dataset.motion.rate,
     }
-    table = pd.DataFrame(identity | spread("q", joints, measured))
-    return (
-        trajectory_table(chain_of(dataset.robot), desired, rate, joints),
-        table,
-        quality,
-    )
+    measured = [take.measured for take in takes.values()]
+    angles = np.stack(measured) if measured else np.empty((0, length, len(joints)))
+    return pd.DataFrame(identity | spread("q", joints, angles))
 
 
 def count_rows(name: str, counts: Mapping[str, float]) -> list[dict]:
     """Return the quality rows of the ``counts`` of the movement ``name``."""
     notes = [(key, n, movement.UNITS.get(key, "count")) for key, n in counts.items()]
     return [quality_row(name, "training", "joint log", *note) for note in notes]
+
+
+def movement_paths(
+    movements: Mapping[str, LoggedMovement], rate: float
+) -> pd.DataFrame:
+    """Return the rows of the table ``take_paths`` of ``movements`` at ``rate`` (Hz) of a dataset
+    without robot, at most MOST_ROWS of a movement.
+    """
+    tables = []
+    for name, log in movements.items():
+        identity = {"take": name, "part": "training"}
+        clock = {"t": np.arange(len(log.actual)) / rate}
+        angles = spread("q", log.joints, log.actual)
+        table = pd.DataFrame(identity | clock | angles)
+        tables.append(thinned(table).assign(left_out=False, reason=""))
+    return pd.concat(tables, ignore_index=True)
 
 
 def find_takes(

@@ -360,8 +360,8 @@ def beside_limits(
     return takes.drop(columns=["instrument", "place"])
 
 
-def _reasons(takes: pd.DataFrame) -> pd.Series:
-    """Return take → text of the measures beyond their limits."""
+def reasons_by_take(takes: pd.DataFrame) -> pd.Series:
+    """Return take → text of the measures beyond their limits, of each take that is left out."""
     beyond = takes[takes["beyond"]]
     sizes = takes[takes["measure"] == "alike_takes"].set_index("take")["value"]
     words = []
@@ -376,7 +376,7 @@ def _reasons(takes: pd.DataFrame) -> pd.Series:
 
 def reasons(takes: pd.DataFrame) -> list[str]:
     """Return name and reason of every take that is left out, in the order of ``takes``."""
-    return [f"{take} ({words})" for take, words in _reasons(takes).items()]
+    return [f"{take} ({words})" for take, words in reasons_by_take(takes).items()]
 
 
 def side_by_side(takes: pd.DataFrame) -> pd.DataFrame:
@@ -391,7 +391,7 @@ def side_by_side(takes: pd.DataFrame) -> pd.DataFrame:
     order = takes.drop_duplicates("take").set_index("take")[["part", "left_out"]]
     table = order[["part"]].join(wide[list(dict.fromkeys(column))])
     return table.assign(
-        left_out=order["left_out"], reason=_reasons(takes)
+        left_out=order["left_out"], reason=reasons_by_take(takes)
     ).reset_index()
 
 

@@ -17,6 +17,7 @@ from pipeline.models.steps import process_noise
 from pipeline.perception.markers import follower
 from pipeline.recordings import commands
 from pipeline.recordings.depth_takes import on_motion_clock, with_markers
+from pipeline.recordings.paths import take_paths
 from pipeline.recordings.quality import (
     WITHIN,
     beside_limits,
@@ -38,6 +39,9 @@ def run() -> None:
     with contracts.replacing(OUT) as folder:
         if dataset.robot is None:
             print("track: the dataset has no robot; nothing to do")
+            if contracts.exists("take_paths", MOTION):
+                paths = contracts.read("take_paths", MOTION)
+                contracts.write(paths, "take_paths", folder)
             return
         # the quality of force records does not belong to takes
         parts = ["motion", "depth"] if dataset.depth is not None else ["motion"]
@@ -45,12 +49,14 @@ def run() -> None:
             [contracts.read("quality", INGEST / part) for part in parts]
         )
         repairs, source = [], "motion capture"
+        disturbed = pd.DataFrame()
         if dataset.mocap is None:
             joints = contracts.read("joint_log", MOTION).assign(residual=np.nan)
             print(
                 "track: no motion capture; the joint angles are from the controller's log"
             )
             source = "joint log"
+            disturbed = contracts.read("disturbed_log", MOTION).assign(residual=np.nan)
         else:
             joints, repairs = _track(dataset)
             quality = quality[quality["instrument"] != "joint log"]
@@ -69,6 +75,10 @@ def run() -> None:
             quality_row(row.take, row.part, source, "left_out", row.left_out)
             for row in takes.drop_duplicates("take").itertuples()
         ]
+        paths = take_paths(
+            pd.concat([joints, disturbed]), takes, chain_of(dataset.robot)
+        )
+        contracts.write(paths, "take_paths", folder)
         joints = joints[~joints["take"].isin(takes.loc[takes["left_out"], "take"])]
         if dataset.mocap is not None:
             _cross_check(joints, dataset)

@@ -7,12 +7,15 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from planar_poses import load_arm
 from sample_options import parameters
 
 from pipeline.configuration import config
+from pipeline.core.columns import spread, values
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.dataset import Dataset, Limits
 from pipeline.recordings import inventory
+from pipeline.recordings.paths import MOST_ROWS, take_paths
 from pipeline.recordings.quality import (
     account,
     beside_limits,
@@ -255,3 +258,24 @@ def test_what_all_repetitions_share_is_no_disturbance_and_of_two_neither_is_dist
     pair[0, 100:150] += 0.01
     np.testing.assert_allclose(scores(pair), 0, atol=1e-9)
     assert scores(np.zeros((3, 10, 3))).tolist() == [0, 0, 0]
+
+
+def test_the_paths_of_takes_have_the_tips_course_and_why_a_take_is_left_out():
+    joints = ["joint_2", "joint_3", "joint_4"]
+    chain = load_arm("pipeline/arm/ur5.urdf", joints, "wrist_centre", {}).chain
+    steps = np.arange(MOST_ROWS + 1)
+    angles = np.stack([-2.1 - 1e-3 * steps, -1.9 + 1e-3 * steps, 0 * steps], axis=1)
+    rows = pd.DataFrame({"part": "training", "k": steps, "t": steps / 100})
+    rows = rows.assign(**spread("q", joints, angles), residual=np.nan)
+    logs = pd.concat([rows.assign(take="pushed"), rows.assign(take="sound")])
+    scores = measured("disturbance", {"pushed": 9.0, "sound": 0.5})
+    paths = take_paths(logs, beside_limits(scores, {"disturbance": 6.0}), chain)
+    by_take = dict(list(paths.groupby("take")))
+    assert [len(by_take[take]) for take in ("pushed", "sound")] == [101, 101]
+    assert set(by_take["pushed"]["reason"]) == {"disturbance 9 beyond 6"}
+    assert set(by_take["sound"]["reason"]) == {""}
+    assert (
+        by_take["pushed"]["left_out"].all() and not by_take["sound"]["left_out"].any()
+    )
+    tip = chain.coordinates(angles[::2])
+    np.testing.assert_array_equal(values(by_take["sound"], "x"), tip)

@@ -156,6 +156,8 @@ def test_a_disturbed_repetition_is_left_out_by_name_and_the_others_stay_as_they_
     result = read(tmp_path / "logs")
     assert result[0] == [name for name in names if name != "move_1_3"]
     np.testing.assert_array_equal(result[1], np.delete(q, 2, axis=0))
+    left_out = contracts.read("disturbed_log", Path("data/ingest/motion"))
+    assert {*left_out["take"]} == {"move_1_3"} and len(left_out) == q.shape[1]
     assert quality("disturbed_from_row", "move_1") == 60 + 2 * 320
     assert quality("disturbance", "move_1_3") > 6 > quality("disturbance", "move_1_4")
     assert "disturbed from row 700" in capsys.readouterr().out
