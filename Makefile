@@ -42,8 +42,10 @@ test: $(READY)
 test-all: $(READY) $(PEERS)/.ready $(VIEW)/.ready
 	python -m pytest -q -n auto --dist worksteal --durations-file=tests/durations.csv
 
+# Every stage at the smallest scale, in one process; `make smoke DATASET=ur5` on other recordings.
+DATASET := youbot
 smoke: $(READY)
-	python tests/whole/copies.py .smoke
+	python tests/whole/copies.py .smoke --smoke $(DATASET)
 
 # The same analysis of recordings of real robots: the report compares the verdicts.
 real: $(READY)

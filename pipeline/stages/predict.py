@@ -15,7 +15,7 @@ from pipeline.evidence.pose import pose_table
 from pipeline.evidence.step_noise import step_noise
 from pipeline.filtering.linear import baseline_predictions
 from pipeline.models.joint_error.fit import FAMILY, runs_of
-from pipeline.models.joint_error.held_out import joint_tables
+from pipeline.models.joint_error.held_out import joint_tables, of_first_motions
 from pipeline.models.kinds import estimate, fitted_models
 from pipeline.models.other_motions import matrix_scores
 from pipeline.models.prediction import Steps, groups_by_speed, normal_steps, score_take
@@ -43,7 +43,7 @@ def run() -> None:
         if settings.dataset.robot is None:
             print("predict: the dataset has no robot; there is no pose to predict")
             if settings.dataset.joint_log is not None:
-                tables = _tables_of_logs(settings.dataset, settings.compute)
+                tables = _tables_of_logs(settings)
                 for name, table in tables.items():
                     contracts.write(table, name, folder)
             return
@@ -58,12 +58,15 @@ def run() -> None:
             contracts.write(table, name, folder)
 
 
-def _tables_of_logs(dataset, compute) -> dict[str, pd.DataFrame]:
+def _tables_of_logs(settings) -> dict[str, pd.DataFrame]:
     """Return the tables of the joint error laws and of the noise of a step, on all runs of logs
     whose motions need not repeat.
     """
-    runs, unused = runs_of_dataset(dataset)
-    each = partial(run_trials, compute=compute, label="predict: held-out motions")
+    runs, unused = runs_of_dataset(settings.dataset)
+    runs = of_first_motions(runs, settings.scale.held_out_motions)
+    each = partial(
+        run_trials, compute=settings.compute, label="predict: held-out motions"
+    )
     tables = joint_tables(runs, config.model_options(FAMILY), unused, each)
     return tables | {"step_noise": step_noise(runs)}
 
@@ -82,12 +85,14 @@ def _joint_tables(
             runs_of_dataset(settings.dataset) if settings.dataset.joint_log else None
         )
         runs, unused = (runs_of(recorded), {}) if logged is None else logged
+        runs = of_first_motions(runs, settings.scale.held_out_motions)
         tables = joint_tables(runs, config.model_options(FAMILY), unused, each)
     except (ModelDomainError, RecordingError) as error:
         print(f"predict: no joint error law: {error}")
         return {}
     dataset = settings.dataset
     motions = logged_motions(dataset) if dataset.joint_log else []
+    motions = motions[: settings.scale.held_out_motions]
     matrix = {name: own for name, own in options.items() if own.kind in MATRIX_KINDS}
     of_motions = recorded.joints, dataset.motion.pose_noise, recorded.chain, matrix
     named = [name for name, own in settings.models.items() if own.kind in MATRIX_KINDS]

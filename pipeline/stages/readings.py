@@ -48,6 +48,7 @@ def run() -> None:
             run_trials, compute=settings.compute, label="readings: models and filters"
         )
         own, *others = cases
+        others = others[: settings.scale.readings]
         results = evaluate([cases[name] for name in others], recordings, trials)
         parts, reasons = [], [{"reading": own, "refused": ""}]
         for name, result in zip(others, results, strict=True):

@@ -27,7 +27,8 @@ from pipeline.__main__ import main
 
 for words in map(shlex.split, sys.argv[1:]):
     sys.argv = ["pipeline", *words]
-    assert main() == 0, words
+    if main() != 0:
+        sys.exit(f"{shlex.join(words)} failed")
 """
 IDENTITY = {
     f"GIT_{who}_{what}": "test@example.org"

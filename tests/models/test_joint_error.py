@@ -16,7 +16,11 @@ from pipeline.core.delays import delayed_angles
 from pipeline.core.errors import ModelDomainError
 from pipeline.models.joint_error.choice import pooled
 from pipeline.models.joint_error.fit import fit_joint_error
-from pipeline.models.joint_error.held_out import parts_of, score_runs
+from pipeline.models.joint_error.held_out import (
+    of_first_motions,
+    parts_of,
+    score_runs,
+)
 from pipeline.models.joint_error.law import JUMPS, Outlook, build
 from pipeline.models.joint_error.likelihood import CALIBRATION, composite_loss
 from pipeline.models.joint_error.samples import JointRun, lags_of_logs, settled
@@ -313,3 +317,11 @@ def test_runs_shorter_than_the_longest_horizon_are_fitted_to_the_shorter_ones():
     ]
     with pytest.raises(ModelDomainError, match="too short to fit a law"):
         parts_of(runs)
+
+
+def test_a_trial_run_holds_out_the_first_motions_with_all_their_repetitions():
+    runs = runs_of_law(known_law(), np.random.default_rng(1), motions=3, repeats=2)
+    names = [run.motion for run in runs]
+    chosen = [run.motion for run in of_first_motions(runs, 2)]
+    assert chosen == [name for name in names if name != names[-1]] != names
+    assert of_first_motions(runs, None) == runs

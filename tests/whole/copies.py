@@ -1,7 +1,9 @@
-"""The pipeline in copies of the project. ``python tests/whole/copies.py FOLDER`` runs it on the
-smoke scale; ``… FOLDER DATASET…`` runs it on other datasets and takes their evidence back.
+"""The pipeline in copies of the project. ``python tests/whole/copies.py FOLDER DATASET…`` runs it
+on the datasets and takes their evidence back; with ``--smoke`` it runs every stage at the smallest
+scale in one process, and takes nothing back.
 """
 
+import argparse
 import os
 import shutil
 import subprocess
@@ -9,7 +11,15 @@ import sys
 from pathlib import Path
 
 sys.path += [str(Path(__file__).parents[1] / folder) for folder in ("..", "helpers")]
-from project_copy import ROOT, SMOKE, copy_project, set_parameters
+from project_copy import (
+    EVERY_COMMAND,
+    ROOT,
+    SMOKE,
+    copy_project,
+    planned,
+    set_parameters,
+    succeeds,
+)
 
 from pipeline.configuration.config import CONF, dataset_values
 from pipeline.core.errors import RecordingError
@@ -18,20 +28,6 @@ from pipeline.recordings.inventory import PULLED, listing, raw_folder
 # beside the project, where the datasheets of real robots say that their recordings are
 BESIDE = ROOT.parent / "shared"
 EVIDENCE = "reports/datasets"  # a file a dataset, which the report compares
-
-
-def reproduce(
-    copy: Path, *targets: str, pulled: Path | None = None, **parameters: object
-) -> bool:
-    """Copy the project with the ``pulled`` recordings, set ``parameters`` and run ``dvc repro``;
-    return its success.
-    """
-    copy_project(copy)
-    if pulled is not None:
-        shutil.copytree(ROOT / pulled, copy / pulled, dirs_exist_ok=True)
-    set_parameters(copy, **parameters)
-    command = ["dvc", "repro", *targets]
-    return subprocess.run(command, cwd=copy, check=False).returncode == 0
 
 
 def recordings_of(dataset: str) -> Path | None:
@@ -47,8 +43,33 @@ def recordings_of(dataset: str) -> Path | None:
     return place
 
 
-def main(folder: Path, *datasets: str) -> int:
-    """Run on the smoke scale, or on the ``datasets``; the first that fails ends it."""
+def copy_with_recordings(copy: Path, recordings: Path | None) -> None:
+    """Copy the project with pulled ``recordings``, and set no parameter."""
+    copy_project(copy)
+    if recordings is not None and recordings.is_relative_to(PULLED):
+        shutil.copytree(ROOT / recordings, copy / recordings, dirs_exist_ok=True)
+
+
+def smoke(copy: Path) -> bool:
+    """Run the stages of ``dvc repro`` in one process; return their success."""
+    plan = planned(succeeds("dvc", "repro", "--dry", cwd=copy))
+    command = [sys.executable, "-c", EVERY_COMMAND, *plan.values()]
+    return subprocess.run(command, cwd=copy, check=False).returncode == 0
+
+
+def evidence_of(copy: Path, dataset: str) -> bool:
+    """Run ``dvc repro`` and take the evidence on ``dataset`` back; return the success."""
+    command = ["dvc", "repro", "score"]
+    if subprocess.run(command, cwd=copy, check=False).returncode != 0:
+        return False
+    target = ROOT / EVIDENCE / f"{dataset}.json"
+    target.parent.mkdir(parents=True, exist_ok=True)
+    shutil.copyfile(copy / "data/score/evidence.json", target)
+    return True
+
+
+def main(folder: Path, datasets: list[str], at_smoke_scale: bool) -> int:
+    """Run the ``datasets`` in copies below ``folder``; the first that fails ends it."""
     os.chdir(ROOT)
     try:
         places = {dataset: recordings_of(dataset) for dataset in datasets}
@@ -57,25 +78,31 @@ def main(folder: Path, *datasets: str) -> int:
         return 1
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
-    if not datasets:
-        if not reproduce(folder / "project", **SMOKE):
-            return 1
-        print(
-            f"smoke: every stage ran in {folder / 'project'}; its numbers mean nothing"
-        )
-        return 0
     if BESIDE.is_dir():
         (folder / BESIDE.name).symlink_to(BESIDE)
-    (ROOT / EVIDENCE).mkdir(parents=True, exist_ok=True)
     for dataset, place in places.items():
-        pulled = place if place and place.is_relative_to(PULLED) else None
-        if not reproduce(folder / dataset, "score", pulled=pulled, dataset=dataset):
+        copy = folder / dataset
+        copy_with_recordings(copy, place)
+        if at_smoke_scale:
+            set_parameters(copy, **SMOKE, dataset=dataset)
+            success = smoke(copy)
+        else:
+            set_parameters(copy, dataset=dataset)
+            success = evidence_of(copy, dataset)
+        if not success:
             return 1
-        evidence = folder / dataset / "data/score/evidence.json"
-        shutil.copyfile(evidence, ROOT / EVIDENCE / f"{dataset}.json")
-    print(f"evidence: written to {EVIDENCE}; `dvc repro` reads it")
+    if at_smoke_scale:
+        print(f"smoke: every stage ran below {folder}; its numbers mean nothing")
+    else:
+        print(f"evidence: written to {EVIDENCE}; `dvc repro` reads it")
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main(Path(sys.argv[1]).resolve(), *sys.argv[2:]))
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("folder", type=Path, help="folder of the copies, emptied first")
+    parser.add_argument("datasets", nargs="+", help="names of datasets")
+    parser.add_argument("--smoke", action="store_true", help="run the smallest scale")
+    arguments = parser.parse_args()
+    folder = arguments.folder.resolve()
+    sys.exit(main(folder, arguments.datasets, arguments.smoke))

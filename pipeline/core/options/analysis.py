@@ -67,6 +67,8 @@ class Scale:
     bootstrap_replicates: Whole
     bootstrap_refits: Whole
     force_seconds: Positive
+    held_out_motions: Count | None  # null: all
+    readings: Count | None  # null: all
 
 
 @options()

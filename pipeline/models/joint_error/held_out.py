@@ -77,6 +77,12 @@ def parts_of(
     return parts
 
 
+def of_first_motions(runs: Sequence[JointRun], count: int | None) -> list[JointRun]:
+    """Return the ``runs`` of the first ``count`` motions; all runs for None."""
+    motions = [*dict.fromkeys(run.motion for run in runs)][:count]
+    return [run for run in runs if run.motion in motions]
+
+
 def held_out(
     runs: Sequence[JointRun], laws: Mapping[str, Options], each: MapTrials = map
 ) -> dict[str, pd.DataFrame]:
