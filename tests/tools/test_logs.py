@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from joint_kinds import motion, numbered, write
+from joint_kinds import labels_of, motion, write
 from scipy.io import savemat
 
 from pipeline.recordings.runs import joint_runs
@@ -143,7 +143,7 @@ HALVES = "{actual: [1, 2], target: [3, 4]}"
             {"joint_log.signals": HALVES, "joint_log.time": "null"},
         ),
         (
-            table(ROWS, ACTUAL, TARGET, labels=("", *numbered("q", "q_cmd"))),
+            table(ROWS, ACTUAL, TARGET, labels=("", *labels_of("q_#,q_cmd_#"))),
             {},
             {"motion.rate": "HZ"},
         ),
@@ -158,7 +158,7 @@ def test_all_that_is_missing_is_proposed_together(tmp_path, make, stated, missin
 
 def follows_not(folder: Path, joints: slice) -> None:
     """Three logs, and one in which the ``joints`` stand still."""
-    labels = ["time", *numbered("q_actual", "q_target")]
+    labels = ["time", *labels_of("q_actual_#,q_target_#")]
     for run in range(3):
         write(
             folder / f"run_{run}.csv",

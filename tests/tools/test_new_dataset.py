@@ -266,7 +266,7 @@ def test_labelled_tables_are_joint_logs_only_if_their_labels_say_it(root, tmp_pa
 UR5 = ROOT / "pipeline/arm/ur5.urdf"
 UR_JOINTS = ["shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3"]
 NAMELESS = {  # labels of the measured and commanded angles: joints that are suggested, and a note
-    "numbers": (joint_kinds.numbered("q", "q_cmd"), UR_JOINTS, "beyond the limits: none"),
+    "numbers": (joint_kinds.labels_of("q_#,q_cmd_#"), UR_JOINTS, "beyond the limits: none"),
     "other words": ([f"{signal}_{joint}" for signal in ("q", "q_cmd")
                      for joint in "hip knee ankle heel toe sole".split()], None,
                     "the logs name, in this order, hip, knee, ankle, heel, toe, sole"),
@@ -303,7 +303,8 @@ def test_without_names_the_limits_support_the_positions_and_other_names_contradi
 ):
     columns, joints, note = NAMELESS[labels]
     (tmp_path / "logs").mkdir()
-    joint_kinds.log(["time", *columns])(tmp_path / "logs")
+    head = ["time", *columns]
+    joint_kinds.write(tmp_path / "logs/log.csv", head, *joint_kinds.motion())
     named_urdf(tmp_path / "logs/arm.urdf")
     run("lab", "--from", tmp_path / "logs", "--suggested", "--set", "robot.tool=flange")
     expected = [f"{joint}_joint" for joint in joints] if joints else "???"

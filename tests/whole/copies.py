@@ -52,7 +52,7 @@ def copy_with_recordings(copy: Path, recordings: Path | None) -> None:
 
 def smoke(copy: Path) -> bool:
     """Run the stages of ``dvc repro`` in one process; return their success."""
-    plan = planned(succeeds("dvc", "repro", "--dry", cwd=copy))
+    plan = planned(succeeds("dvc", "repro", "--force", "--dry", cwd=copy))
     command = [sys.executable, "-c", EVERY_COMMAND, *plan.values()]
     return subprocess.run(command, cwd=copy, check=False).returncode == 0
 

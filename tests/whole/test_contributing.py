@@ -33,6 +33,20 @@ KINDS = {
     "study": "studies",
 }
 COPIED = "copied"  # name of every copy
+# tests that loop over what is found by its place
+CONTRACTS = [
+    "tests/test_repository.py",
+    "tests/test_stage_deps.py",
+    "tests/test_main.py::test_help_lists_the_names_and_names_each_stage_study_and_tool",
+    "tests/configuration/test_config.py",
+    "tests/core/test_tables.py",
+    "tests/figures/test_contents.py",
+    "tests/formats/test_format.py",
+    "tests/models/test_kinds.py",
+    "tests/studies/test_studies.py",
+    "tests/verdicts/test_claims.py",
+    "tests/verdicts/test_paper.py",
+]
 FOUND_BY_PLACE = f"""
 import numpy as np
 from pipeline import formats
@@ -51,54 +65,75 @@ def section(title: str) -> str:
     return re.search(rf"^## {title}\n(.*?)(?=^## )", PAGE, re.MULTILINE | re.DOTALL)[1]
 
 
-def copy_smallest(project: Path, kind: str) -> str:
-    """Copy the module or package that the page names for ``kind`` under the name COPIED, imports of
-    itself included; return its own name.
-    """
-    place = re.search(rf"\]\((pipeline/{KINDS[kind]}/[\w/.]+)\)", section(f"A {kind}"))[
-        1
-    ]
-    source, target = (
-        project / place,
-        project / Path(place).with_name(COPIED + Path(place).suffix),
-    )
-    if source.is_file():
-        # with the captions of a figure, which has the name of its module
-        for file in {source, source.with_suffix(".yaml")} & {*source.parent.iterdir()}:
-            text = file.read_text(encoding="utf-8")
-            text = re.sub(rf"(?m)^(def )?{source.stem}\b", rf"\1{COPIED}", text)
-            file.with_stem(COPIED).write_text(text, encoding="utf-8")
-        return source.stem
-    shutil.copytree(
-        source, target, ignore=shutil.ignore_patterns("__pycache__", "dvc.lock")
-    )
-    name, own = source.name, place.replace("/", ".")
-    for file in (
-        file for file in target.rglob("*.*") if file.suffix in (".py", ".yaml")
-    ):
+def smallest(kind: str) -> str:
+    """Return the path of the module or package that the page names for ``kind``."""
+    link = rf"\]\((pipeline/{KINDS[kind]}/[\w/.]+)\)"
+    return re.search(link, section(f"A {kind}"))[1]
+
+
+def copy_module(source: Path) -> None:
+    """Copy a module under the name COPIED, and the captions of a figure, which have its name."""
+    for file in (source, source.with_suffix(".yaml")):
+        if not file.is_file():
+            continue
         text = file.read_text(encoding="utf-8")
-        for words in (own, place):
-            text = text.replace(words, words.removesuffix(name) + COPIED)
-        # the study's folders, stage and command, and the kind of a model
-        text = re.sub(
-            rf"(?m)(/studies/|^  |pipeline |\"kind\": \"){name}\b", rf"\1{COPIED}", text
-        )
-        file.write_text(text, encoding="utf-8")
-    return name
+        text = re.sub(rf"(?m)^(def )?{source.stem}\b", rf"\1{COPIED}", text)
+        file.with_stem(COPIED).write_text(text, encoding="utf-8")
+
+
+def copy_package(project: Path, place: str) -> None:
+    """Copy a package under the name COPIED, imports of itself included."""
+    source = project / place
+    target = source.with_name(COPIED)
+    ignored = shutil.ignore_patterns("__pycache__", "dvc.lock")
+    shutil.copytree(source, target, ignore=ignored)
+
+    # the first word of a study's docstring, its folders, stage and command; the kind of a model
+    before = r"^\"\"\"|/studies/|^  |pipeline |\"kind\": \""
+    name = re.compile(rf"(?m)({before}){source.name}\b")
+    for file in [*target.rglob("*.py"), *target.rglob("*.yaml")]:
+        text = file.read_text(encoding="utf-8")
+        for path in (place, place.replace("/", ".")):
+            text = text.replace(path, path.removesuffix(source.name) + COPIED)
+        file.write_text(name.sub(rf"\1{COPIED}", text), encoding="utf-8")
+
+
+def copy_option_file(project: Path, model: str) -> None:
+    """Copy the option file of a model for the kind COPIED."""
+    options = project / f"pipeline/conf/model/{model}.yaml"
+    text = options.read_text(encoding="utf-8")
+    text = text.replace(f"kind: {model}", f"kind: {COPIED}")
+    options.with_stem(COPIED).write_text(text, encoding="utf-8")
+
+
+def copy_claim(project: Path) -> None:
+    """Copy the first claim under the name COPIED."""
+    file = project / "pipeline/verdicts/claims.yaml"
+    text = file.read_text(encoding="utf-8")
+    claim = re.search(r"(?ms)^  - id: .*?(?=^  - id: )", text)[0]
+    copy = re.sub(r"id: .*", f"id: {COPIED}", claim, count=1)
+    file.write_text(text.replace(claim, claim + copy), encoding="utf-8")
+
+
+@pytest.fixture
+def extended(tmp_path: Path) -> Path:
+    """A copy of the project with a copy of the smallest module of each kind, and of a claim."""
+    project = tmp_path / "project"
+    copy_project(project)
+    copy_package(project, smallest("model"))
+    copy_module(project / smallest("figure"))
+    copy_module(project / smallest("format"))
+    copy_package(project, smallest("study"))
+    copy_option_file(project, Path(smallest("model")).name)
+    copy_claim(project)
+    return project
 
 
 @pytest.mark.slow
 def test_a_copy_of_the_smallest_module_of_each_kind_is_found_by_its_place_and_works(
-    tmp_path,
+    extended,
 ):
-    project = tmp_path / "project"
-    copy_project(project)
-    model, *_ = (copy_smallest(project, kind) for kind in KINDS)
-    options = project / f"pipeline/conf/model/{model}.yaml"
-    text = options.read_text(encoding="utf-8").replace(
-        f"kind: {model}", f"kind: {COPIED}"
-    )
-    options.with_stem(COPIED).write_text(text, encoding="utf-8")
+    project = extended
     set_parameters(project, models=f"[additive, {COPIED}]")
     succeeds("python", "-m", "pipeline", "configure", cwd=project)
     assert f"kind: {COPIED}" in (project / "data/config.yaml").read_text()
@@ -106,6 +141,22 @@ def test_a_copy_of_the_smallest_module_of_each_kind_is_found_by_its_place_and_wo
     assert f" {COPIED}" in succeeds("python", "-m", "pipeline", "--help", cwd=project)
     stages = succeeds("dvc", "stage", "list", "--all", "--name-only", cwd=project)
     assert f"pipeline/studies/{COPIED}/dvc.yaml:{COPIED}" in stages
+
+
+@pytest.mark.slow
+def test_an_addition_breaks_no_test(extended):
+    evidence = "reports/datasets"  # of the committed results
+    shutil.copytree(ROOT / evidence, extended / evidence)
+    command = "python -m pytest -q -n 0 -p no:cacheprovider -m".split()
+    done = run(*command, "not slow", *CONTRACTS, cwd=extended)
+    assert done.returncode == 0, done.stdout
+
+    # the control: an import against the order of the layers
+    (extended / f"pipeline/models/{COPIED}/fit.py").write_text(
+        "import pipeline.tools\n"
+    )
+    done = run(*command, "not slow", "tests/test_repository.py", cwd=extended)
+    assert "test_imports_run_one_way[models]" in done.stdout
 
 
 def test_the_way_of_a_take_names_files_and_functions_that_exist():
