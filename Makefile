@@ -59,12 +59,13 @@ synthetic: $(READY)
 audit: $(READY)
 	python -m pipeline audit .audit
 
-# Ratios to other libraries, first use, speed of a step, growth of cost and equal bytes: reports/benchmarks.md. Run it on an idle machine.
+# Ratios to other libraries, first use, speed of a step, growth of cost, equal bytes, and times of the commands above: reports/benchmarks.md. Run it on an idle machine.
 bench: $(READY) $(PEERS)/.ready
 	python tests/benchmarks/contests.py .bench/contests
 	python tests/benchmarks/start.py .bench/cache
 	python tests/benchmarks/growth.py
 	python tests/benchmarks/equal_bytes.py .bench/levels
+	python tests/benchmarks/times.py .bench/times
 	python tests/benchmarks/summary.py
 
 # A million particles, ten thousand takes, and a Dask cluster, also with a killed worker, against local processes. Run it on an idle machine.

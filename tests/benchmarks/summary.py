@@ -1,5 +1,5 @@
 """Writes reports/benchmarks.md, tests/benchmarks/page.md with the measurements in
-reports/benchmarks: ``python tests/benchmarks/summary.py``.
+reports/benchmarks, and the times in README.md: ``python tests/benchmarks/summary.py``.
 """
 
 import json
@@ -8,7 +8,7 @@ from itertools import groupby
 from pathlib import Path
 from statistics import median
 
-from contests import CALLS, HERE, RESULTS, SECONDS
+from contests import CALLS, HERE, RESULTS, ROOT, SECONDS
 
 import pandas as pd  # isort: skip
 from equal_bytes import CONTROL, OTHER
@@ -196,6 +196,54 @@ def equal_bytes(machine: str, skipped: list[str], hashes: dict) -> dict[str, str
     return fields | {"equal_bytes": table(["piece", *others, CONTROL], rows)}
 
 
+def times_table(times: dict | None) -> str:
+    """Times of the commands, and of the stages of `make repro`."""
+    if times is None:
+        return "Not measured: `make bench`."
+    commands = {"make env": times["environment"], "make repro": times["repro"]}
+    for dataset, smoke in times["smoke"].items():
+        commands[f"make smoke DATASET={dataset}"] = smoke
+    rows = []
+    for command, each in commands.items():
+        seconds = f"{each['seconds']:.0f}", f"{each['processor_seconds']:.0f}"
+        rows.append([f"`{command}`", *seconds])
+    stages = []
+    for stage, seconds in times["repro"]["stages"].items():
+        stages.append([stage, f"{seconds:.1f}"])
+    header = ["command", "wall clock, s", "processor time, s"]
+    of_stages = table(["stage of `make repro`", "wall clock, s"], stages)
+    return f"On {times['machine']}:\n\n{table(header, rows)}\n\n{of_stages}"
+
+
+def times_sentence(times: dict | None) -> str:
+    """What README.md says of the time that its commands take."""
+    if times is None:
+        return "They take minutes: `make bench` measures them."
+    environment, repro = times["environment"], times["repro"]
+    smoke = []
+    for dataset, each in times["smoke"].items():
+        smoke.append(f"{each['processor_seconds']:.0f} s on {dataset}")
+    return (
+        f"On {times['machine']}, the environment takes {environment['seconds']:.0f} s and "
+        f"`make repro` from nothing {repro['seconds']:.0f} s; `make smoke`, which runs every stage "
+        f"at the smallest scale, takes a processor time of {' and '.join(smoke)}."
+    )
+
+
+def with_times(readme: str, times: dict | None) -> str:
+    """The text of README.md with its sentence on times."""
+    begin, end = "<!-- times -->\n", "\n<!-- /times -->"
+    before, _, rest = readme.partition(begin)
+    _, _, after = rest.partition(end)
+    return before + begin + times_sentence(times) + end + after
+
+
+def measured_times(folder: Path) -> dict | None:
+    """The measurements of times.py, None before the first."""
+    file = folder / "times.json"
+    return json.loads(file.read_text()) if file.is_file() else None
+
+
 def page(folder: Path) -> str:
     """Text of reports/benchmarks.md from the files in ``folder``."""
     measured = {
@@ -205,6 +253,7 @@ def page(folder: Path) -> str:
     fields |= equal_bytes(**measured["equal_bytes"]) | {
         "growth": growth(folder / "growth.csv")
     }
+    fields["times"] = times_table(measured_times(folder))
     at_scale = "Not measured: `make bench-scale`."
     fields["scale"] = scale(**measured["scale"]) if "scale" in measured else at_scale
     fields |= {"CALLS": CALLS, "SECONDS": SECONDS, "OTHER": OTHER}
@@ -212,6 +261,7 @@ def page(folder: Path) -> str:
 
 
 if __name__ == "__main__":
-    file = RESULTS.with_suffix(".md")
+    file, readme = RESULTS.with_suffix(".md"), ROOT / "README.md"
     file.write_text(page(RESULTS))
-    print(f"bench: {file}")
+    readme.write_text(with_times(readme.read_text(), measured_times(RESULTS)))
+    print(f"bench: {file}, and the times in {readme}")

@@ -6,10 +6,11 @@ import growth
 import numpy as np
 import pandas as pd
 import pytest
-from contests import RESULTS
+from contests import RESULTS, ROOT
 from equal_bytes import SETTINGS
 from scenario import take
-from summary import contest_rows, page, scale
+from summary import contest_rows, measured_times, page, scale, times_table, with_times
+from times import stage_seconds
 
 
 @pytest.mark.parametrize(
@@ -77,3 +78,22 @@ def test_every_measurement_has_its_place_on_the_page_and_a_missed_limit_is_seen(
     assert "20 s | ≤ 15 s | **missed**" in text and "make bench-scale" in text
     assert "| joints | 2 to 12 | 3.50 (≤ 3: **missed**) |" in text
     assert page(RESULTS) == RESULTS.with_suffix(".md").read_text()
+
+
+def test_a_stage_takes_the_time_until_the_next_one_starts():
+    clock = iter([0.0, 2.0, 5.0, 9.0])
+    lines = ["", "Running stage 'track':", "> python", "Running stage 'fit@wishart':"]
+    seconds = stage_seconds(lines, lambda: next(clock))
+    assert seconds == {"start": 2.0, "track": 3.0, "fit@wishart": 4.0}
+
+
+def test_times_reach_the_page_and_the_readme():
+    spent = {"seconds": 250.4, "processor_seconds": 391.0}
+    times = {"machine": "A 1", "environment": spent, "smoke": {"ur5": spent}}
+    times["repro"] = spent | {"stages": {"track": 19.24}}
+    text = times_table(times)
+    assert "| `make repro` | 250 | 391 |" in text and "| track | 19.2 |" in text
+    readme = (ROOT / "README.md").read_text()
+    changed = with_times(readme, times)
+    assert "`make repro` from nothing 250 s" in changed and "391 s on ur5" in changed
+    assert with_times(changed, measured_times(RESULTS)) == readme
