@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from markdown_it import MarkdownIt
 from source_code import ROOT
-from stage_drawing import PAGE, drawing, expected_page, stage_graph
+from stage_drawing import PAGE, expected_page
 
 TEMPLATES = (
     "pipeline/verdicts/templates",
@@ -93,16 +93,3 @@ def test_a_lost_file_and_a_lost_anchor_are_seen():
 def test_the_drawing_of_the_stages_is_of_todays_file():
     text = PAGE.read_text(encoding="utf-8")
     assert text == expected_page(text), "run python tests/helpers/stage_drawing.py"
-
-
-def test_arrows_follow_the_outputs_of_stages():
-    stages = {
-        "write": {"outs": ["data/${name}/table"]},
-        "read": {"deps": ["data/youbot"], "outs": [{"data/result": {"cache": False}}]},
-        "draw": {"deps": ["data/result/x.png", "data/youbot"]},
-        "lone": {"deps": ["pipeline"]},
-    }
-    graph = {"write": [], "read": ["write"], "draw": ["write", "read"], "lone": []}
-    assert stage_graph(stages) == graph
-    # the arrow from write to draw leads through read
-    assert drawing(stages).count("-->") == 2
