@@ -2,7 +2,7 @@
 planar arm, commanded joint angles of any arm, or both.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -44,11 +44,6 @@ def read_trajectory(file: Path) -> pd.DataFrame:
         need = "a commanded angle must be continuous beyond ±π, without jumps of 2π = 6.283 rad"
         raise RecordingError(f"{at}: {need}; export unwrapped angles", file=file)
     return table.rename(columns=dict(zip(COLUMNS, FAMILIES, strict=True)))
-
-
-def read_poses(file: Path, task: Sequence[str]) -> pd.DataFrame:
-    """Return t in s and the ``task`` coordinates in m and rad; ``file`` may have more columns."""
-    return _even_rows(file, lambda _: ["t", *task])
 
 
 def _even_rows(

@@ -127,6 +127,25 @@ class Laboratory:
         return replace(alone, pose_noise=(axes * np.maximum(variances, 0.0)) @ axes.T)
 
 
+def performed_poses(
+    session: moves.Session,
+    motion: moves.Commanded,
+    dynamics: DynamicsOptions,
+    streams: Sequence[np.random.Generator],
+) -> np.ndarray:
+    """Return the poses (takes, M+1, n) in rad of the motion capture in one take for each of the
+    ``streams``, as :func:`pipeline.laboratory.dynamics.perform` draws them, all takes at once.
+    """
+    chances = [moves.draw(session.chain, motion, dynamics, s) for s in streams]
+    together = moves.Chance(*map(np.stack, zip(*chances, strict=True)))
+    swing = moves.swing(session.chain, session.encoder, motion, dynamics, together)
+    grid = np.arange(round(motion.duration * motion.rate) + 1) / motion.rate
+    poses = []
+    for q, stream in zip(swing.q, streams, strict=True):
+        poses.append(moves.expose(swing.t, q, grid, dynamics, stream))
+    return np.stack(poses)
+
+
 def perform(
     laboratory: Laboratory, factors: Factors, seed: int, part: str, count: int
 ) -> tuple[np.ndarray, list[moves.DepthFrames]]:

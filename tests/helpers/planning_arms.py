@@ -1,4 +1,4 @@
-"""Arms to plan for, a path for each, and models to plan under."""
+"""Arms that follow a path with their tip, and models to plan under."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -7,11 +7,9 @@ import numpy as np
 from space_arms import LWR4
 
 import pipeline.arm
-from pipeline.arm.chain import Chain
 from pipeline.arm.model import chain_of
 from pipeline.core.options.dataset import Robot
-from pipeline.models.kinds import build_model
-from pipeline.planning.problem import Cost, Problem, uncertainty
+from pipeline.studies.planning.solver import PathTask
 
 PLANAR = Robot(
     str(Path(pipeline.arm.__file__).parent / "youbot.urdf"),
@@ -30,12 +28,7 @@ ARMS = {
         [0.0, 0.65, 0.0, -1.2, 0, 0.75, 0.5],
     ),
 }
-ARMS["two spare"] = (
-    replace(LWR4, task=["x", "y", "z", "rx", "ry"]),
-    *ARMS["seven"][1:],
-)
 LAWS = {
-    "additive": {"kind": "additive", "noise_covariance": (1e-6 * np.eye(3)).tolist()},
     "gaussian": {"kind": "gaussian", "alpha": 0.1, "u": 60.0},
     "qr_transposed": {
         "kind": "wishart",
@@ -46,23 +39,10 @@ LAWS = {
 }
 
 
-def chain(arm: str) -> Chain:
-    return chain_of(ARMS[arm][0])
-
-
-def joint_path(arm: str, steps: int) -> np.ndarray:
-    """(steps + 1, n) rad, straight in the joints, from rest to rest."""
-    _, start, end = ARMS[arm]
+def path_task(arm: str, steps: int) -> PathTask:
+    """Path of an arm whose joints move from rest to rest in two seconds."""
+    robot, start, end = ARMS[arm]
+    chain = chain_of(robot)
     share = (1 - np.cos(np.linspace(0, np.pi, steps + 1))) / 2
-    return np.array(start) + share[:, None] * (np.array(end) - np.array(start))
-
-
-def law_cost(law: str, arm: Chain, objective: str = "trace") -> Cost:
-    return uncertainty(build_model(LAWS[law]), arm, objective)
-
-
-def path_problem(arm: str, steps: int, **changes: float) -> Problem:
-    """The path of an arm, done in two seconds, and what its motion has to keep."""
-    moved = chain(arm)
-    numbers = {"rate": steps / 2, "margin": 0.01, "smoothness": 1e-3} | changes
-    return Problem(moved, moved.pose(joint_path(arm, steps)), **numbers)
+    q = np.array(start) + share[:, None] * (np.array(end) - np.array(start))
+    return PathTask(chain, chain.pose(q), rate=steps / 2, margin=0.02)

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from planning_arms import LAWS, law_cost, path_problem
+from planning_arms import LAWS, path_task
 from rectangle_clouds import CHAIN, cloud
 from sample_options import made
-from scipy.stats import wishart
+from scipy.stats import spearmanr, wishart
 
 from pipeline.arm.chain import PlanarChain
 from pipeline.configuration import config
@@ -23,11 +23,9 @@ from pipeline.models.steps import process_noise
 from pipeline.models.wishart.decomposition import COMPUTED, Decomposition
 from pipeline.models.wishart.law import WishartModel
 from pipeline.perception.articulation import fit_sequence
-from pipeline.planning.motions import best_conditioned, cheapest_paths, least_uncertain
-from pipeline.planning.problem import Problem
-from pipeline.planning.self_motion import grid, spacing_of
 from pipeline.recordings.commands import speed_scores
 from pipeline.statistics.takes import lag_one_correlation
+from pipeline.studies.planning.solver import feasible_motions, summed_variance
 from pipeline.verdicts.paper import RATE, noise_levels
 from pipeline.wrench.models import (
     Bounds,
@@ -222,80 +220,55 @@ def test_with_the_commanded_end_the_error_depends_on_the_deviation_and_with_the_
     assert np.all(np.abs(slope[1:]) > 0.6)
 
 
-def summed(problem: Problem, law: str, joints: np.ndarray) -> np.ndarray:
-    """(n, n) Σ Cov of the motion ``joints`` (M+1, n)."""
-    model = build_model(LAWS[law])
-    return model.covariance(problem.chain, joints[:-1], problem.steps).sum(axis=0)
-
-
 def test_of_two_motions_neither_has_the_lesser_sum_and_trace_and_determinant_disagree():
-    problem = path_problem("planar", 40, smoothness=1e-6)
-    by_trace, by_det = (
-        least_uncertain(
-            problem, law_cost("pivoted_lu", problem.chain, objective), 80
-        ).joints
-        for objective in ("trace", "log_det")
-    )
-    sum_by_trace = summed(problem, "pivoted_lu", by_trace)
-    sum_by_det = summed(problem, "pivoted_lu", by_det)
-    difference = np.linalg.eigvalsh(sum_by_det - sum_by_trace)
+    task = path_task("planar", 40)
+    chain = task.chain
+    motions = feasible_motions(task, 256)
+    law = build_model(LAWS["pivoted_lu"])
+    sums, log_dets = [], []
+    for q in motions:
+        v = chain.displacement(chain.pose(q[:-1]), chain.pose(q[1:]))
+        covariance = law.covariance(chain, q[:-1], v)
+        sums.append(covariance.sum(axis=0))
+        in_row_space = np.linalg.eigvalsh(covariance)[:, 1:]
+        log_dets.append(np.log(in_row_space[np.any(v, axis=-1)]).sum())
+    by_trace = np.argmin(np.trace(sums, axis1=1, axis2=2))
+    by_det = np.argmin(log_dets)
+    difference = np.linalg.eigvalsh(sums[by_det] - sums[by_trace])
     scale = np.abs(difference).max()
     assert difference[0] < -1e-3 * scale < 1e-3 * scale < difference[-1]
-    for objective, better, worse in (
-        ("trace", by_trace, by_det),
-        ("log_det", by_det, by_trace),
-    ):
-        cost = law_cost("pivoted_lu", problem.chain, objective)
-        here, there = (cost(q[:-1], problem.steps).sum() for q in (better, worse))
-        assert here < there - 1e-4 * abs(there)
 
 
-@pytest.mark.slow
 def test_the_least_uncertain_motion_of_the_gaussian_model_goes_where_the_arm_is_worst_conditioned():
-    problem = path_problem("planar", 24, smoothness=0.0)
+    task = path_task("planar", 24)
+    motions = feasible_motions(task, 256)
+    inverse = task.chain.inverse_jacobian(motions[:, :-1])
+    conditioning = -np.sum(frobenius(inverse) ** 2, axis=1)
+    clearance = task.chain.least_singular_value(motions).mean(axis=1)
 
-    def worst_conditioned(q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        return -(frobenius(problem.chain.inverse_jacobian(q)) ** 2) * np.vecdot(v, v)
+    def rank(law: str) -> float:
+        sums = summed_variance(build_model(LAWS[law]), task, motions)
+        return np.mean(clearance < clearance[np.argmin(sums)])
 
-    gaussian = law_cost("gaussian", problem.chain)
-    steps = np.arange(0, 25, 3)
-    poses = grid(problem, steps, spacing_of(problem, 30))
-    ways = [
-        cheapest_paths(problem, cost, steps, poses)[0][0]
-        for cost in (gaussian, worst_conditioned)
-    ]
-    np.testing.assert_array_equal(*ways)
-    uncertain = least_uncertain(problem, gaussian, 30)
-    dexterous = best_conditioned(problem, 30)
-    assert dexterous.clearance.mean() > 1.2 * uncertain.clearance.mean()
-    # the control: under the Wishart model it is another motion, and a better conditioned one
-    of_wishart = law_cost("qr_transposed", problem.chain)
-    planned = least_uncertain(problem, of_wishart, 30)
-    assert planned.clearance.mean() > uncertain.clearance.mean()
+    gaussian = summed_variance(build_model(LAWS["gaussian"]), task, motions)
+    assert spearmanr(gaussian, conditioning).statistic > 0.9
+    assert rank("gaussian") < 0.1
+    # the control: under the Wishart model by LU it is the best conditioned motion
+    assert rank("pivoted_lu") > 0.9
 
 
-@pytest.mark.slow
 def test_under_the_wishart_model_by_qr_of_the_transpose_it_is_the_motion_of_least_norm():
-    problem = path_problem("planar", 24, smoothness=0.0)
-    chain = problem.chain
-
-    def square_norm(q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        return np.sum(np.matvec(chain.inverse_jacobian(q), v) ** 2, axis=-1)
-
-    q = np.random.default_rng(2).uniform(chain.lower, chain.upper, (100, 3))
-    q = q[problem.clear(q)]
-    v = np.tile(problem.steps[12], (len(q), 1))
+    task = path_task("planar", 24)
+    motions = feasible_motions(task, 256)
+    square_norm = np.sum(np.diff(motions, axis=1) ** 2, axis=(1, 2))
 
     def ratio(law: str) -> np.ndarray:
-        return law_cost(law, chain)(q, v) / square_norm(q, v)
+        return summed_variance(build_model(LAWS[law]), task, motions) / square_norm
 
     constant = ratio("qr_transposed")
-    np.testing.assert_allclose(constant, constant[0], rtol=1e-9)
-    # the control: under another decomposition it is not
+    np.testing.assert_allclose(constant, constant[0], rtol=0.02)
+    # the control: under another decomposition the ratio is not constant
     assert np.ptp(ratio("pivoted_lu")) > 0.1 * constant[0]
-    planned = least_uncertain(problem, law_cost("qr_transposed", chain), 50)
-    least = least_uncertain(problem, square_norm, 50)
-    assert planned.cost.sum() == pytest.approx(constant[0] * least.cost.sum(), rel=1e-3)
 
 
 CONFIGURATIONS = ("C1", "C2", "C3")
