@@ -18,34 +18,23 @@ from pipeline.core.columns import matrices, spread, values
 from pipeline.core.errors import ConfigError
 from pipeline.evidence.case import Camera, Takes, camera_of
 from pipeline.laboratory import dynamics as moves
+from pipeline.laboratory.causes import dynamics_type
 from pipeline.laboratory.options import ClockOptions, DynamicsOptions, TrajectoryOptions
 from pipeline.models.steps import Recorded, process_noise
 from pipeline.recordings.commands import commanded_steps
 
 RESTING = 40  # takes that give the arm's noise at rest, without measurement noise
-SIZES = (
+SIZES = (  # of disturbances in ``DynamicsOptions``
     "sway_std",
     "clearance",
     "speed_error_std",
     "encoder_ripple",
     "encoder_offset_std",
-)
-SIZES += (
     "length_std",
     "start_std",
     "jitter_std",
-)  # of disturbances in ``DynamicsOptions``
-LAGS = ("sway_time", "clearance_time")
-# disturbances: on all SIZES; speed_exponent: at 0 the speed does not change sway and play; lasting:
-# on the LAGS, the duration of a deviation; the last two: on the std of the instrument
-FACTORS = (
-    "disturbances",
-    *SIZES,
-    "speed_exponent",
-    "lasting",
-    "motion_capture",
-    "depth_camera",
 )
+FACTORS = (*SIZES, "motion_capture", "depth_camera")  # the last two: std of instruments
 Factors = Mapping[str, float]  # FACTORS by name, 1 if absent
 
 
@@ -59,16 +48,23 @@ def require_factors(names: Iterable[str], known: Sequence[str] = FACTORS) -> Non
 
 
 def disturb(dynamics: DynamicsOptions, factors: Factors) -> DynamicsOptions:
-    """Return ``dynamics`` with the sizes and lags of the disturbances times their factors."""
+    """Return ``dynamics`` with the sizes of the disturbances times their ``factors``."""
     require_factors(factors)
-    factors = dict.fromkeys(FACTORS, 1.0) | factors
-    by = {name: factors["disturbances"] * factors[name] for name in SIZES}
-    scaled = {
-        name: np.multiply(getattr(dynamics, name), x).tolist() for name, x in by.items()
-    }
-    lags = {name: getattr(dynamics, name) * factors["lasting"] for name in LAGS}
-    exponent = dynamics.speed_exponent * factors["speed_exponent"]
-    return replace(dynamics, **scaled, **lags, speed_exponent=exponent)
+    scaled = {}
+    for name in SIZES:
+        size = getattr(dynamics, name)
+        scaled[name] = np.multiply(size, factors.get(name, 1.0)).tolist()
+    return replace(dynamics, **scaled)
+
+
+def dynamics_of_cause(cause: str, size: float) -> DynamicsOptions:
+    """Return the disturbances under a ``cause``, those that the cause sets times ``size``."""
+    shared, options = DynamicsOptions(), dynamics_type(cause)()
+    factors = {}
+    for name in SIZES:
+        if getattr(options, name) != getattr(shared, name):
+            factors[name] = size
+    return disturb(options, factors)
 
 
 @dataclass(frozen=True)
@@ -113,37 +109,43 @@ class Laboratory:
         options, joints = settings.dataset.laboratory, tuple(recorded.joints)
         noise = kinect_noise[kinect_noise["take"] == "none"]
         share = noise["t"].to_numpy() / options["trajectory"].duration
-        law = NoiseLaw(share, values(noise, "b"), matrices(noise, "r", joints))
-        none, window = (
+        without_camera_errors = cls(
+            recorded.chain,
+            joints,
+            options["dynamics"],
+            options["trajectory"],
+            options["clock"],
             np.zeros((len(joints), len(joints))),
+            NoiseLaw(share, values(noise, "b"), matrices(noise, "r", joints)),
             settings.articulation.noise_window,
         )
-        parts = (options["dynamics"], options["trajectory"], options["clock"])
-        alone = cls(recorded.chain, joints, *parts, none, law, window)
-        poses, _ = perform(alone, {}, settings.seed, "train", RESTING)
-        at_rest = steps(alone, poses).measurement
+        poses, _ = perform(without_camera_errors, {}, settings.seed, "train", RESTING)
+        at_rest = steps(without_camera_errors, poses).measurement
         # a step has the noise of two poses; negative estimates from few takes become zero
         variances, axes = np.linalg.eigh((recorded.measurement - at_rest) / 2)
-        return replace(alone, pose_noise=(axes * np.maximum(variances, 0.0)) @ axes.T)
+        pose_noise = (axes * np.maximum(variances, 0.0)) @ axes.T
+        return replace(without_camera_errors, pose_noise=pose_noise)
 
 
-def performed_poses(
+def performed_takes(
     session: moves.Session,
     motion: moves.Commanded,
     dynamics: DynamicsOptions,
     streams: Sequence[np.random.Generator],
-) -> np.ndarray:
-    """Return the poses (takes, M+1, n) in rad of the motion capture in one take for each of the
-    ``streams``, as :func:`pipeline.laboratory.dynamics.perform` draws them, all takes at once.
+) -> tuple[np.ndarray, list[moves.Swing]]:
+    """Return the poses (takes, M+1, n) in rad of the motion capture, and the takes: one for each of
+    the ``streams``, as :func:`pipeline.laboratory.dynamics.perform` draws them, computed together.
     """
     chances = [moves.draw(session.chain, motion, dynamics, s) for s in streams]
     together = moves.Chance(*map(np.stack, zip(*chances, strict=True)))
-    swing = moves.swing(session.chain, session.encoder, motion, dynamics, together)
+    arm, zeros = session
+    all_takes = moves.swing(arm, zeros, motion, dynamics, together)
     grid = np.arange(round(motion.duration * motion.rate) + 1) / motion.rate
-    poses = []
-    for q, stream in zip(swing.q, streams, strict=True):
-        poses.append(moves.expose(swing.t, q, grid, dynamics, stream))
-    return np.stack(poses)
+    poses, takes = [], []
+    for q, servo, stream in zip(all_takes.q, all_takes.servo, streams, strict=True):
+        poses.append(moves.expose(all_takes.t, q, grid, dynamics, stream))
+        takes.append(moves.Swing(all_takes.t, q, servo))
+    return np.stack(poses), takes
 
 
 def perform(
@@ -153,18 +155,16 @@ def perform(
     M+1, n) in rad of the motion capture, and the exposures of the depth camera in each take.
     """
     dynamics, motion = disturb(laboratory.dynamics, factors), laboratory.motion
-    opened = moves.open_session(
-        laboratory.chain, dynamics, rng.stream(seed, "record.session")
-    )
-    poses, frames = [], []
-    for number in range(count):
-        stream = rng.stream(seed, f"record.{part}", number)
-        take = moves.perform(opened, motion, dynamics, stream)
+    session_stream = rng.stream(seed, "record.session")
+    session = moves.open_session(laboratory.chain, dynamics, session_stream)
+    streams = [rng.stream(seed, f"record.{part}", number) for number in range(count)]
+    poses, takes = performed_takes(session, motion, dynamics, streams)
+    frames = []
+    for take, stream in zip(takes, streams, strict=True):
         frames.append(
-            moves.depth_frames(take.swing, motion.duration, laboratory.clock, stream)
+            moves.depth_frames(take, motion.duration, laboratory.clock, stream)
         )
-        poses.append(take.motion_capture)
-    return np.stack(poses), frames
+    return poses, frames
 
 
 def steps(laboratory: Laboratory, poses: np.ndarray) -> Recorded:
@@ -196,29 +196,44 @@ def observe(
     SingularJacobianError, and RecordingError if the test takes are too few to estimate the noise.
     """
     parts = {"train": training, "test": test}
-    performed = [perform(laboratory, factors, seed, *part) for part in parts.items()]
-    poses, others = (
-        measure_poses(
-            q, laboratory.pose_noise, factors.get("motion_capture", 1.0), stream
-        )
-        for number, (q, _) in enumerate(performed)
-        for stream in [rng.stream(seed, "simulated.capture", number)]
+    measured, names, frames = {}, {}, {}
+    for number, (part, count) in enumerate(parts.items()):
+        q, frames[part] = perform(laboratory, factors, seed, part, count)
+        stream = rng.stream(seed, "simulated.capture", number)
+        factor = factors.get("motion_capture", 1.0)
+        measured[part] = measure_poses(q, laboratory.pose_noise, factor, stream)
+        names[part] = [f"{part}_{n:03d}" for n in range(1, count + 1)]
+
+    test_poses = dict(zip(names["test"], measured["test"], strict=True))
+    camera = watch(laboratory, factors, seed, test_poses, frames["test"])
+    training_steps = steps(laboratory, measured["train"])
+    takes = Takes(training_steps, tuple(names["train"]), measured["train"], test_poses)
+    return takes, camera
+
+
+def watch(
+    laboratory: Laboratory,
+    factors: Factors,
+    seed: int,
+    poses: Mapping[str, np.ndarray],
+    frames: Sequence[moves.DepthFrames],
+) -> Camera:
+    """Return the depth camera that sees the ``frames`` of the takes; their measured ``poses`` (M+1,
+    n) in rad by name are the reference of its noise.
+    """
+    motion, joints = laboratory.motion, laboratory.joints
+    stream = rng.stream(seed, "simulated.camera")
+    factor = factors.get("depth_camera", 1.0)
+    references, angles = [], []
+    for (name, q), seen in zip(poses.items(), frames, strict=True):
+        share = seen.exposed / motion.duration
+        noisy = seen.joints + factor * laboratory.depth_noise.sample(share, stream)
+        reference = {"take": name, "t": np.arange(len(q)) / motion.rate}
+        references.append(pd.DataFrame(reference | spread("q", joints, q)))
+        place = {"take": name, "t": seen.exposed, "frame": range(len(noisy))}
+        angles.append(pd.DataFrame(place | spread("q", joints, noisy)))
+    return camera_of(
+        pd.concat(angles, ignore_index=True),
+        pd.concat(references, ignore_index=True),
+        window=laboratory.window,
     )
-    names, tested = (
-        [f"{part}_{n:03d}" for n in range(1, count + 1)]
-        for part, count in parts.items()
-    )
-    motion, stream = laboratory.motion, rng.stream(seed, "simulated.camera")
-    t, joints, angles = np.arange(others.shape[1]) / motion.rate, [], []
-    for name, frames, q in zip(tested, performed[1][1], others, strict=True):
-        noise = laboratory.depth_noise.sample(frames.exposed / motion.duration, stream)
-        seen = frames.joints + factors.get("depth_camera", 1.0) * noise
-        joints.append(
-            pd.DataFrame({"take": name, "t": t} | spread("q", laboratory.joints, q))
-        )
-        place = {"take": name, "t": frames.exposed, "frame": range(len(seen))}
-        angles.append(pd.DataFrame(place | spread("q", laboratory.joints, seen)))
-    recordings = (pd.concat(each, ignore_index=True) for each in (angles, joints))
-    of_name = dict(zip(tested, others, strict=True))
-    takes = Takes(steps(laboratory, poses), tuple(names), poses, of_name)
-    return takes, camera_of(*recordings, window=laboratory.window)

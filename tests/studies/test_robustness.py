@@ -16,6 +16,7 @@ from pipeline.evidence.case import KINDS, Choices
 from pipeline.models.kinds import options_type
 from pipeline.studies.robustness import grid, stage
 from pipeline.studies.robustness.stage import changes
+from pipeline.studies.simulated import SIZES, perform, steps
 from pipeline.verdicts.claims import parse_claims
 
 FILES = (
@@ -35,10 +36,8 @@ MODELS = {
 }
 CASE = Choices(MODELS, filter_options(60, "systematic", 0.5), "one_step", closed=True)
 # sway of one size at any speed, and no other disturbance: the additive model is true
-ABSENT = "clearance speed_error_std encoder_ripple jitter_std start_std speed_exponent"
-ADDITIVE = tuple(
-    (name, 0.0) for name in f"{ABSENT} encoder_offset_std length_std".split()
-)
+ADDITIVE = tuple((name, 0.0) for name in SIZES if name != "sway_std")
+STILL = tuple((name, 0.0) for name in SIZES)
 
 
 @pytest.fixture(scope="module")
@@ -58,12 +57,17 @@ def common(laboratory) -> dict:
 @pytest.mark.slow
 def test_verdicts_are_those_of_the_law_that_is_true(common):
     claims = ["gaussian-predicts-better", "noise-is-dynamic", "wishart-predicts-worse"]
-    levels, verdict = (
-        {"base": (), "additive": ADDITIVE, "still": (("disturbances", 0.0),)},
-        {},
-    )
-    for name, each in levels.items():
-        rows = grid.verdicts(grid.Condition("motion", 3, each), **common)
+    laboratory = common["laboratory"]
+    constant = replace(laboratory.dynamics, speed_exponent=0.0)
+    of_constant_sway = common | {"laboratory": replace(laboratory, dynamics=constant)}
+    conditions = {
+        "base": ((), common),
+        "additive": (ADDITIVE, of_constant_sway),
+        "still": (STILL, common),
+    }
+    verdict = {}
+    for name, (levels, parts) in conditions.items():
+        rows = grid.verdicts(grid.Condition("motion", 3, levels), **parts)
         verdict[name] = rows.groupby("claim")["verdict"].first()
     assert verdict["base"][claims[:2]].tolist() == ["no evidence", "holds"]
     assert verdict["additive"][claims].tolist() == ["fails", "fails", "holds"]
@@ -108,9 +112,29 @@ def test_the_grid_has_each_level_alone_and_the_combinations_that_are_named():
     assert len(small) == 2 * (1 + 4) and all(len(each.levels) <= 1 for each in small)
     large = grid.conditions(factors, [1], "motion", ["sway_std", "clearance"])
     combined = [(("sway_std", x), ("clearance", 2.0)) for x in (0.0, 2.0)]
-    assert [each.levels for each in large[5:]] == combined and len(set(large)) == len(
-        large
-    )
+    assert [each.levels for each in large[5:]] == combined
+    assert len(set(large)) == len(large)
+    places = {(each.factor, each.level) for each in small}
+    assert {("", ""), ("sway_std", "2"), ("particles", "0.1")} < places
+
+
+def test_each_cause_of_the_noise_is_a_condition_at_its_sizes(common):
+    causes = grid.cause_conditions({"sway": [1.0, 2.0], "poses": [1.0]}, [1, 2])
+    assert [(each.factor, each.level) for each in causes[::2]] == [
+        ("cause", "sway × 1"),
+        ("cause", "sway × 2"),
+        ("cause", "poses × 1"),
+    ]
+    assert [each.seed for each in causes] == [1, 2] * 3
+    deviations = []
+    for condition in [grid.Condition("motion", 1), *causes[::2]]:
+        laboratory = grid.laboratory_under(condition, common["laboratory"], {})
+        poses, _ = perform(laboratory, {}, 1, "train", 8)
+        deviations.append(steps(laboratory, poses).noise.std())
+    base, sway, double, slow = deviations
+    assert sway == base
+    assert double > 1.5 * sway
+    assert slow < 0.8 * sway
 
 
 def test_every_decision_changes_the_case_and_names_what_it_changes(laboratory):

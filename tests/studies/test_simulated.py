@@ -3,13 +3,23 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from scipy.stats import chi2
 
 from pipeline.core import rng
 from pipeline.laboratory import dynamics
-from pipeline.studies.simulated import disturb, measure_poses, observe, perform
+from pipeline.laboratory.causes import cause_names, dynamics_type
+from pipeline.laboratory.options import DynamicsOptions
+from pipeline.studies.simulated import (
+    SIZES,
+    disturb,
+    dynamics_of_cause,
+    measure_poses,
+    observe,
+    perform,
+)
 
-STILL = dict(disturbances=0.0)
+STILL = dict.fromkeys(SIZES, 0.0)
 
 
 def test_a_condition_without_factors_moves_as_the_recorded_takes_of_its_seed(
@@ -29,12 +39,19 @@ def test_a_condition_without_factors_moves_as_the_recorded_takes_of_its_seed(
 
 def test_a_factor_scales_its_disturbances_alone(laboratory):
     own = laboratory.dynamics
-    for factor, names in (
-        ("clearance", ["clearance"]),
-        ("lasting", ["sway_time", "clearance_time"]),
-    ):
-        changed = replace(own, **{name: 10 * getattr(own, name) for name in names})
-        assert disturb(own, {factor: 10.0}) == changed != own
+    changed = replace(own, clearance=10 * own.clearance)
+    assert disturb(own, {"clearance": 10.0}) == changed != own
+
+
+@pytest.mark.parametrize("cause", cause_names())
+def test_the_size_of_a_cause_scales_what_the_cause_sets(cause):
+    own, shared = dynamics_type(cause)(), DynamicsOptions()
+    twice = dynamics_of_cause(cause, 2.0)
+    assert dynamics_of_cause(cause, 1.0) == own != twice
+    for name in SIZES:
+        factor = 1.0 if getattr(own, name) == getattr(shared, name) else 2.0
+        expected = factor * np.array(getattr(own, name))
+        np.testing.assert_allclose(getattr(twice, name), expected)
 
 
 def test_measured_poses_have_the_noise_of_the_motion_capture_times_its_factor(
@@ -64,9 +81,7 @@ def test_the_depth_cameras_noise_has_the_interpolated_moments_and_is_estimated_s
     np.testing.assert_allclose(draws.mean(axis=0), [0.015, 0.01, 0.0], atol=error)
     wide = 4 * variance * np.sqrt(2 / len(draws))
     np.testing.assert_allclose(np.cov(draws.T), variance * np.eye(3), atol=wide)
-    _, camera = observe(
-        laboratory, dict(disturbances=0.0, motion_capture=0.0), 5, 2, 12
-    )
+    _, camera = observe(laboratory, STILL | {"motion_capture": 0.0}, 5, 2, 12)
     everywhere = camera.noise[camera.noise["take"] == "none"]
     share = everywhere["t"].to_numpy() / laboratory.motion.duration
     error = 4.5 * np.sqrt((1e-4 + share * 3e-4) / 12)

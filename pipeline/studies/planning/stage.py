@@ -40,7 +40,7 @@ from pipeline.studies.planning.solver import (
     motions_from,
     summed_variance,
 )
-from pipeline.studies.simulated import performed_poses
+from pipeline.studies.simulated import performed_takes
 from pipeline.verdicts.wording import join_names
 
 RECORDED_START = "recorded start"
@@ -76,7 +76,7 @@ class Bench:
             rng.stream(self.seed, f"planning.{name}", take)
             for take in range(self.takes)
         ]
-        q = performed_poses(session, commanded, self.dynamics, streams)
+        q, _ = performed_takes(session, commanded, self.dynamics, streams)
         chain = self.task.chain
         table = trajectory_table(chain, motion, self.task.rate, self.joints)
         command = commanded_steps(table, self.task.rate)

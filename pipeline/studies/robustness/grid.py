@@ -17,7 +17,8 @@ from pipeline.evidence.instruments import wrench_evidence as evidence_of
 from pipeline.evidence.outcomes import evaluate
 from pipeline.evidence.table import evidence_table
 from pipeline.filtering.sampling import SCHEMES
-from pipeline.studies.simulated import Laboratory, observe
+from pipeline.laboratory.options import TrajectoryOptions
+from pipeline.studies.simulated import Laboratory, dynamics_of_cause, observe
 from pipeline.verdicts.claims import Claim
 from pipeline.verdicts.decision import claim_verdicts
 from pipeline.verdicts.run import ArmNames
@@ -116,6 +117,23 @@ class Condition(NamedTuple):
     study: str  # motion or wrench
     seed: int
     levels: tuple[tuple[str, float | str], ...] = ()
+    cause: str = ""  # of the noise; empty: the run's
+    size: float = 1.0  # factor on the disturbances that the cause sets
+
+    @property
+    def factor(self) -> str:
+        """Name of what is changed; empty in the base condition."""
+        return "cause" if self.cause else ", ".join(name for name, _ in self.levels)
+
+    @property
+    def level(self) -> str:
+        """Changed values as text."""
+        if self.cause:
+            return f"{self.cause} × {self.size:g}"
+        texts = []
+        for _, value in self.levels:
+            texts.append(f"{value:g}" if isinstance(value, float) else value)
+        return ", ".join(texts)
 
 
 def conditions(
@@ -125,16 +143,27 @@ def conditions(
     combined: Sequence[str] = (),
 ) -> list[Condition]:
     """Return the base condition, each level alone and all combinations of ``combined``, by seed."""
-    points = [
-        (),
-        *(((name, level),) for name, levels in factors.items() for level in levels),
-    ]
+    points: list[tuple] = [()]
+    for name, levels in factors.items():
+        points += [((name, level),) for level in levels]
     for levels in product(*([1.0, *factors[name]] for name in combined)):
-        point = tuple(
-            (name, x) for name, x in zip(combined, levels, strict=True) if x != 1.0
-        )
-        points += [point] if len(point) > 1 else []
+        changed = [
+            pair for pair in zip(combined, levels, strict=True) if pair[1] != 1.0
+        ]
+        if len(changed) > 1:
+            points.append(tuple(changed))
     return [Condition(study, seed, point) for point in points for seed in seeds]
+
+
+def cause_conditions(
+    causes: Mapping[str, Sequence[float]], seeds: Sequence[int]
+) -> list[Condition]:
+    """Return the conditions of the motion under each of the ``causes`` at each of its sizes."""
+    result = []
+    for cause, sizes in causes.items():
+        for size in sizes:
+            result += [Condition("motion", s, cause=cause, size=size) for s in seeds]
+    return result
 
 
 def verdicts(
@@ -162,19 +191,10 @@ def motion_evidence(
     options: SimpleNamespace,
 ) -> pd.DataFrame:
     """Return the evidence of a condition of the motion; none if the motion has a singular pose."""
-    levels, motion = dict(condition.levels), laboratory.motion
+    levels = dict(condition.levels)
     way = options.trajectories.get(levels.pop("trajectory", None), {})
     particles = levels.pop("particles", 1.0) * case.filter.particles
-    pace, rest = way.get("pace", 1.0), way.get("rest", motion.rest)
-    changes = {
-        key: tuple(way[key]) for key in ("folded", "extended") if key in way
-    }  # rad
-    # the motion between the rests keeps its duration
-    times = {"duration": motion.duration + 4 * (rest - motion.rest), "rest": rest}
-    changes |= {
-        name: time / pace for name, time in (times | {"ramp": motion.ramp}).items()
-    }
-    laboratory = replace(laboratory, motion=replace(motion, **changes))
+    laboratory = laboratory_under(condition, laboratory, way)
     sizes = (options.training_takes, options.test_takes)
     try:
         takes, camera = observe(laboratory, levels, condition.seed, *sizes)
@@ -187,6 +207,34 @@ def motion_evidence(
     case = replace(case, filter=filtered)
     (result,) = evaluate([case], recordings, map)
     return result.evidence
+
+
+def laboratory_under(
+    condition: Condition, laboratory: Laboratory, way: Mapping[str, object]
+) -> Laboratory:
+    """Return the ``laboratory`` with the motion changed by ``way`` and the cause of the noise."""
+    laboratory = replace(laboratory, motion=changed_motion(laboratory.motion, way))
+    if not condition.cause:
+        return laboratory
+    dynamics = dynamics_of_cause(condition.cause, condition.size)
+    return replace(laboratory, dynamics=dynamics)
+
+
+def changed_motion(
+    motion: TrajectoryOptions, way: Mapping[str, object]
+) -> TrajectoryOptions:
+    """Return ``motion`` with the end poses in rad, the rest in s and the pace of ``way``. Another
+    rest leaves the duration between the rests as it is.
+    """
+    pace, rest = way.get("pace", 1.0), way.get("rest", motion.rest)
+    ends = {key: tuple(way[key]) for key in ("folded", "extended") if key in way}
+    return replace(
+        motion,
+        **ends,
+        duration=(motion.duration + 4 * (rest - motion.rest)) / pace,
+        rest=rest / pace,
+        ramp=motion.ramp / pace,
+    )
 
 
 def wrench_evidence(condition: Condition, study: Wrench) -> pd.DataFrame:

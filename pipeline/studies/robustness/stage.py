@@ -33,7 +33,8 @@ TRACK, ARTICULATE = Path("data/track"), Path("data/articulate")
 BOTH = "differs"  # verdicts of the seeds
 PARTS = ("decisions", "laboratory")
 NAMES = {
-    "lasting": "duration of deviations",
+    "cause": "cause of the noise",
+    "jitter_std": "wrong times of frames",
     "kappa": "concentration of cables",
     "tension_std": "tension std of cables",
 }
@@ -124,15 +125,15 @@ def laboratory_verdicts(
         "wrench": settings.wrench,
     }
     varied = {"trajectory": list(options.trajectories)} | options.factors
-    every = grid.conditions(varied, options.seeds, "motion", options.combined)
-    every += grid.conditions(options.wrench, options.seeds, "wrench")
-    results = trials(settings, "robustness: conditions", grid.verdicts, every, **common)
-    for condition, rows in zip(every, results, strict=True):
-        factor = ", ".join(name for name, _ in condition.levels)
-        level = ", ".join(
-            f"{x:g}" if isinstance(x, float) else x for _, x in condition.levels
+    conditions = grid.conditions(varied, options.seeds, "motion", options.combined)
+    conditions += grid.cause_conditions(options.causes, options.seeds)
+    conditions += grid.conditions(options.wrench, options.seeds, "wrench")
+    label = "robustness: conditions"
+    results = trials(settings, label, grid.verdicts, conditions, **common)
+    for condition, rows in zip(conditions, results, strict=True):
+        yield rows.assign(
+            grid=condition.study, factor=condition.factor, level=condition.level
         )
-        yield rows.assign(grid=condition.study, factor=factor, level=level)
 
 
 def verdict_of_cases(cases: int, holds: int, fails: int) -> str:
