@@ -47,15 +47,12 @@ def camera_evidence(
     of_all = tables.pop("none")
     by_take = [*tables.values()]
     joints = members(of_all, "b")
-    takes = len(by_take)
     variances = []
     for table in (of_all, *by_take):
         variances.append(np.diagonal(matrices(table, "r", joints), axis1=1, axis2=2))
-    # the table has the mean error without each take; n times the mean minus n − 1 times this is
-    # the take's own error
     mean = values(of_all, "b")
     without = np.stack([values(table, "b") for table in by_take])
-    errors = takes * mean - (takes - 1) * without
+    errors = errors_of_takes(mean, without)
     for j, joint in enumerate(joints):
         means = part_means(errors[..., j])
         bias = zero_mean_p_value(means)
@@ -69,6 +66,18 @@ def camera_evidence(
         error = {"standard_error": own.standard_error, "joint": own.joint}
         rows.append(evidence_row("depth_error_slope", own.slope, **error))
     return evidence_table(rows)
+
+
+def errors_of_takes(mean: np.ndarray, without: np.ndarray) -> np.ndarray:
+    """Return the errors (takes, F, n) of single takes, NaN at frames that a take lacks, from the
+    ``mean`` error (F, n) of the takes that have a frame, and the mean ``without`` each of the takes
+    (takes, F, n). The mean without a take that lacks the frame is the mean itself.
+    """
+    lacking = np.all(without == mean, axis=-1)
+    having = (len(without) - np.count_nonzero(lacking, axis=0))[:, None]
+    errors = having * mean - (having - 1) * without
+    errors[lacking] = np.nan
+    return errors
 
 
 def wrench_evidence(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:

@@ -20,6 +20,7 @@ from pipeline.core.errors import (
 )
 from pipeline.evidence.case import KINDS, Choices, Recordings, Takes
 from pipeline.evidence.filters import filter_evidence
+from pipeline.evidence.forms import smoothness_evidence
 from pipeline.evidence.instruments import camera_evidence
 from pipeline.evidence.motion import (
     Outcome,
@@ -254,6 +255,7 @@ def case_evidence(
     outcomes = {**outcomes, **_speed_control(case, recordings, outcomes)}
     parts = [motion_evidence(outcomes, takes, case.mode, limits)]
     parts.append(dexterity_evidence(outcomes, takes, recordings.generator("dexterity")))
+    parts.append(smoothness_evidence(outcomes, takes, recordings.generator))
     refusals = {
         f"{model}: {why}"
         for model, result in outcomes.items()

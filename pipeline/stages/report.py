@@ -1,6 +1,5 @@
 """report: verdicts on the claims for every dataset, errata, model card, places of equations."""
 
-import tomllib
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -23,11 +22,10 @@ from pipeline.verdicts.claims import (
 )
 from pipeline.verdicts.decision import decide_each, reading_verdicts, verdict_table
 from pipeline.verdicts.model_card import model_card
-from pipeline.verdicts.run import Run, read_runs
+from pipeline.verdicts.run import Run, project_version, read_runs
 from pipeline.verdicts.tally import groups_of, tally
 
 README = Path("README.md")
-PROJECT = Path("pyproject.toml")  # it states the version
 PACKAGE, HERE = Path("pipeline"), Path("pipeline/verdicts")
 # packages beyond the paper, which do not enter the report
 BEYOND = ("studies", "tools")
@@ -64,7 +62,7 @@ def run() -> None:
     if here.scale == SMOKE:
         report = pages.trial_page(here, drawn)
     else:
-        edition = pages.Edition(version(), settings.seed)
+        edition = pages.Edition(project_version(), settings.seed)
         report = pages.report_page(here, groups, rows, drawn, errata, edition)
     written = {
         place / name / "claims.csv": table.to_csv(index=False),
@@ -98,11 +96,6 @@ def read_captions(file: Path) -> dict[str, dict[str, str | list[str]]]:
     return validated(kind, read_yaml(file), file=file)
 
 
-def version() -> str:
-    """Return the version of the project."""
-    return tomllib.loads(PROJECT.read_text(encoding="utf-8"))["project"]["version"]
-
-
 def require_datasets(claims: Sequence[Claim], papers: Sequence[str]) -> None:
     """Raise ConfigError for a reason or a dataset of the ``papers`` that names no dataset."""
     named = {*papers}.union(*(claim.why for claim in claims))
@@ -114,14 +107,20 @@ def require_datasets(claims: Sequence[Claim], papers: Sequence[str]) -> None:
 
 
 def counted_runs(runs: Sequence[Run]) -> tuple[list[Run], list[str]]:
-    """Return the ``runs`` that are no trials, and printed sentences on trials and on evidence of
-    other recordings than the dataset's.
+    """Return the ``runs`` that are no trials, and printed sentences on trials, on evidence of
+    another version of the project and on evidence of other recordings than the dataset's.
     """
-    sentences = []
+    sentences, version = [], project_version()
     for run in runs:
         if run.scale == SMOKE:
             sentences.append(
                 f"The evidence of {run.dataset} is a trial's: not counted."
+            )
+        if run.version != version:
+            earlier = run.version or "an unknown version"
+            sentences.append(
+                f"The evidence of {run.dataset} is of {earlier}, this is version"
+                f" {version}; run the dataset again."
             )
         inventory = Path(f"data/raw/{run.dataset}/inventory.csv")
         words = other_files(run.tables.get("raw_files"), inventory)

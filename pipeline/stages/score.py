@@ -32,7 +32,7 @@ from pipeline.recordings.inventory import by_place
 from pipeline.recordings.steps import truth_of
 from pipeline.statistics.scores import Filtered
 from pipeline.statistics.takes import wrench_summary
-from pipeline.verdicts.run import Run
+from pipeline.verdicts.run import Run, project_version
 
 FILES, INGEST, TRACK = Path("data/files"), Path("data/ingest"), Path("data/track")
 MOTION, ARTICULATE, READINGS = (
@@ -120,6 +120,7 @@ def run() -> None:
             metrics=metrics,
             tables=tables,
             cause=(dataset.laboratory or {}).get("cause") or "",
+            version=project_version(),
         )
         contracts.write_text(own.to_json(), folder / "evidence.json")
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
+from warnings import catch_warnings, simplefilter
 
 import numpy as np
 import pandas as pd
@@ -115,19 +116,21 @@ def paired_difference(scores: ndarray, reference: ndarray) -> Difference:
 
 
 def part_means(values: ndarray) -> ndarray:
-    """Return the means (takes, p) of ``values`` (takes, K) in PARTS equal parts of the time, or in
-    K parts if there are fewer values.
+    """Return the means (takes, p) of ``values`` (takes, K), NaN where missing, in PARTS equal parts
+    of the time, or in K parts if there are fewer values; NaN for a part without a value.
     """
     parts = np.array_split(values, min(PARTS, values.shape[1]), axis=1)
-    return np.stack([part.mean(axis=1) for part in parts], axis=1)
+    with catch_warnings():
+        simplefilter("ignore", RuntimeWarning)  # of a part without a value
+        return np.stack([np.nanmean(part, axis=1) for part in parts], axis=1)
 
 
 def zero_mean_p_value(values: ndarray) -> float:
     """Return the p-value of Hotelling's test that the mean of ``values`` (takes, p) over the takes
-    is zero, for normal values; NaN for p or fewer takes, p = 0 and dependent values.
+    is zero, for normal values; NaN for p or fewer takes, p = 0, dependent and missing values.
     """
     takes, number = values.shape
-    if not 0 < number < takes:
+    if not 0 < number < takes or np.isnan(values).any():
         return np.nan
     if np.linalg.matrix_rank(values - values.mean(axis=0)) < number:
         return np.nan

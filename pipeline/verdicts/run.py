@@ -4,6 +4,7 @@ import hashlib
 import io
 import json
 import re
+import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,6 +27,7 @@ Number = Annotated[float, Field(strict=True)]  # no text and no truth value
 TestName = Annotated[str, Field(pattern="::")]  # FILE::NAME
 PLACEHOLDER = re.compile(r"\{([^{}]*)\}")
 NUMBERED = 3  # number of joints of the paper's arm
+PROJECT = Path("pyproject.toml")  # it states the version
 
 
 class ArmNames(NamedTuple):
@@ -127,9 +129,9 @@ class Run:
     models: Mapping[str, str]
     metrics: Mapping[str, Mapping[str, float]]
     tables: Mapping[str, pd.DataFrame]
-    cause: str = (
-        ""  # of a synthetic arm's noise; runs of equal ``arm`` differ only in it
-    )
+    # of a synthetic arm's noise; runs of equal ``arm`` differ only in it
+    cause: str = ""
+    version: str = ""  # of the project that computed the numbers; "" before 0.4
 
     @property
     def arm(self) -> ArmNames:
@@ -162,6 +164,11 @@ class Run:
         }
         values |= {HASH: _content_hash(values)}
         return json.dumps(values, indent=1, ensure_ascii=False) + "\n"
+
+
+def project_version() -> str:
+    """Return the version of the project."""
+    return tomllib.loads(PROJECT.read_text(encoding="utf-8"))["project"]["version"]
 
 
 def _content_hash(values: Mapping[str, object]) -> str:

@@ -11,7 +11,11 @@ from pipeline.core.columns import spread, triangle
 from pipeline.core.filters import MEMORY, NONE, closed
 from pipeline.core.rng import stream
 from pipeline.evidence.filters import filter_evidence
-from pipeline.evidence.instruments import camera_evidence, wrench_evidence
+from pipeline.evidence.instruments import (
+    camera_evidence,
+    errors_of_takes,
+    wrench_evidence,
+)
 from pipeline.evidence.motion import Outcome, dexterity_evidence
 from pipeline.evidence.table import KEYS, depends_on, evidence_row, evidence_table
 from pipeline.models.additive.law import AdditiveModel
@@ -60,7 +64,7 @@ def test_a_bias_and_its_change_are_detected_and_no_bias_is_not():
         if number:
             mean = np.delete(errors, number - 1, axis=0).mean(axis=0)
         noise = triangle("r", joints, covariance + share * 4e-4 * np.eye(3))
-        take = {"take": f"t{number}" if number else "none"}
+        take = {"take": f"t{number}" if number else "none", "frame": np.arange(frames)}
         parts.append(pd.DataFrame(take | spread("b", joints, mean) | noise))
     slopes = pd.DataFrame({"joint": ["none"], "slope": [0.5], "standard_error": [0.1]})
     evidence = camera_evidence(pd.concat(parts), slopes)
@@ -75,6 +79,14 @@ def test_a_bias_and_its_change_are_detected_and_no_bias_is_not():
     slope = evidence.query("quantity == 'depth_error_slope'").iloc[0]
     assert slope["joint"] == "none"
     assert (slope["value"], slope["standard_error"]) == (0.5, 0.1)
+
+
+def test_errors_of_single_takes_follow_from_the_means_without_them_also_where_one_lacks_a_frame():
+    errors = np.random.default_rng(2).normal(0.0, 0.02, (5, 30, 3))
+    errors[1, 4] = errors[3, 20:] = np.nan
+    without = [np.nanmean(np.delete(errors, take, axis=0), axis=0) for take in range(5)]
+    computed = errors_of_takes(np.nanmean(errors, axis=0), np.stack(without))
+    np.testing.assert_allclose(computed, errors, atol=1e-15)
 
 
 def test_a_bound_that_follows_the_ramps_alone_does_not_follow_at_constant_speed():

@@ -105,11 +105,13 @@ def recordings_of(takes: Takes, camera: Camera) -> Recordings:
 
 
 def camera_noise(takes) -> pd.DataFrame:
-    """The table ``kinect_noise`` of a few frames."""
+    """The table ``kinect_noise`` of a few frames; ``takes`` are the names in its rows."""
+    frames = pd.Series(takes).groupby(np.array(takes)).cumcount()
     growing = np.linspace(1, 2, len(takes))
     covariance = growing[:, None, None] * np.eye(3)
     noise = spread("b", JOINTS, np.outer(growing, np.ones(3)))
-    return pd.DataFrame({"take": takes} | noise | triangle("r", JOINTS, covariance))
+    keys = {"take": takes, "frame": frames}
+    return pd.DataFrame(keys | noise | triangle("r", JOINTS, covariance))
 
 
 def test_a_filter_has_the_noise_of_a_pose_by_its_loop_and_the_training_mean_its_own(
