@@ -7,6 +7,7 @@ import pandas as pd
 from pipeline.verdicts import decision as d
 from pipeline.verdicts.claims import Claim
 from pipeline.verdicts.decision import Case, Verdict
+from pipeline.verdicts.encoders import encoder_noise
 from pipeline.verdicts.model_card import few_takes
 from pipeline.verdicts.paper import noise_levels
 from pipeline.verdicts.run import Run
@@ -119,11 +120,14 @@ def floors(here: Run) -> str:
 
 def _numbers(here: Run, groups: Sequence[Group]) -> str:
     """Return the table of the published numbers that are no parameters of a law, for each run of
-    the arm of ``here``, with a word on the numbers that were inputs.
+    the arm of ``here`` and by the encoders of a real arm, with a word on the numbers that were
+    inputs.
     """
     in_parameters = {claim for *_, claim in PARAMETERS.values()}
     independent = groups[0].verdicts[d.WITHOUT_RECORDING]
     columns = _columns(here, groups)
+    runs = [run for group in groups for run in group.runs]
+    encoders = encoder_noise(runs, here.joints if here.arm.numbered else ())
     rows = []
     for place, verdict in enumerate(independent):
         claim = verdict.claim
@@ -132,18 +136,25 @@ def _numbers(here: Run, groups: Sequence[Group]) -> str:
         by_run = [verdicts[place] for verdicts in columns.values()]
         if verdict.verdict != d.NO_RECORDING:  # it is of no dataset
             by_run = [verdict, *([None] * (len(by_run) - 1))]
-        if not _cases(by_run[0]):
+        first, *of_other_runs = map(_cases, by_run)
+        if not first:
             continue
-        first, *of_other_runs = by_run
-        cells = [_values(_cases(first), few_takes(here))]
-        for of_run in of_other_runs:
-            values = [number(case.value, 3) for case in _cases(of_run)]
-            cells.append(" / ".join(values))
+        cells = [_values(first, few_takes(here))]
+        cells += [_rounded([case.value for case in cases]) for cases in of_other_runs]
+        if encoders is not None:
+            cells.append(_rounded(encoders.values(claim.id, first)))
         is_input = INPUTS.get(claim.id, "no") if here.synthetic else "no"
-        rows.append([*_name_and_published(claim, _cases(first)), is_input, *cells])
+        rows.append([*_name_and_published(claim, first), is_input, *cells])
     if not rows:
         return ""
-    return table(["number", "published", "was it an input?", *columns], rows)
+    headings = [*columns]
+    if encoders is not None:
+        headings.append(f"{encoders.dataset} (real, encoders)")
+    return table(["number", "published", "was it an input?", *headings], rows)
+
+
+def _rounded(values: Sequence[float]) -> str:
+    return " / ".join(number(value, 3) for value in values)
 
 
 def _columns(here: Run, groups: Sequence[Group]) -> dict[str, Sequence[Verdict]]:

@@ -1,10 +1,11 @@
-"""The finding in five sentences, from the evidence of all datasets."""
+"""The finding in a sentence a result, from the evidence of all datasets."""
 
 from collections.abc import Sequence
 
 import pandas as pd
 
 from pipeline.core.filters import SPEED
+from pipeline.verdicts.encoders import encoder_sentence
 from pipeline.verdicts.scores import ADDITIVE, MATRIX_KINDS, log_scores, pairs_of
 from pipeline.verdicts.tally import (
     COUNTED,
@@ -20,11 +21,17 @@ from pipeline.verdicts.wording import join_names, plain_name, say
 
 def finding(groups: Sequence[Group], rows: Sequence[Row]) -> list[str]:
     """Return the sentences of the finding: what was reproduced, what the recordings would have to
-    decide, what real robots say, what the printed estimators determine, and what to use instead. A
-    sentence without its numbers is left out.
+    decide, how large the published noise is, what real robots say, what the printed estimators
+    determine, and what to use instead. A sentence without its numbers is left out.
     """
-    sentences = [_independent(rows), _synthetic(rows), _real(groups)]
-    sentences += [_estimators(groups), say("finding_use")]
+    sentences = [
+        _independent(rows),
+        _synthetic(rows),
+        encoder_sentence(groups),
+        _real(groups),
+        _estimators(groups),
+        say("finding_use"),
+    ]
     return [sentence for sentence in sentences if sentence]
 
 
@@ -117,7 +124,7 @@ def _against_constant(model: str, by_robot: dict[str, pd.Series]) -> str:
 
 
 def _estimators(groups: Sequence[Group]) -> str:
-    """Return the sentence on σ̂_B over the bound ε, of the arm with the most causes: the paper's."""
+    """Return the sentence on σ̂_B over the bound ε, of the arm with most causes: the paper's."""
     by_causes = sorted(groups, key=lambda group: -len({*group.cause_of.values()}))
     for run in (run for group in by_causes for run in group.runs):
         fitted = run.metrics.get("fit_wishart", {})

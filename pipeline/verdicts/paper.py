@@ -20,7 +20,9 @@ from pydantic import Field
 from pipeline.core.errors import ConfigError
 from pipeline.core.validation import options
 from pipeline.verdicts.decision import NO_RECORDING, Decided
+from pipeline.verdicts.encoders import encoder_noise, std_texts
 from pipeline.verdicts.run import (
+    ArmNames,
     Reference,
     Run,
     TestName,
@@ -36,7 +38,6 @@ LABEL = r"\(([A-Za-z][\w-]*)\)"
 CITED = re.compile(rf"((?:Eqs?|Figs?)\. )?{LABEL}(?:–{LABEL})?")
 CITED_BY_NUMBER = re.compile(rf"\b(?:{'|'.join(NUMBERED.values())}) \d+")
 MISSING = "(not in this dataset)"
-REAL = "youbot_real"  # dataset of a real arm of the paper's kind
 STEPS, RATE = 320, 100  # M of the paper's motion, and its steps in a second
 FACTORS = {
     "std": 1,
@@ -202,7 +203,7 @@ def errata_page(
     of the other ``runs`` (:func:`errata_numbers`); raises ConfigError with the erratum for prose
     that is not a template of these numbers.
     """
-    numbers = errata_numbers(run, decided) | numbers_of_runs(runs)
+    numbers = errata_numbers(run, decided) | numbers_of_runs(runs, run.arm)
     texts = []
     for erratum in errata:
         stated = (erratum.paper, erratum.fact, erratum.done)
@@ -253,10 +254,10 @@ def errata_numbers(run: Run, decided: Sequence[Decided]) -> dict[str, object]:
     }
 
 
-def numbers_of_runs(runs: Sequence[Run]) -> dict[str, object]:
+def numbers_of_runs(runs: Sequence[Run], arm: ArmNames) -> dict[str, object]:
     """Return what the prose of the errata may name of several ``runs``: a metric of the recordings
-    under each of the ``causes`` of the paper's arm, and a quantity of the recorded motion of the
-    ``real`` arm of the paper's kind (dataset REAL), by joint; "" without such runs.
+    under each of the ``causes`` of the paper's arm, and ``encoders``, the standard deviations in
+    mrad of a step by the encoders of a real arm with the joints of ``arm``; "" without such runs.
     """
 
     def causes(key: str) -> str:
@@ -267,17 +268,9 @@ def numbers_of_runs(runs: Sequence[Run]) -> dict[str, object]:
                 texts.append(f"{number(value, 3)} ({run.cause})")
         return ", ".join(texts)
 
-    def real(quantity: str) -> str:
-        texts = []
-        for run in (run for run in runs if run.dataset == REAL):
-            rows = index_evidence(run.evidence)
-            for joint in run.joints:
-                place = Reference(quantity, model="recorded", joint=joint)
-                value = place.look_up(rows, {})
-                texts += [] if value is None else [f"{number(value, 3)} ({joint})"]
-        return ", ".join(texts)
-
-    return {"causes": causes, "real": real}
+    joints = arm.joints if arm.numbered else ()
+    encoders = std_texts(encoder_noise(runs, joints), joints)
+    return {"causes": causes, "encoders": encoders}
 
 
 def _shown(value: float | None) -> str:

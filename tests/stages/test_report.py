@@ -135,14 +135,18 @@ def test_a_trial_has_pages_of_its_own_without_verdicts_and_leaves_the_results():
     assert "youbot" not in {*rows["dataset"]}
 
 
-def test_the_evidence_of_a_trial_is_not_counted():
-    trial = replace(read_run(YOUBOT), dataset="ur5", scale="smoke")
+def test_evidence_of_a_trial_is_not_counted_and_of_another_version_is_named():
+    run = read_run(YOUBOT)
+    trial = replace(run, dataset="ur5", scale="smoke")
     YOUBOT.with_name("ur5.json").write_text(trial.to_json())
+    YOUBOT.write_text(replace(run, version="0.0.1").to_json())
 
     report.run()
 
     assert "ur5" not in {*decided().index.get_level_values("dataset")}
-    assert "evidence of ur5 is a trial's" in Path("reports/datasets.md").read_text()
+    page = Path("reports/datasets.md").read_text()
+    assert "evidence of ur5 is a trial's" in page
+    assert "evidence of youbot is of 0.0.1" in page
 
 
 @pytest.mark.slow

@@ -2,17 +2,20 @@
 named.
 """
 
+from itertools import combinations_with_replacement
+
 import pandas as pd
 import pytest
 
 from pipeline.core.columns import PLANE
 from pipeline.evidence.table import evidence_row, evidence_table
-from pipeline.verdicts.claims import parse_claims
+from pipeline.verdicts.claims import parse_claims, read_claims
 from pipeline.verdicts.decision import (
     SYNTHETIC_WITH_SPEED_LAW,
     WITH_SPEED_LAW,
     decide_each,
 )
+from pipeline.verdicts.encoders import encoder_noise
 from pipeline.verdicts.finding import finding
 from pipeline.verdicts.run import Run
 from pipeline.verdicts.tally import (
@@ -177,6 +180,30 @@ def test_the_finding_takes_the_printed_estimator_from_the_arm_with_the_causes():
     (text,) = [text for text in sentences if "printed problem" in text]
 
     assert "returns 0.226 to 12 by a bound" in text and "gives 0.227." in text
+
+
+def test_the_finding_compares_the_published_noise_with_the_encoders_of_a_real_arm():
+    papers = [c for c in read_claims() if c.id in ("sigma-omega", "correlation-omega")]
+    lab = a_run("lab", 0.1, joints=OTHER, cause="sway")
+    logs = a_run("logs", 0.1, joints=[])
+    pairs = [*combinations_with_replacement(OTHER, 2)]
+    rows = pd.DataFrame(pairs, columns=["joint", "other"])
+    rows["covariance"] = [1e-6, 0, 2e-7, 1e-6, 0, 4e-6]
+    rows["correlation"] = [1, 0, 0.1, 1, 0, 1]
+    logs.tables["step_noise"] = rows.assign(steps="all")
+    grouped = groups_of([lab, logs], decide_each(papers, [lab, logs], []))
+
+    (text,) = [text for text in finding(grouped, []) if "encoders" in text]
+
+    stds = (
+        "5.7 to 7.8 times the noise that the encoders of a real logs show (1 to 2 mrad"
+    )
+    assert stds in text
+    noise = encoder_noise([lab, logs], OTHER)
+    verdicts = grouped[1].verdicts["lab"]
+    values = [noise.values(of.claim.id, of.cases) for of in verdicts]
+    assert values == [[1e-6, 0, 2e-7, 1e-6, 0, 4e-6], [0, 0.1, 0]]
+    assert encoder_noise([lab, logs], [*OTHER, "fourth"]) is None
 
 
 def a_scored_run(dataset: str, wishart: float, speed: float) -> Run:
