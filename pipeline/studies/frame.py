@@ -11,7 +11,8 @@ A study is a folder of ``pipeline/studies``, which ``python -m pipeline NAME`` r
 - ``page.md``: the page with the figure's caption, a Jinja template of the options and facts.
 
 The study NAME writes the checked tables to ``data/studies/NAME``, figure and tables as CSV to
-``reports/studies/NAME``, and the page ``reports/studies/NAME.md``: all outputs or none.
+``reports/studies/NAME``, and the page ``reports/studies/NAME.md``: all outputs or none. A trial
+(scale ``smoke``) leaves an earlier page as it is and writes its own to ``reports/trials/studies``.
 """
 
 from collections.abc import Callable, Iterable
@@ -29,6 +30,7 @@ from pipeline.configuration import config
 from pipeline.core import contracts
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import PipelineError
+from pipeline.core.results import SMOKE, TRIALS
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.core.validation import validated
 from pipeline.figures.style import save
@@ -62,9 +64,10 @@ def run(name: str) -> None:
         print(f"{name}: {reason}")
         title, tables = page.partition("\n")[0], {}
         page = f"{title}\n\nNo answer for this dataset: {reason}.\n"
+    pages = _pages_folder(name, settings.scale.name)
     with (
         contracts.replacing(DATA / name) as data,
-        contracts.replacing(REPORTS / name) as report,
+        contracts.replacing(pages / name) as report,
     ):
         for table, rows in tables.items():
             contracts.write(rows, table, data, folder / "tables.yaml")
@@ -74,7 +77,15 @@ def run(name: str) -> None:
             shown = {table: tables[table] for table in signature(study.draw).parameters}
             save(study.draw(**shown), report, name)
             page = filled_in(page, **vars(options) | study.facts(tables, options))
-    contracts.write_text(plain_page(page), REPORTS / f"{name}.md")
+    contracts.write_text(plain_page(page), pages / f"{name}.md")
+
+
+def _pages_folder(name: str, scale: str) -> Path:
+    """Return the folder of the page of a study: a trial does not replace an earlier page."""
+    if scale == SMOKE and (REPORTS / f"{name}.md").exists():
+        print(f"{name}: a trial: its page is in {TRIALS / REPORTS.name}")
+        return TRIALS / REPORTS.name
+    return REPORTS
 
 
 def dataset_option(kind: type, dataset: str, *keys: str) -> Any:

@@ -3,6 +3,7 @@ study of recovery have the stated law, and its table counts the estimates.
 """
 
 import re
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -61,6 +62,7 @@ def test_a_study_writes_its_answer_and_equal_bytes_with_any_number_of_workers(
         config.COMPOSED.write_text(
             config.COMPOSED.read_text().replace("workers: 1", "workers: 2")
         )
+        shutil.rmtree("reports/studies")  # a trial would not replace its page
         run(name)
         assert written() == first
 
@@ -83,6 +85,20 @@ def test_the_page_states_why_a_dataset_gives_no_answer(project, capsys):
     assert reason in capsys.readouterr().out and set(written()) == {
         "reports/studies/recovery.md"
     }
+
+
+def test_a_trial_of_a_study_leaves_an_earlier_page_as_it_is(project):
+    page = Path("reports/studies/recovery.md")
+    page.parent.mkdir(parents=True)
+    page.write_text("earlier")
+    folder = Path("data/ingest/motion")
+    trajectory = contracts.read("trajectory", folder)  # without an answer: quick
+    contracts.write(trajectory.assign(**{"v:x": 0.01}), "trajectory", folder)
+
+    run("recovery")
+
+    assert page.read_text() == "earlier" and not page.with_suffix("").exists()
+    assert "No answer" in Path("reports/trials/studies/recovery.md").read_text()
 
 
 def test_the_answer_on_the_pose_follows_from_interval_and_power(tmp_path, monkeypatch):
