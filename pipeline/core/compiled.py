@@ -1,4 +1,5 @@
-"""numba's options for the whole project, and the folder of its machine code.
+"""numba's options for the whole project, and the folder of its machine code. Without numba, which
+an exported model does not need, :mod:`pipeline.core.interpreted` takes its place.
 
 With ``cache=True`` numba loads machine code while the file of the function is unchanged. But the
 machine code also contains functions and constants of other files. So the name of the cache folder
@@ -13,7 +14,10 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
-import numba
+try:
+    import numba
+except ImportError:
+    numba = None
 
 from pipeline.core.sources import SOURCES, imported_sources, module_files, sources_hash
 
@@ -65,7 +69,8 @@ def cache_folder() -> Path:
 
 
 # numba reads the variable when it is imported, and again whenever it sees a changed environment
-os.environ[VARIABLE] = numba.config.CACHE_DIR = str(cache_folder())
+if numba is not None:
+    os.environ[VARIABLE] = numba.config.CACHE_DIR = str(cache_folder())
 
 # nogil: other threads can run; numpy: a division by zero gives the result of IEEE 754; no
 # fastmath, which gives other bits on other processors
@@ -89,6 +94,20 @@ def inlined(function: Callable) -> Callable:
     return numba.njit(forceinline=True, **INNER)(function)
 
 
-# indices of poses: compiled loops visit one after the other; the exported reader, which has no
-# compiler, replaces ``lanes`` by a function that returns one array of all indices
+# indices of poses: compiled loops visit one after the other, interpreted ones all at once
 lanes = range
+
+if numba is None:
+    from pipeline.core import interpreted
+
+    compiled = interpreted.compiled
+    inner = interpreted.inner
+    inlined = interpreted.inlined
+    lanes = interpreted.lanes
+    choose = interpreted.choose
+else:
+
+    @inlined
+    def choose(condition: bool, first: float, second: float) -> float:
+        """Return ``first`` where the ``condition`` holds, else ``second``."""
+        return first if condition else second

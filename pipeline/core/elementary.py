@@ -8,7 +8,7 @@ from math import factorial, log, pi
 
 import numpy as np
 
-from pipeline.core.compiled import inlined, inner
+from pipeline.core.compiled import choose, inlined, inner
 
 # added to a number x, it gives a sum whose lowest bits are the integer nearest to x
 MAGIC = 1.5 * 2.0**52
@@ -63,8 +63,9 @@ def sine_cosine(angle: float) -> tuple[float, float]:
         1.0 - (0.5 * square - square * square * cosine),
     )
     odd = (quadrant & 1) != 0
-    s, c = (cosine if odd else sine), (sine if odd else cosine)
-    return (-s if (quadrant & 2) != 0 else s), (-c if ((quadrant + 1) & 2) != 0 else c)
+    s, c = choose(odd, cosine, sine), choose(odd, sine, cosine)
+    s_negative, c_negative = (quadrant & 2) != 0, ((quadrant + 1) & 2) != 0
+    return choose(s_negative, -s, s), choose(c_negative, -c, c)
 
 
 @inlined

@@ -186,7 +186,7 @@ def test_the_audit_of_another_processor_allows_rounding_and_no_more():
 
 def test_loading_an_exported_model_leaves_a_colleagues_environment():
     code = (
-        "import os; before = dict(os.environ); import pipeline.models, pipeline.models.exported; "
+        "import os; before = dict(os.environ); import pipeline.models.exported.reader; "
         "print(before == dict(os.environ))"
     )
     assert elsewhere(code, OMP_NUM_THREADS="4") == "True"

@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.arm.chain import Chain
-from pipeline.models.exported import FORMAT, chain_record
+from pipeline.models.exported.reader import FORMAT
+from pipeline.models.exported.writer import chain_record
 
 ROOT_OF_NOISE = np.array([[3.0, 0.0, 0.0], [-2.0, 4.0, 0.0], [1.0, 1.0, 5.0]]) * 1e-3
 PARAMETERS = {

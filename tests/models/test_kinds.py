@@ -10,7 +10,7 @@ from exported_models import write_model
 
 from pipeline.core.errors import ContractError, ModelDomainError
 from pipeline.models import kinds, load
-from pipeline.models.exported import OutsideRanges
+from pipeline.models.exported.reader import OutsideRanges
 
 MALFORMED = [
     *(None, "{", "[]", '{"kind": "laplace"}', '{"kind": "gaussian", "alpha": 0.1}'),

@@ -15,12 +15,12 @@ from joint_logs import MADE_UP, ingested, write_movement
 from pipeline.configuration import config
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.models import load
+from pipeline.models.exported.writer import error_record
 from pipeline.models.model import Commands
 from pipeline.recordings.runs import joint_runs
 from pipeline.stages import ingest, track
 from pipeline.tools.assess import command
 from pipeline.tools.characterize.logs import folder_logs
-from pipeline.tools.export.command import error_record
 
 JOINTS, POSE = ["a", "b", "c"], np.diag([1.0, 2.0, 1.5]) * 1e-6
 

@@ -19,7 +19,8 @@ from pipeline.core.errors import ConfigError, ModelDomainError, RecordingError
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.models import load
 from pipeline.models.closed_loop import MeanPath
-from pipeline.models.exported import ExportedErrors, ExportedModel
+from pipeline.models.exported.reader import ExportedErrors, ExportedModel
+from pipeline.models.exported.writer import scores_by_horizon
 from pipeline.models.joint_error.fit import runs_of
 from pipeline.models.joint_error.samples import JointRun
 from pipeline.models.model import Commands
@@ -33,7 +34,6 @@ from pipeline.recordings.runs import joint_runs
 from pipeline.recordings.steps import training_steps
 from pipeline.statistics.scores import normal_log_score
 from pipeline.tools.characterize.logs import folder_logs
-from pipeline.tools.export.command import scores_by_horizon
 from pipeline.tools.new_dataset.command import assigned_values, command_with
 
 HERE, EXPORTS = Path(__file__).parent, Path("data/export")

@@ -25,6 +25,7 @@ from pipeline.core.filters import CLOSED
 from pipeline.core.typed_yaml import parse_yaml, read_yaml
 from pipeline.figures.drawing import figures_in
 from pipeline.figures.style import save
+from pipeline.models.exported.writer import error_record, write_export
 from pipeline.models.joint_error.choice import chosen_law
 from pipeline.models.joint_error.fit import FAMILY
 from pipeline.models.joint_error.held_out import joint_tables
@@ -32,7 +33,7 @@ from pipeline.recordings import quality
 from pipeline.recordings.runs import RunsOfLogs, joint_runs
 from pipeline.stages import fit, ingest, predict, track
 from pipeline.tools.characterize.logs import folder_logs
-from pipeline.tools.export import command as export
+from pipeline.tools.export.command import EXPORTS, exported_record
 from pipeline.tools.new_dataset.command import (
     assigned_values,
     command_with,
@@ -100,7 +101,7 @@ def run(
             record = exported and (
                 _record_of_runs(exported, logged, name, tables["joint_scores"])
                 if logged and exported in FAMILY
-                else export.exported_record(exported, settings)
+                else exported_record(exported, settings)
             )
     report = REPORTS / name
     _draw_figures(card.tables, report / "figures")
@@ -110,7 +111,7 @@ def run(
     print(f"\n{TO_EXPORT.sub('', answer(card)).rstrip()}\n")
     print(f"characterize: wrote {report / 'model_card.md'} from {place}")
     if record is not None:
-        export.write_export(record, file := export.EXPORTS / f"{name}_{exported}.json")
+        write_export(record, file := EXPORTS / f"{name}_{exported}.json")
         of_logs = {
             key: text
             for key, text in assigned.items()
@@ -172,7 +173,7 @@ def _record_of_runs(
             f"the model {model} needs a Jacobian: give --urdf FILE", key="--model"
         )
     options = config.model_options([model])[model]
-    return export.error_record(model, options, logged.runs, name, scores)
+    return error_record(model, options, logged.runs, name, scores)
 
 
 def _write_dataset(

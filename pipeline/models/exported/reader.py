@@ -4,7 +4,7 @@ import json
 import warnings
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -285,18 +285,6 @@ class ExportedErrors(Exported):
         self._warned.add("ahead")
         message = f"{ahead:.3g} s ahead is beyond {SCORED:g} s, the longest horizon of the fit"
         warnings.warn(message, OutsideRanges, stacklevel=3)
-
-
-def chain_record(chain: Chain) -> dict[str, Any]:
-    """Parameters of ``chain`` as plain values, enough to rebuild it without a URDF file."""
-    plain = {each.name: getattr(chain, each.name) for each in fields(chain)}
-    plain = {
-        k: each.tolist() if isinstance(each, ndarray) else each
-        for k, each in plain.items()
-    }
-    for name in UNLIMITED:
-        plain[name] = [limit if np.isfinite(limit) else None for limit in plain[name]]
-    return {"kind": "planar" if isinstance(chain, PlanarChain) else "serial"} | plain
 
 
 def _chain(record: Mapping[str, Any]) -> Chain:
