@@ -24,8 +24,10 @@ def chosen_by(scheme: str, weights: np.ndarray, rng: np.random.Generator) -> np.
     """(P,) indices that a resampling ``scheme`` chooses under ``weights`` (P,), with a longer
     buffer that an earlier use has filled; nothing is written behind the indices.
     """
-    count = len(weights)
-    chosen, scratch = np.full(count + 200, -1), np.ones((2, count + 200))
-    from_python(resample)(SCHEMES.index(scheme), weights, chosen[:count], scratch, rng)
+    count, longer = len(weights), len(weights) + 200
+    chosen = np.full(longer, -1)
+    scratch = np.ones((2, longer))
+    call = from_python(resample)
+    call(SCHEMES.index(scheme), weights, chosen[:count], scratch, rng)
     assert np.all(chosen[count:] == -1)
     return chosen[:count]

@@ -18,13 +18,13 @@ def plain_steps(model, chain, q, v, rng) -> tuple[np.ndarray, int]:
     each, and how many were clipped; a block at a time, as the compiled laws draw.
     """
     v = np.broadcast_to(v, (len(q), np.shape(v)[-1]))
-    blocks = [
-        _block(model, chain, q[i : i + DRAWN], v[i : i + DRAWN], rng)
-        for i in range(0, len(q), DRAWN)
-    ]
-    return np.concatenate([drawn for drawn, _ in blocks]), sum(
-        number for _, number in blocks
-    )
+    draws, clipped = [], 0
+    for first in range(0, len(q), DRAWN):
+        block = slice(first, first + DRAWN)
+        drawn, number = _block(model, chain, q[block], v[block], rng)
+        draws.append(drawn)
+        clipped += number
+    return np.concatenate(draws), clipped
 
 
 def _block(model, chain, q, v, rng) -> tuple[np.ndarray, int]:
@@ -33,12 +33,12 @@ def _block(model, chain, q, v, rng) -> tuple[np.ndarray, int]:
         case AdditiveModel():
             return q + dq + rng.standard_normal(q.shape) @ root(model.noise), 0
         case GaussianModel():
-            inverse, task = chain.inverse_jacobian(q), v[:, : len(chain.task)]
+            inverse = chain.inverse_jacobian(q)
+            task = v[:, : len(chain.task)]
             norm, entries = frobenius(inverse), inverse[0].size
             scale = model.alpha**2 * np.maximum(model.u**2 - norm**2, 0.0) / entries
-            noise = np.sqrt(scale * np.vecdot(task, task))[
-                :, None
-            ] * rng.standard_normal(q.shape)
+            std = np.sqrt(scale * np.vecdot(task, task))
+            noise = std[:, None] * rng.standard_normal(q.shape)
             return q + dq + noise, int(np.count_nonzero(norm > model.u))
         case WishartModel():
             return q + _wishart(model, chain, q, v, rng), 0
@@ -53,14 +53,19 @@ def _wishart(model, chain, q, v, rng) -> np.ndarray:
         jacobian = chain.jacobian(q)
         lower = np.linalg.cholesky(jacobian @ jacobian.swapaxes(1, 2))
         orthonormal = np.linalg.solve(lower, jacobian)
-        a, back = np.linalg.solve(lower, v[..., None])[..., 0], orthonormal.mT
+        a = np.linalg.solve(lower, v[..., None])[..., 0]
+        back = orthonormal.mT
     else:
         a, back, _ = split(chain.jacobian(q), v, model.decomposition)
+
     z = d / rng.chisquare(d - 2, len(q))
     normal = rng.standard_normal((len(q), 2))
     square = np.vecdot(normal, normal)
+    stretch = np.sqrt(np.expm1(square / (d - 1)) / square)
     tangent = np.zeros(q.shape)
-    tangent[:, 1:] = normal * np.sqrt(np.expm1(square / (d - 1)) / square)[:, None]
+    tangent[:, 1:] = normal * stretch[:, None]
+
+    # the reflection that takes the first axis to ±a/r
     r = np.sqrt(np.vecdot(a, a))
     mirror = a.copy()
     mirror[:, 0] += np.copysign(r, a[:, 0])

@@ -24,10 +24,13 @@ every_reading = pytest.mark.parametrize(
 def algorithm_1(chain, q, v, sigma_b, decomposition, size, rng) -> np.ndarray:
     """(size, n) draws of q_{k+1}, line by line after the paper, under the command ``v``."""
     jacobian = chain.jacobian(q)
-    j1, (m, n) = first_factor(jacobian, decomposition), jacobian.shape
+    m, n = jacobian.shape
+    j1 = first_factor(jacobian, decomposition)
+    j2 = np.linalg.solve(j1, jacobian)
     d = degrees_of_freedom(sigma_b, m)
-    b = stats.wishart(d, np.eye(m) / d).rvs(size, random_state=rng).reshape(size, m, m)
-    random = j1 @ b @ np.linalg.solve(j1, jacobian)
+    law = stats.wishart(d, np.eye(m) / d)
+    b = law.rvs(size, random_state=rng).reshape(size, m, m)
+    random = j1 @ b @ j2
     inverse = np.linalg.inv(random) if m == n else np.linalg.pinv(random)
     return q + chain.null_step(q, v) + np.matvec(inverse, v[..., :m])
 
@@ -50,15 +53,15 @@ def least_p_value(sample: np.ndarray, reference: np.ndarray) -> float:
     """Least p-value of two-sample Kolmogorov–Smirnov tests of each of three coordinates, of sums of
     them and of the distance from the common middle: eight views.
     """
-    axes = np.concatenate(
-        [np.eye(3), np.random.default_rng(3).normal(size=(3, 4))], axis=1
-    )
-    views = [
-        np.column_stack(
-            [x @ axes, np.linalg.norm(x - np.median(reference, axis=0), axis=1)]
-        )
-        for x in (sample, reference)
-    ]
-    return min(
-        stats.ks_2samp(*pair).pvalue for pair in zip(*(x.T for x in views), strict=True)
-    )
+    sums = np.random.default_rng(3).normal(size=(3, 4))
+    axes = np.concatenate([np.eye(3), sums], axis=1)
+    middle = np.median(reference, axis=0)
+
+    def views(x: np.ndarray) -> np.ndarray:
+        """(8, N) the coordinates, sums and distances of draws (N, 3)."""
+        return np.vstack([(x @ axes).T, np.linalg.norm(x - middle, axis=1)])
+
+    p_values = []
+    for pair in zip(views(sample), views(reference), strict=True):
+        p_values.append(stats.ks_2samp(*pair).pvalue)
+    return min(p_values)

@@ -7,16 +7,8 @@ from space_arms import revolute_arm
 
 from pipeline.arm.chain import SerialChain
 
-SIZES = [
-    (2, 1),
-    (2, 2),
-    (3, 2),
-    (4, 4),
-    (5, 3),
-    (6, 6),
-    (7, 6),
-    (8, 3),
-]  # of n joints and m rows
+# of n joints and m rows
+SIZES = [(2, 1), (2, 2), (3, 2), (4, 4), (5, 3), (6, 6), (7, 6), (8, 3)]
 
 
 def random_arm(n: int, m: int) -> SerialChain:
@@ -24,13 +16,20 @@ def random_arm(n: int, m: int) -> SerialChain:
     (3, 2).
     """
     arm = revolute_arm(n)
-    if (n, m) != (3, 2):
-        rows = np.random.default_rng(100 * n + m).permutation(6)[:m]
-        return replace(arm, task=tuple(arm.task[row] for row in rows))
-    turns = np.tile(np.eye(3).ravel(), (4, 1))
-    turns[0] = [1, 0, 0, 0, 0, 1, 0, -1, 0]  # the first joint's axis along y
-    ways = [[0, 0, 0], [0, -0.155, 0], [0, -0.135, 0], [0, -0.17, 0]]
-    return replace(arm, task=("x", "z"), placements=np.hstack([turns, ways]))
+    if (n, m) == (3, 2):
+        turns = np.tile(np.eye(3).ravel(), (4, 1))
+        turns[0] = [1, 0, 0, 0, 0, 1, 0, -1, 0]  # the first joint's axis along y
+        ways = np.zeros((4, 3))
+        ways[1:, 1] = -0.155, -0.135, -0.17
+        return replace(arm, task=("x", "z"), placements=np.hstack([turns, ways]))
+    rows = np.random.default_rng(100 * n + m).permutation(6)[:m]
+    return replace(arm, task=tuple(arm.task[row] for row in rows))
+
+
+def regularity(arm: SerialChain, q: np.ndarray) -> np.ndarray:
+    """(...) least over greatest singular value of J at poses ``q`` (..., n)."""
+    values = np.linalg.svd(arm.jacobian(q), compute_uv=False)
+    return values[..., -1] / values[..., 0]
 
 
 def motion(arm: SerialChain, steps: int, rest: int, size: float = 0.02) -> tuple:
@@ -40,13 +39,15 @@ def motion(arm: SerialChain, steps: int, rest: int, size: float = 0.02) -> tuple
     n, m = len(arm.lower), len(arm.task)
     rng = np.random.default_rng(7)
     candidates = rng.uniform(-2, 2, (400, n))
-    values = np.linalg.svd(arm.jacobian(candidates), compute_uv=False)
+    starts = candidates[regularity(arm, candidates).argsort()[-20:]]
+
     phase = size * np.maximum(np.arange(steps + 1) - rest, 0)[:, None]
-    wave = 0.4 * np.sin(phase * rng.uniform(0.7, 1.3, n) + rng.uniform(0, 6, n))
-    best = candidates[(values[:, -1] / values[:, 0]).argsort()[-20:]]
-    paths = best[:, None] + wave - wave[0]
-    values = np.linalg.svd(arm.jacobian(paths), compute_uv=False)
-    q = paths[(values[..., -1] / values[..., 0]).min(axis=1).argmax()]
+    frequencies, phases = rng.uniform(0.7, 1.3, n), rng.uniform(0, 6, n)
+    wave = 0.4 * np.sin(phase * frequencies + phases)
+    paths = starts[:, None] + wave - wave[0]
+    q = paths[regularity(arm, paths).min(axis=1).argmax()]
+
     w = np.diff(q, axis=0)
     v = np.matvec(arm.jacobian(q[:-1]), w)
-    return q, (v if m == n else np.concatenate([v, w], axis=1))
+    commands = v if m == n else np.concatenate([v, w], axis=1)
+    return q, commands

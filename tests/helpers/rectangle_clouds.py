@@ -13,22 +13,27 @@ def motion(frames: int = 97) -> np.ndarray:
     to 1.3 rad a joint.
     """
     phase = (1 - np.cos(np.linspace(0, 2 * np.pi, frames))) / 2
-    return np.radians(
-        [-55.0, 135.0, -60.0] + phase[:, None] * np.array([75.0, -70.0, 75.0])
-    )
+    first, way = np.array([-55.0, 135.0, -60.0]), np.array([75.0, -70.0, 75.0])
+    return np.radians(first + phase[:, None] * way)
 
 
 def cloud(q: np.ndarray, rng: np.random.Generator, *, points: int = 1500) -> np.ndarray:
     """Points of three rectangles, ever denser towards one side and one end of each, with normal
     noise (m).
     """
-    parts = []
-    for j, (a, b) in enumerate(pairwise(CHAIN.points(q))):
-        along, (s, n) = (b - a) / LENGTHS[j], rng.random((2, points // 3))
-        n = n**1.5 if j != 1 else n**0.7
-        aside = ((n - 0.5) * 0.06)[:, None] * np.array([along[1], -along[0]])
-        parts.append(a + (s**0.8 * LENGTHS[j])[:, None] * along + aside)
-    return np.concatenate(parts) + rng.normal(scale=0.002, size=(points // 3 * 3, 2))
+    count = points // 3
+    width = 0.06  # m
+    rectangles = []
+    for j, (start, end) in enumerate(pairwise(CHAIN.points(q))):
+        along = (end - start) / LENGTHS[j]
+        aside = np.array([along[1], -along[0]])
+        s, n = rng.random((2, count))
+        n = n**0.7 if j == 1 else n**1.5
+        lengthwise = (s**0.8 * LENGTHS[j])[:, None] * along
+        sideways = ((n - 0.5) * width)[:, None] * aside
+        rectangles.append(start + lengthwise + sideways)
+    noise = rng.normal(scale=0.002, size=(3 * count, 2))
+    return np.concatenate(rectangles) + noise
 
 
 def limits(share: float = 0.05) -> np.ndarray:
