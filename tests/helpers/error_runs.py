@@ -45,14 +45,9 @@ def persistent_law(**changes) -> JointErrorModel:
 
 def sweep(number: int, samples: int = 600) -> np.ndarray:
     """(samples, 2) commanded angles in rad of the motion ``number``, at rest at both ends."""
-    share = np.clip((np.arange(samples) - 20) / (samples - 40), 0, 1)
-    turn = (
-        2
-        * np.pi
-        * share[:, None]
-        * np.array([1.0 + 0.37 * (number % 5), 2.0 + 0.23 * number])
-    )
-    return 0.3 * np.sin(turn) * np.sin(np.pi * share[:, None]) ** 2
+    share = np.clip((np.arange(samples) - 20) / (samples - 40), 0, 1)[:, None]
+    turns = np.array([1.0 + 0.37 * (number % 5), 2.0 + 0.23 * number])
+    return 0.3 * np.sin(2 * np.pi * share * turns) * np.sin(np.pi * share) ** 2
 
 
 def runs_of_law(
@@ -69,18 +64,16 @@ def runs_of_law(
             q, memory = law.follow(q, step, memory, rng)
             path.append(q)
         for take, measured in enumerate(np.stack(path, axis=1)):
-            name, motion = f"{number}.{take}", str(number)
-            runs.append(
-                JointRun(
-                    name,
-                    law.rate,
-                    command,
-                    measured,
-                    law.joints,
-                    zero,
-                    zero,
-                    None,
-                    motion,
-                )
+            run = JointRun(
+                f"{number}.{take}",
+                law.rate,
+                command,
+                measured,
+                law.joints,
+                lag=zero,
+                quantum=zero,
+                pose_noise=None,
+                motion=str(number),
             )
+            runs.append(run)
     return runs

@@ -19,16 +19,14 @@ FILES = ("log_q_actual.csv", "log_q_target.csv", "log_qd_target.csv")
 def quality(name: str, take: str) -> float:
     """Sum of a measure of quality over the takes whose names hold ``take``, as ingest wrote it."""
     table = contracts.read("quality", Path("data/ingest/motion"))
-    return table.loc[
-        (table["quantity"] == name) & table["take"].str.contains(take), "value"
-    ].sum()
+    of_takes = table["take"].str.contains(take)
+    return table.loc[of_takes & (table["quantity"] == name), "value"].sum()
 
 
 def ingested() -> tuple[list[str], np.ndarray]:
     """Takes and joint angles (N, K, 3) in rad that ingest wrote."""
-    return contracts.stacked(
-        contracts.read("joint_log", Path("data/ingest/motion")), "q"
-    )
+    table = contracts.read("joint_log", Path("data/ingest/motion"))
+    return contracts.stacked(table, "q")
 
 
 HOME = np.array([1.0, -2.1, -1.9, -0.4, 0.5, 0.0])
@@ -41,27 +39,30 @@ def write_movement(
     """Logs of ``ways`` out and back of 100 steps with 60 rows at rest between; measured angles
     ``late`` s behind the commanded ones.
     """
-    rng = np.random.default_rng(seed)
-    rows = np.arange(60 + 160 * ways)
+    rate, rest, period = 125, 60, 160  # 1/s; rows
+    rows = np.arange(rest + period * ways)
 
-    def progress(t: np.ndarray) -> np.ndarray:
-        way, since = np.divmod(np.clip(t - 60 + 1, 0, None), 160)
+    def angles_at(t: np.ndarray) -> np.ndarray:
+        """(N, 6) rad at the rows ``t``."""
+        way, since = np.divmod(np.clip(t - rest + 1, 0, None), period)
         share = (1 - np.cos(np.pi * np.clip(since / 101, 0, 1))) / 2
-        return np.where(way % 2 == 0, share, 1 - share)
+        progress = np.where(way % 2 == 0, share, 1 - share)
+        return HOME + offset + progress[:, None] * (AWAY - HOME)
 
-    target = HOME + offset + progress(rows)[:, None] * (AWAY - HOME)
-    speed = np.gradient(target, axis=0) * 125
-    since = (rows - 60) % 160
-    speed[(rows < 60) | (since >= 100)] = 0.0
-    actual = HOME + offset + progress(rows - late * 125)[:, None] * (AWAY - HOME)
-    actual = actual + rng.normal(0, noise, target.shape)
+    target = angles_at(rows)
+    speed = np.gradient(target, axis=0) * rate
+    resting = (rows < rest) | ((rows - rest) % period >= 100)
+    speed[resting] = 0.0
+    errors = np.random.default_rng(seed).normal(0, noise, target.shape)
+    actual = angles_at(rows - late * rate) + errors
+
     folder.mkdir(parents=True)
-    for name, angles in zip(FILES, (actual, target, speed), strict=True):
-        write_joint_log(folder / name, JointLog(rows / 125, {"actual": angles}, {}))
+    for name, values in zip(FILES, (actual, target, speed), strict=True):
+        write_joint_log(folder / name, JointLog(rows / rate, {"actual": values}, {}))
 
 
 ENDS = {"start": HOME[1:4].tolist(), "end": AWAY[1:4].tolist()}
-MADE_UP = {"movements": "move_*", **ENDS, "rest": 20}
+MADE_UP = {"movements": "move_*", **ENDS, "rest": 20}  # section joint_log
 
 
 @pytest.fixture

@@ -18,7 +18,9 @@ from pipeline.models.steps import process_noise
 
 ROOT = Path(__file__).parents[2]
 JOINTS = ["arm_joint_2", "arm_joint_3", "arm_joint_4"]
+INGEST, TRACK = Path("data/ingest/motion"), Path("data/track")
 TAKES, STEPS, REST = 12, 80, 20
+RATE = 100.0  # 1/s
 TRUE = GaussianModel(alpha=0.05, u=25.0)
 MEASUREMENT = np.array([[4.0, -1.0, 0.0], [-1.0, 5.0, 1.0], [0.0, 1.0, 3.0]]) * 1e-7
 MODELS = {  # option → what the stage fit would have written
@@ -28,60 +30,69 @@ MODELS = {  # option → what the stage fit would have written
 }
 
 
-def write_project(folder: Path) -> tuple[PlanarChain, np.ndarray, np.ndarray]:
-    """Recordings drawn from TRUE, at rest in the first steps, and the fits of MODELS in ``folder``,
-    the current folder of the process.
-
-    Returns the chain, joint angles (2·TAKES, STEPS + 1, 3) in rad and commanded steps (STEPS, 3).
-    """
+def write_options(folder: Path) -> None:
+    """Write the smoke configuration with the MODELS in ``folder``, the current folder."""
     for name in ("pipeline", "dvc.yaml"):
         (folder / name).symlink_to(ROOT / name)
     params = OmegaConf.load(ROOT / "params.yaml")
     params.update({"scale": "smoke", "compute": "serial", "models": list(MODELS)})
     OmegaConf.save(params, "params.yaml")
     config.write_config(Path("params.yaml"))
-    robot, rate = config.sections("fit", item="gaussian").dataset.robot, 100.0
-    chain = load_arm(robot.urdf, robot.joints, robot.tool, robot.locked).chain
-    middle = np.array([1.1, -1.6, 1.8])
-    k = np.arange(STEPS + 1)
-    path = middle + 0.2 * np.cos(np.maximum(k - REST, 0) / 20)[:, None] * np.array(
-        [1.0, -1.0, 0.5]
-    )
+
+
+def drawn_takes(chain: PlanarChain) -> tuple[np.ndarray, np.ndarray]:
+    """(2·TAKES, STEPS + 1, 3) measured poses in rad that TRUE draws; the commands (STEPS, 3)."""
+    middle, size = np.array([1.1, -1.6, 1.8]), np.array([1.0, -1.0, 0.5])
+    swing = 0.2 * np.cos(np.maximum(np.arange(STEPS + 1) - REST, 0) / 20)
+    path = middle + swing[:, None] * size
     v = np.matvec(chain.jacobian(path[:-1]), np.diff(path, axis=0))
     rng = np.random.default_rng(1)
     q = np.empty((2 * TAKES, STEPS + 1, 3))
     q[:, 0] = path[0]
-    for step in range(STEPS):
-        q[:, step + 1] = draw_steps(TRUE, chain, q[:, step], v[step], rng)[
-            0
-        ] + rng.multivariate_normal(np.zeros(3), MEASUREMENT, 2 * TAKES)
-    task = np.zeros((STEPS + 1, 3))
-    task[:-1] = v * rate
-    for stage in ("ingest/motion", "track"):
-        Path("data", stage).mkdir(parents=True)
-    trajectory = (
-        {"k": k, "t": k / rate}
-        | spread("x", PLANE, 0 * task)
-        | spread("v", PLANE, task)
-    )
-    contracts.write(pd.DataFrame(trajectory), "trajectory", Path("data/ingest/motion"))
-    contracts.write(rows(q, "q").assign(residual=0.0), "joints", Path("data/track"))
+    for k in range(STEPS):
+        moved, _ = draw_steps(TRUE, chain, q[:, k], v[k], rng)
+        errors = rng.multivariate_normal(np.zeros(3), MEASUREMENT, 2 * TAKES)
+        q[:, k + 1] = moved + errors
+    return q, v
+
+
+def write_project(folder: Path) -> tuple[PlanarChain, np.ndarray, np.ndarray]:
+    """Recordings drawn from TRUE, at rest in the first steps, and the fits of MODELS in ``folder``,
+    the current folder of the process.
+
+    Returns the chain, joint angles (2·TAKES, STEPS + 1, 3) in rad and commanded steps (STEPS, 3).
+    """
+    write_options(folder)
+    robot = config.sections("fit", item="gaussian").dataset.robot
+    chain = load_arm(robot.urdf, robot.joints, robot.tool, robot.locked).chain
+    q, v = drawn_takes(chain)
+    for place in (INGEST, TRACK):
+        place.mkdir(parents=True)
+
+    k = np.arange(STEPS + 1)
+    speed = np.zeros((STEPS + 1, 3))
+    speed[:-1] = v * RATE
+    path = {"k": k, "t": k / RATE} | spread("x", PLANE, np.zeros_like(speed))
+    path |= spread("v", PLANE, speed)
+    contracts.write(pd.DataFrame(path), "trajectory", INGEST)
+
+    contracts.write(rows(q, "q").assign(residual=0.0), "joints", TRACK)
     noise = rows(np.pad(process_noise(chain, q, v), ((0, 0), (1, 0), (0, 0))), "w")
-    contracts.write(
-        noise[(noise.k > 0) & (noise.part == "training")],
-        "process_noise",
-        Path("data/track"),
-    )
+    noise = noise[(noise.k > 0) & (noise.part == "training")]
+    contracts.write(noise, "process_noise", TRACK)
+
     for name, parameters in MODELS.items():
-        Path(f"data/fit/{name}").mkdir(parents=True)
-        Path(f"data/fit/{name}/parameters.json").write_text(json.dumps(parameters))
+        file = Path(f"data/fit/{name}/parameters.json")
+        file.parent.mkdir(parents=True)
+        file.write_text(json.dumps(parameters))
     return chain, q, v
 
 
 def rows(values: np.ndarray, family: str) -> pd.DataFrame:
     """``values`` (2·TAKES, STEPS + 1, 3) as a table, the first half of the takes for training."""
-    k = np.tile(np.arange(STEPS + 1), 2 * TAKES)
-    take = np.repeat([f"take_{i:02d}" for i in range(2 * TAKES)], STEPS + 1)
-    part_of_take = np.repeat(["training", "test"], TAKES * (STEPS + 1))
-    step = {"take": take, "part": part_of_take, "k": k, "t": k / 100.0}
+    grid = STEPS + 1
+    k = np.tile(np.arange(grid), 2 * TAKES)
+    takes = np.repeat([f"take_{i:02d}" for i in range(2 * TAKES)], grid)
+    parts = np.repeat(["training", "test"], TAKES * grid)
+    step = {"take": takes, "part": parts, "k": k, "t": k / RATE}
     return pd.DataFrame(step | spread(family, JOINTS, values))

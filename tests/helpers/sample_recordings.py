@@ -65,12 +65,10 @@ def write_zoo(folder: Path) -> None:
     ]
     rows_file(folder, "rigidbody,Hand,1,0", *rows)
     c3d = ezc3d.c3d()
-    for key, value in {
-        "UNITS": ["mm"],
-        "RATE": [100],
-        "LABELS": ["A", "B", "C"],
-    }.items():
-        c3d["parameters"]["POINT"][key]["value"] = value
+    point = c3d["parameters"]["POINT"]
+    point["UNITS"]["value"] = ["mm"]
+    point["RATE"]["value"] = [100]
+    point["LABELS"]["value"] = ["A", "B", "C"]
     c3d["data"]["points"] = np.concatenate(
         [rng.normal(size=(3, 3, 20)), np.ones((1, 3, 20))]
     )

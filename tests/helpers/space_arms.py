@@ -47,18 +47,17 @@ END = np.array([1.1, -1.7, 2.0, -0.4, 0.3, 1.4])
 def revolute_arm(n: int) -> SerialChain:
     """An arm of ``n`` joints placed and pointing anywhere, whose task is the whole pose."""
     rng = np.random.default_rng(n)
-    turns = (
-        Rotation.from_quat(rng.normal(size=(n + 1, 4))).as_matrix().reshape(n + 1, 9)
-    )
-    placements = np.hstack([turns, rng.uniform(-0.15, 0.15, (n + 1, 3))])
+    turns = Rotation.from_quat(rng.normal(size=(n + 1, 4))).as_matrix()
+    positions = rng.uniform(-0.15, 0.15, (n + 1, 3))
+    placements = np.hstack([turns.reshape(n + 1, 9), positions])
     limit, sliding = np.full(n, 3.0), np.zeros(n, dtype=bool)
     return SerialChain(tuple(SPACE), 0.3, placements, sliding, -limit, limit, limit)
 
 
 def mocap(markers: dict = MARKERS, **options) -> Mocap:
     base = Pose([0.0] * 3, [0.0] * 3)
-    known = {"training": "*.csv", "base": base, "gate": 0.005, "max_gap": 20}
-    return Mocap(**known | {"markers": markers} | options)
+    defaults = {"training": "*.csv", "base": base, "gate": 0.005, "max_gap": 20}
+    return Mocap(**defaults | {"markers": markers} | options)
 
 
 def motion(frames: int) -> np.ndarray:
@@ -72,20 +71,22 @@ _model = cache(pin.buildModelFromUrdf)
 def link_poses(robot: Robot, link: str, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Rotations (N, 3, 3) and positions (N, 3) of the frame of ``link``."""
     model = _model(robot.urdf)
-    data, frame = model.createData(), model.getFrameId(link, pin.FrameType.BODY)
-    rotations, positions = [], []
+    data = model.createData()
+    frame = model.getFrameId(link, pin.FrameType.BODY)
+    poses = []
     for row in q:
         pin.framesForwardKinematics(model, data, row)
-        rotations.append(data.oMf[frame].rotation.copy())
-        positions.append(data.oMf[frame].translation.copy())
-    return np.array(rotations), np.array(positions)
+        poses.append(data.oMf[frame].homogeneous)
+    poses = np.array(poses)
+    return poses[:, :3, :3], poses[:, :3, 3]
 
 
 def points(robot: Robot, markers: dict, q: np.ndarray) -> np.ndarray:
     """(N, P, 3) m, where the arm carries the ``markers`` in the frame of its base."""
     places = []
-    for link, held in markers.items():
+    for link, places_by_marker in markers.items():
         rotation, position = link_poses(robot, link, q)
-        local = np.array(list(held.values()))
-        places.append(position[:, None] + np.einsum("nab,mb->nma", rotation, local))
+        local = np.array(list(places_by_marker.values()))
+        turned = np.einsum("nab,mb->nma", rotation, local)
+        places.append(position[:, None] + turned)
     return np.concatenate(places, axis=1)
