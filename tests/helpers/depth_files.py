@@ -9,9 +9,11 @@ from PIL import Image
 
 
 def frame(shape: tuple[int, int]) -> np.ndarray:
+    """A noisy slope in mm, a fifth of whose pixels have no depth."""
     generator = np.random.default_rng(1)
-    raw = 1800 + 0.5 * np.arange(shape[1]) + 0.3 * np.arange(shape[0])[:, None]
-    raw = raw + generator.normal(size=shape) * 5
+    rows, columns = np.arange(shape[0])[:, None], np.arange(shape[1])
+    slope = 1800 + 0.5 * columns + 0.3 * rows
+    raw = slope + generator.normal(size=shape) * 5
     raw[generator.random(shape) < 0.2] = 0
     return raw.astype(np.uint16)
 
@@ -36,11 +38,8 @@ def opencv(key: str, rows: int, columns: int, data: str) -> str:
 
 
 # one camera, of 640 × 480, as the tools write it
-K, D, ROWS = (
-    "525.5, 0., 319.5, 0., 524., 239.25, 0., 0., 1.",
-    "[0.25, 0, 0, 0, 0]",
-    "[0, 0, 1]",
-)
+K = "525.5, 0., 319.5, 0., 524., 239.25, 0., 0., 1."
+D, ROWS = "[0.25, 0, 0, 0, 0]", "[0, 0, 1]"
 XML = "<{0} type_id='opencv-matrix'><rows>{1}</rows><cols>{2}</cols><data>{3}</data></{0}>\n"
 CALIBRATIONS = {
     "opencv.yaml": "%YAML:1.0\n---\n" + opencv("camera_matrix", 3, 3, K)
@@ -66,24 +65,27 @@ CALIBRATIONS = {
 FIELDS = "FIELDS rgb z _ x label y _\nSIZE 4 8 1 8 2 8 1\nTYPE U F U F I F U\nCOUNT 1 1 3 1 1 1 5\n"
 POINT = np.dtype(
     [
-        *(
-            ("rgb", "<u4"),
-            ("z", "<f8"),
-            ("pad", "u1", 3),
-            ("x", "<f8"),
-            ("label", "<i2"),
-        ),
-        *(("y", "<f8"), ("tail", "u1", 5)),
+        ("rgb", "<u4"),
+        ("z", "<f8"),
+        ("pad", "u1", 3),
+        ("x", "<f8"),
+        ("label", "<i2"),
+        ("y", "<f8"),
+        ("tail", "u1", 5),
     ]
 )
 
 
 def records() -> np.ndarray:
-    generator, table = np.random.default_rng(3), np.zeros(12, POINT)
+    generator = np.random.default_rng(3)
+    table = np.zeros(12, POINT)
     for axis in "xyz":
         table[axis] = generator.normal(size=12)
-    table["rgb"], table["pad"], table["label"] = 0x00FF7F00, 9, -4
-    table["z"][2], table["y"][5] = np.nan, np.inf
+    table["rgb"] = 0x00FF7F00
+    table["pad"] = 9
+    table["label"] = -4
+    table["z"][2] = np.nan
+    table["y"][5] = np.inf
     return table
 
 
@@ -100,9 +102,8 @@ def pcd(form: str, table: np.ndarray) -> bytes:
     if form == "binary":
         return header + table.tobytes()
     if form == "binary_compressed":  # LZF of literal runs
-        data = b"".join(
-            np.ascontiguousarray(table[name]).tobytes() for name in POINT.names
-        )
+        columns = [np.ascontiguousarray(table[name]) for name in POINT.names]
+        data = b"".join(column.tobytes() for column in columns)
         runs = [data[i : i + 32] for i in range(0, len(data), 32)]
         packed = b"".join(bytes([len(run) - 1]) + run for run in runs)
         return header + struct.pack("<II", len(packed), len(data)) + packed
@@ -122,10 +123,9 @@ def ply(form: str, table: np.ndarray) -> bytes:
         rows = "".join(f"{p['z']} 255 {p['x']} {p['y']}\n" for p in table)
         return header + rows.encode() + b"3 0 1 2\n"
     order = ">" if form == "binary_big_endian" else "<"
-    vertices = np.zeros(
-        len(table),
-        [("z", order + "f8"), ("red", "u1"), ("x", order + "f8"), ("y", order + "f8")],
-    )
+    real = order + "f8"
+    vertex = np.dtype([("z", real), ("red", "u1"), ("x", real), ("y", real)])
+    vertices = np.zeros(len(table), vertex)
     for axis in "xyz":
         vertices[axis] = table[axis]
     return header + vertices.tobytes() + struct.pack(order + "Biii", 3, 0, 1, 2)

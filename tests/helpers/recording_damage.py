@@ -53,13 +53,13 @@ def on_take(change):
 
     def apply(content, severity, rng):
         lines, rows = lines_of(content)
-        first = next(i for i, line in enumerate(lines) if line.startswith(b",Type"))
+        (first,) = (i for i, line in enumerate(lines) if line.startswith(b",Type"))
         cells = [line.rstrip(b"\r\n").split(b",") for line in lines[first:]]
         labels, frames = cells[: rows[0] - first], cells[rows[0] - first :]
-        change(labels, frames, range(2, len(labels[1]), 3), severity, rng)
-        return b"".join(lines[:first]) + b"".join(
-            b",".join(row) + b"\r\n" for row in cells
-        )
+        markers = range(2, len(labels[1]), 3)
+        change(labels, frames, markers, severity, rng)
+        edited = [b",".join(row) + b"\r\n" for row in cells]
+        return b"".join(lines[:first] + edited)
 
     return apply
 
@@ -87,14 +87,12 @@ def hidden_samples(labels, frames, markers, share, rng):
 def swap_labels(labels, frames, markers, number, rng, apart):
     """Two markers of one link, or of links ``apart``, exchange their labels for a burst."""
     first = 3 * int(rng.integers(len(markers) // 3 - apart))
-    one, other = rng.choice(3, 2, replace=False)
-    one, other = markers[first + one], markers[first + 3 * apart + other]
+    numbers = np.add([first, first + 3 * apart], rng.choice(3, 2, replace=False))
+    columns = [slice(markers[n], markers[n] + 3) for n in numbers]
     for i in burst(frames, number, rng):
-        row = frames[i]
-        row[one : one + 3], row[other : other + 3] = (
-            row[other : other + 3],
-            row[one : one + 3],
-        )
+        positions = [frames[i][column] for column in columns]
+        for column, position in zip(columns, positions[::-1], strict=True):
+            frames[i][column] = position
 
 
 swapped_labels = on_take(partial(swap_labels, apart=0))
@@ -104,15 +102,18 @@ swapped_links = on_take(partial(swap_labels, apart=1))
 @on_take
 def lost_label(labels, frames, markers, number, rng):
     column = int(rng.choice(markers))
+    place = slice(column, column + 3)
     stray = (b"Marker", b"Unlabeled 9000", b'"9000"', b"Position")
-    for cells, word in zip(labels, stray, strict=False):
-        cells += [word] * 3
+    for row, word in zip(labels, stray, strict=False):
+        row += [word] * 3
     labels[-1] += [b"X", b"Y", b"Z"]
     lost = burst(frames, number, rng)
     for i, row in enumerate(frames):
-        row += [b""] * 3
         if i in lost:
-            row[-3:], row[column : column + 3] = row[column : column + 3], [b""] * 3
+            row += row[place]
+            row[place] = [b""] * 3
+        else:
+            row += [b""] * 3
 
 
 @on_take
@@ -150,11 +151,10 @@ def on_pixels(change):
     def apply(files, severity, rng):
         changed = dict(files)
         for name in (name for name in files if name.endswith(".png")):
-            image = cv2.imdecode(
-                np.frombuffer(files[name], np.uint8), cv2.IMREAD_UNCHANGED
-            )
-            image = change(image, severity, rng).astype(np.uint16)
-            changed[name] = cv2.imencode(".png", image)[1].tobytes()
+            content = np.frombuffer(files[name], np.uint8)
+            image = cv2.imdecode(content, cv2.IMREAD_UNCHANGED)
+            edited = change(image, severity, rng).astype(np.uint16)
+            changed[name] = cv2.imencode(".png", edited)[1].tobytes()
         return changed
 
     return apply
@@ -175,10 +175,8 @@ def retimed(change):
         lines, rows = lines_of(content)
         for number, i in enumerate(rows):
             stamp, rest = lines[i].split(b" ", 1)
-            lines[i] = b"%.6f %s" % (
-                change(float(stamp), number / len(rows), severity),
-                rest,
-            )
+            time = change(float(stamp), number / len(rows), severity)
+            lines[i] = b"%.6f %s" % (time, rest)
         return b"".join(lines)
 
     return apply

@@ -31,21 +31,17 @@ class Message:
 
     def for_version(self, version: str) -> object:
         types, fields = STORES[version].types, dict(self.fields)
-        time = types["builtin_interfaces/msg/Time"](
-            *divmod(round(self.stamp * 1e9), 10**9)
-        )
+        seconds, nanoseconds = divmod(round(self.stamp * 1e9), 10**9)
+        time = types["builtin_interfaces/msg/Time"](seconds, nanoseconds)
         number = [0] if version == "ros1" else []
         header = types["std_msgs/msg/Header"](*number, time, "depth_camera")
         if "fields" in fields:
             point = types["sensor_msgs/msg/PointField"]
             fields["fields"] = [point(*field) for field in fields["fields"]]
         if "wrench" in fields:
-            vector, wrench = (
-                types[f"geometry_msgs/msg/{kind}"] for kind in ("Vector3", "Wrench")
-            )
-            fields["wrench"] = wrench(
-                *(vector(*part) for part in fields["wrench"].tolist())
-            )
+            vector = types["geometry_msgs/msg/Vector3"]
+            force, torque = (vector(*xyz) for xyz in fields["wrench"].tolist())
+            fields["wrench"] = types["geometry_msgs/msg/Wrench"](force, torque)
         if self.kind == CONTROLLER_STATE:
             duration = types["builtin_interfaces/msg/Duration"](0, 0)
             for name in ("desired", "actual", "reference", "feedback"):
@@ -64,14 +60,16 @@ def image(pixels: np.ndarray, stamp: float, *, big=False, padding: int = 0) -> M
     rows = pixels.astype(pixels.dtype.newbyteorder(">" if big else "<")).view(np.uint8)
     rows = rows.reshape(len(pixels), -1)
     data = np.pad(rows, ((0, 0), (0, padding)), constant_values=255)
-    fields = {"encoding": {"u": "16UC1", "f": "32FC1"}[pixels.dtype.kind]}
-    fields |= {
-        "height": pixels.shape[0],
-        "width": pixels.shape[1],
-        "is_bigendian": int(big),
-    }
-    fields |= {"step": data.shape[1], "data": data.ravel()}
-    return Message("sensor_msgs/msg/Image", stamp, **fields)
+    return Message(
+        "sensor_msgs/msg/Image",
+        stamp,
+        encoding={"u": "16UC1", "f": "32FC1"}[pixels.dtype.kind],
+        height=pixels.shape[0],
+        width=pixels.shape[1],
+        is_bigendian=int(big),
+        step=data.shape[1],
+        data=data.ravel(),
+    )
 
 
 def cloud(
@@ -87,23 +85,26 @@ def cloud(
     bytes each, in ``rows`` padded rows.
     """
     data = np.full((len(points), step), 7, np.uint8)
+    order = ">" if big else "<"
     for name, offset, datatype, _ in fields:
         if name in "xyz":
-            kind = np.dtype({7: "f4", 8: "f8"}[datatype]).newbyteorder(
-                ">" if big else "<"
-            )
+            kind = np.dtype({7: "f4", 8: "f8"}[datatype]).newbyteorder(order)
             column = np.ascontiguousarray(points[:, "xyz".index(name)]).astype(kind)
-            size, column = kind.itemsize, column.view(np.uint8)
-            data[:, offset : offset + size] = column.reshape(len(points), -1)
+            place = slice(offset, offset + kind.itemsize)
+            data[:, place] = column.view(np.uint8).reshape(len(points), -1)
     padded = np.pad(data.reshape(rows, -1), ((0, 0), (0, 5)))
-    held = {
-        "height": rows,
-        "width": len(points) // rows,
-        "fields": fields,
-        "is_bigendian": big,
-    }
-    held |= {"point_step": step, "row_step": padded.shape[1], "data": padded.ravel()}
-    return Message("sensor_msgs/msg/PointCloud2", stamp, is_dense=False, **held)
+    return Message(
+        "sensor_msgs/msg/PointCloud2",
+        stamp,
+        height=rows,
+        width=len(points) // rows,
+        fields=fields,
+        is_bigendian=big,
+        point_step=step,
+        row_step=padded.shape[1],
+        data=padded.ravel(),
+        is_dense=False,
+    )
 
 
 def camera_info(
@@ -114,15 +115,39 @@ def camera_info(
     model: str = "plumb_bob",
 ) -> Message:
     """A CameraInfo of the matrix K (9,) and D of an image of ``size`` (width, height)."""
-    fields = {"height": size[1], "width": size[0], "distortion_model": model}
-    fields |= {"D": np.array(distortion, float), "K": np.array(matrix, float)}
-    fields |= {
-        "R": np.eye(3).ravel(),
-        "P": np.zeros(12),
-        "binning_x": 0,
-        "binning_y": 0,
-    }
-    return Message("sensor_msgs/msg/CameraInfo", 1.0, **fields)
+    width, height = size
+    return Message(
+        "sensor_msgs/msg/CameraInfo",
+        1.0,
+        height=height,
+        width=width,
+        distortion_model=model,
+        D=np.array(distortion, float),
+        K=np.array(matrix, float),
+        R=np.eye(3).ravel(),
+        P=np.zeros(12),
+        binning_x=0,
+        binning_y=0,
+    )
+
+
+def ros1_writer(folder: Path, form: str) -> Writer1:
+    """The writer of a bag of ROS 1, whose chunks are compressed as ``form`` says."""
+    writer = Writer1(folder / "take.bag")
+    if form != "ros1":
+        compression = form.removeprefix("ros1_").upper()
+        writer.set_compression(Writer1.CompressionFormat[compression])
+    return writer
+
+
+def ros2_writer(folder: Path, form: str) -> Writer2:
+    """The writer of a bag of ROS 2, stored and compressed as ``form`` says."""
+    storage = StoragePlugin.MCAP if form.startswith("mcap") else StoragePlugin.SQLITE3
+    writer = Writer2(folder / "take", version=9, storage_plugin=storage)
+    modes = {"zstd": "MESSAGE", "zstd_file": "FILE", "mcap_zstd": "STORAGE"}
+    if form in modes:
+        writer.set_compression(CompressionMode[modes[form]], CompressionFormat.ZSTD)
+    return writer
 
 
 def write_bag(
@@ -138,35 +163,20 @@ def write_bag(
     ``form``: ros1, ros1_lz4, ros1_bz2, sqlite3, mcap, mcap_zstd (each chunk compressed), zstd (each
     message) or zstd_file (the whole file).
     """
-    version = "ros1" if form.startswith("ros1") else "ros2"
-    store, path = (
-        STORES[version],
-        folder / ("take.bag" if version == "ros1" else "take"),
-    )
-    if version == "ros1":
-        writer, serialise = Writer1(path), store.serialize_ros1
-        if form != "ros1":
-            writer.set_compression(
-                Writer1.CompressionFormat[form.removeprefix("ros1_").upper()]
-            )
+    if form.startswith("ros1"):
+        version, writer = "ros1", ros1_writer(folder, form)
+        serialise = STORES[version].serialize_ros1
     else:
-        storage = (
-            StoragePlugin.MCAP if form.startswith("mcap") else StoragePlugin.SQLITE3
-        )
-        writer, serialise = (
-            Writer2(path, version=9, storage_plugin=storage),
-            store.serialize_cdr,
-        )
-        modes = {"zstd": "MESSAGE", "zstd_file": "FILE", "mcap_zstd": "STORAGE"}
-        if form in modes:
-            writer.set_compression(CompressionMode[modes[form]], CompressionFormat.ZSTD)
+        version, writer = "ros2", ros2_writer(folder, form)
+        serialise = STORES[version].serialize_cdr
     with writer:
-        connections, everything = {}, []
-        for topic, held in recorded.items():
-            kind = held[0][1].kind if held else kinds[topic]
-            connections[topic] = writer.add_connection(topic, kind, typestore=store)
-            everything += [(time, topic, message) for time, message in held]
-        for time, topic, message in sorted(everything, key=lambda entry: entry[:2]):
-            made = serialise(message.for_version(version), message.kind)
-            writer.write(connections[topic], round(time * 1e9), made)
-    return path
+        connections, messages = {}, []
+        for topic, entries in recorded.items():
+            kind = entries[0][1].kind if entries else kinds[topic]
+            connection = writer.add_connection(topic, kind, typestore=STORES[version])
+            connections[topic] = connection
+            messages += [(time, topic, message) for time, message in entries]
+        for time, topic, message in sorted(messages, key=lambda entry: entry[:2]):
+            data = serialise(message.for_version(version), message.kind)
+            writer.write(connections[topic], round(time * 1e9), data)
+    return writer.path

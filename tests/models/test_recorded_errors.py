@@ -1,26 +1,22 @@
 """Joint error law on public recordings of three arms, held out by motion: σ, coverage and log score
-at three horizons, beside four simple predictions.
+at three horizons, beside three simple predictions.
 """
 
-import numpy as np
 import pandas as pd
 import pytest
-from reference_errors import references
 from source_code import ROOT
 
-from pipeline.models.joint_error.choice import pooled
-from pipeline.models.joint_error.fit import fit_joint_error
-from pipeline.models.joint_error.held_out import parts_of, score_runs
-from pipeline.models.joint_error.samples import horizon_samples
+from pipeline.configuration.config import model_options
+from pipeline.models.joint_error.choice import LAST_VALUE, pooled
+from pipeline.models.joint_error.held_out import HORIZON_NAMES, MOVING, held_out
 from pipeline.recordings.runs import joint_runs
 from pipeline.tools.characterize.logs import folder_logs
 
 RECORDINGS = ROOT.parent / "shared/recordings"
-RATIO, WITHIN = (
-    (2 / 3, 3 / 2),
-    (0.58, 0.80),
-)  # predicted over measured σ; share within ±1σ
-LOST = 0.5  # nats a sample, summed over joints, that the law may lose to the best of the four
+LAW, SIMPLE = "joint_error", ("joint_constant", "joint_autoregression", LAST_VALUE)
+RATIO = (2 / 3, 3 / 2)  # predicted over measured σ
+WITHIN, WITHIN_TWO = (0.58, 0.80), (0.8, 1.0)  # share within ±1σ and ±2σ
+LOST = 0.5  # nats a sample, summed over joints, that the law may lose to the best simple one
 # arm, horizon → other bands. The published angles of the LWR4+ were smoothed: over 60 rows at both
 # ends of the log the error rings with up to 2.9 mrad, beside a median of .1 mrad. At one sample .96
 # and more of the errors lie within their own standard deviation (kurtosis above 150): no law has
@@ -32,55 +28,35 @@ OTHER_WITHIN = {("lwr4", "one sample"): (0.58, 0.95), ("ur5", "0.5 s"): (0.58, 0
 WIDE_AFTER_A_JUMP = {("ur5", "joint_1")}
 
 
+def outside(joints: pd.DataFrame, column: str, band: tuple[float, float]) -> pd.Series:
+    """Return by joint the values of a column that are beyond the band."""
+    values = joints[column]
+    return values[~values.between(*band)]
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(not RECORDINGS.is_dir(), reason=f"no recordings at {RECORDINGS}")
 @pytest.mark.parametrize("arm", ["kr300", "lwr4", "ur5"])
 def test_predictions_of_recorded_errors_are_calibrated_and_lose_to_no_simple_one(arm):
     logs = folder_logs(RECORDINGS / arm, {})
     runs = joint_runs(logs.movements, logs.rate).runs
-    rows, simple = [], {}
-    for others, held in parts_of(runs).values():
-        rows += score_runs(fit_joint_error(others), held)[0]
-        for steps, horizon in zip(
-            horizon_samples(logs.rate), ("one sample", "0.1 s", "0.5 s"), strict=True
-        ):
-            for j, joint in enumerate(runs[0].joints):
-                for name, predict in references(others, j, steps).items():
-                    for run in (run for run in held if len(run.command) > steps + 1):
-                        error = (run.measured - run.command)[steps:, [j]]
-                        score = predict(run, steps).log_probability(
-                            error, run.quantum[[j]]
-                        )
-                        kept = score[run.moving[steps:, j], 0]
-                        simple.setdefault((horizon, name, joint), []).append(kept)
-    own = pooled(
-        pd.DataFrame(rows).query("samples == 'commanded'"), ["horizon", "joint"]
-    )
-    means = pd.Series(
-        {key: np.concatenate(each).mean() for key, each in simple.items()}
-    )
-    totals = means.groupby(level=[0, 1]).sum()
-    for horizon, joints in own.groupby("horizon"):
-        for column, band in (
-            ("ratio", OTHER_RATIO.get((arm, horizon), RATIO)),
-            ("one_sigma", OTHER_WITHIN.get((arm, horizon), WITHIN)),
-            ("two_sigma", (0.8, 1.0)),
-        ):
-            outside = joints[~joints[column].between(*band)]
-            if column == "ratio":
-                names = [
-                    arm_joint for arm_joint in WIDE_AFTER_A_JUMP if arm_joint[0] == arm
-                ]
-                excepted = [joint for _, joint in names]
-                outside = outside[
-                    ~outside.index.get_level_values("joint").isin(excepted)
-                ]
-            assert outside.empty, (
-                f"{horizon}: {column} beyond {band}:\n{outside[column]}"
-            )
-        total = joints["score"].sum()
-        assert total > totals[horizon].max() - LOST, (horizon, total, totals[horizon])
-        if (
-            horizon != "one sample"
-        ):  # control: a constant about the command has a lower score
-            assert total > totals[horizon]["constant"] + LOST
+    laws = model_options(name for name in (LAW, *SIMPLE) if name != LAST_VALUE)
+    scores = held_out(runs, laws)["joint_scores"]
+    commanded = scores[scores["samples"] == MOVING]
+    by_joint = pooled(commanded, ["model", "horizon", "joint"])
+    totals = by_joint["score"].groupby(level=["model", "horizon"]).sum()
+
+    for horizon in HORIZON_NAMES:
+        joints = by_joint.loc[(LAW, horizon)]
+        within = OTHER_WITHIN.get((arm, horizon), WITHIN)
+        assert outside(joints, "one_sigma", within).empty, joints
+        assert outside(joints, "two_sigma", WITHIN_TWO).empty, joints
+        wide = [joint for other_arm, joint in WIDE_AFTER_A_JUMP if other_arm == arm]
+        ratio = OTHER_RATIO.get((arm, horizon), RATIO)
+        assert outside(joints.drop(index=wide), "ratio", ratio).empty, joints
+
+        score = totals[LAW, horizon]
+        simple = {name: totals[name, horizon] for name in SIMPLE}
+        assert score > max(simple.values()) - LOST, (horizon, simple)
+        if horizon != HORIZON_NAMES[0]:  # control: a constant has a lower score
+            assert score > simple["joint_constant"] + LOST
