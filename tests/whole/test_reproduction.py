@@ -27,6 +27,8 @@ from project_copy import (
 
 from pipeline.figures.drawing import figures_in
 
+pytestmark = pytest.mark.slow
+
 IN_SPACE = {"wrench_marginals"}  # of six rows, where cables do not lie in a plane
 FIGURES = {*figures_in()} - IN_SPACE
 MODELS = ("additive", "wishart", "gaussian")
@@ -107,7 +109,6 @@ def test_one_command_gives_every_figure_and_number(reproduced):
     assert git_status(reproduced) == ""
 
 
-@pytest.mark.slow
 def test_the_same_seed_gives_the_same_bytes_whatever_the_number_of_workers(copy):
     before = outputs(copy)
     set_parameters(copy, compute="local")
@@ -124,7 +125,6 @@ def test_the_same_seed_gives_the_same_bytes_whatever_the_number_of_workers(copy)
     assert wrench.keys() == again.keys() and not wrench.items() & again.items()
 
 
-@pytest.mark.slow
 def test_an_edit_reruns_what_depends_on_it_and_going_back_restores_the_committed_bytes(
     copy,
 ):
@@ -183,7 +183,6 @@ def test_an_edit_reruns_what_depends_on_it_and_going_back_restores_the_committed
     assert reruns(copy, "files") == SHOWN
 
 
-@pytest.mark.slow
 def test_a_stage_that_fails_names_the_commands_that_restore_its_results(copy):
     stage = "wrench"
     code, before = copy / f"pipeline/stages/{stage}.py", outputs(copy, stage)
@@ -199,7 +198,6 @@ def test_a_stage_that_fails_names_the_commands_that_restore_its_results(copy):
     assert outputs(copy, stage) == before and git_status(copy) == ""
 
 
-@pytest.mark.slow
 def test_a_bad_parameter_stops_with_one_message_and_keeps_all_results(copy):
     before, sound = contents(copy / "data"), (copy / "params.yaml").read_text()
     own = {
@@ -216,7 +214,6 @@ def test_a_bad_parameter_stops_with_one_message_and_keeps_all_results(copy):
         assert contents(copy / "data") | own == before
 
 
-@pytest.mark.slow
 def test_dvc_shows_the_summary_and_the_figures_without_a_network(copy):
     shown = json.loads(succeeds("dvc", "metrics", "show", "--json", cwd=copy))
     assert "reports/youbot/summary.json" in shown[""]["data"]
