@@ -68,7 +68,7 @@ bench: $(READY) $(PEERS)/.ready
 	python tests/benchmarks/times.py .bench/times
 	python tests/benchmarks/summary.py
 
-# A million particles, ten thousand takes, and a Dask cluster, also with a killed worker, against local processes. Run it on an idle machine.
+# A million particles, and ten thousand takes. Run it on an idle machine.
 bench-scale: $(READY)
 	python tests/benchmarks/growth.py --scale
 	python tests/benchmarks/summary.py

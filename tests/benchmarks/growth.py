@@ -1,13 +1,11 @@
 """Growth of processor time and memory: ``python tests/benchmarks/growth.py`` writes
-reports/benchmarks/growth.csv. ``--scale [PARTICLES TAKES TRIALS]`` writes scale.json: a filter of a
-million particles, ten thousand takes, and trials on a Dask cluster of which a worker is killed.
+reports/benchmarks/growth.csv. ``--scale [PARTICLES TAKES]`` writes scale.json: a filter of a
+million particles, and ten thousand takes.
 """
 
 import gc
 import hashlib
-import os
 import re
-import signal
 import sys
 import time
 from collections.abc import Callable, Sequence
@@ -23,11 +21,10 @@ from contests import (
 
 import numpy as np  # isort: skip
 import pandas as pd
-from distributed import Client, LocalCluster
 from scenario import Take, drawn_takes, take
 
 from pipeline.core.compute.trials import run_trials
-from pipeline.core.options.analysis import Compute, Dask, Wrench
+from pipeline.core.options.analysis import Compute, Wrench
 from pipeline.models.steps import Recorded, process_noise
 from pipeline.models.wishart.fit import problem_steps, solve_problems
 from pipeline.models.wishart.perturbation import objective_weights
@@ -45,7 +42,7 @@ SIZES = {
     "agents": [2 * 2**k for k in range(6)],
 }
 LIMITS = {"joints": 3.0}  # greatest slope of the time
-STEPS, BLOCK, WORKERS = 40, 100, 3  # steps of a take; takes in memory at once
+STEPS, BLOCK = 40, 100  # steps of a take; takes in memory at once
 POSE = 2e-4  # rad, standard deviation of a measured pose
 
 
@@ -165,60 +162,16 @@ def many_takes(count: int) -> dict[str, float]:
     return {"takes": count, "seconds": seconds, "peak_bytes": memory}
 
 
-def cluster_runs(trials: int) -> dict[str, object]:
-    """Wall clock in s of the ``trials`` in WORKERS processes, on a cluster of as many workers, and
-    on the cluster when a worker is killed meanwhile; number of trials with equal bytes in each.
-    """
-    function = partial(posterior_hash, motion=take(STEPS), particles=20_000)
-    alone = list(
-        run_trials(function, range(trials), compute=Compute(1), label="posteriors")
-    )
-    equal, seconds = [], {}
-
-    def measure(name: str, compute: Compute, killed: int | None = None) -> None:
-        begin = time.perf_counter()
-        results = run_trials(
-            function, range(trials), compute=compute, label=f"posteriors, {name}"
-        )
-        across = [next(results)]
-        if killed is not None:
-            os.kill(killed, signal.SIGKILL)
-        across += results
-        seconds[name] = time.perf_counter() - begin
-        equal.append(
-            sum(one == other for one, other in zip(alone, across, strict=True))
-        )
-
-    measure("processes", Compute(WORKERS))
-    cluster = LocalCluster(WORKERS, threads_per_worker=1, dashboard_address=None)
-    with cluster, Client(cluster) as client:
-        processes = list(client.run(os.getpid).values())
-        there = Compute(dask=Dask(address=cluster.scheduler_address))
-        measure("all workers", there)
-        measure("one killed", there, processes[0])
-    return {
-        "trials": trials,
-        "equal_bytes": min(equal),
-        "workers": WORKERS,
-        "seconds": seconds,
-    }
-
-
-def measure_scale(
-    particles: int = 1_000_000, takes: int = 10_000, trials: int = 200
-) -> None:
+def measure_scale(particles: int = 1_000_000, takes: int = 10_000) -> None:
     """Measure, and write."""
     many_takes(1)  # loads compiled code, which the processes below inherit
     few, many = (in_a_process(many_takes, count) for count in (takes // 10, takes))
     measured = {"machine": machine(), "particles": many_particles(particles)}
-    measured |= {"takes": {"few": few, "many": many}, "cluster": cluster_runs(trials)}
-    write_results("scale", measured)
+    write_results("scale", measured | {"takes": {"few": few, "many": many}})
 
 
 if __name__ == "__main__":
     if sys.argv[1:2] == ["--scale"]:
-        import growth  # worker processes find its functions by this name
-
-        growth.measure_scale(*map(int, sys.argv[2:]))
+        measure_scale(*map(int, sys.argv[2:]))
     else:
         measure_growth()

@@ -9,9 +9,8 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-from planning_arms import PLANAR
 from sample_options import filter_options
-from space_arms import LWR4, UR5, revolute_arm
+from space_arms import LWR4, UR5, YOUBOT, revolute_arm
 
 from pipeline.arm.chain import Chain, PlanarChain
 from pipeline.arm.model import chain_of
@@ -28,7 +27,7 @@ SIGMA_B = 0.25
 DEPTH, ENCODERS = np.diag([0.01, 0.015, 0.02]) ** 2, 0.005**2
 # robots, and poses in rad far from the limits and from singular poses
 ROBOTS = {
-    "youbot": (PLANAR, [1.1, -1.0, 1.8]),
+    "youbot": (YOUBOT, [1.1, -1.0, 1.8]),
     "ur5": (UR5, [-0.4, -1.2, 1.5, -1.1, 0.9, 0.4]),
     "lwr4": (LWR4, [0.2, 0.8, 0.3, 1.2, 0.3, 0.9, 0.2]),
 }

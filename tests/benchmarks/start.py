@@ -13,10 +13,9 @@ from pathlib import Path
 
 from contests import machine, write_results
 
-# another elementary function for the kernel: the C library's, which no loop around it vectorises
-C_LIBRARY = {"ELEMENTARY": "C library"}
 # no loop of the kernel is vectorised
 SCALAR = {"NUMBA_LOOP_VECTORIZE": "0", "NUMBA_SLP_VECTORIZE": "0"}
+CALLS = 12
 
 
 def first_use() -> dict[str, float]:
@@ -37,40 +36,36 @@ def first_use() -> dict[str, float]:
     return {"imports": imports, "filters": time.process_time() - begin}
 
 
+def laws(joints: int) -> dict[str, dict]:
+    """Parameters of every law for an arm of so many joints."""
+    wishart = {"kind": "wishart", "sigma_b": 0.25}
+    covariance = [[1e-6 * (i == j) for j in range(joints)] for i in range(joints)]
+    return {
+        "pivoted LU": wishart | {"decomposition": "pivoted_lu"},
+        "QR of J": wishart | {"decomposition": "qr"},
+        "QR of the transpose": wishart | {"decomposition": "qr_transposed"},
+        "Gaussian": {"kind": "gaussian", "alpha": 0.1, "u": 1e3},
+        "additive": {"kind": "additive", "noise_covariance": covariance},
+    }
+
+
 def draws() -> dict[str, float]:
-    """Time in ns a particle and step of the draws of every law, the least of 12 calls."""
-    if "ELEMENTARY" in os.environ:
-        import math
-
-        import pipeline.core.elementary as own
-
-        own.sine_cosine = own.inlined(lambda angle: (math.sin(angle), math.cos(angle)))
-        own.exponential = own.inlined(lambda x: math.exp(x))
-        own.expm1 = own.inlined(lambda x: math.expm1(x))
+    """Time in ns a particle and step of the draws of every law, the least of CALLS calls."""
     import numpy as np
     from scenario import ROBOTS, scene
 
     from pipeline.models.draws import draw_steps
     from pipeline.models.kinds import build_model
 
-    wishart, result = {"kind": "wishart", "sigma_b": 0.25}, {}
+    result = {}
     for arm in ROBOTS:
         chain, _, start, *_ = scene(arm)
         n, rng = len(start.mean), np.random.default_rng(1)
         q = start.mean + 0.05 * rng.standard_normal((20_000, n))
         v = chain.jacobian(start.mean) @ np.full(n, 1e-3)
-        for law, options in {
-            "pivoted LU": wishart | {"decomposition": "pivoted_lu"},
-            "QR of J": wishart | {"decomposition": "qr"},
-            "QR of the transpose": wishart | {"decomposition": "qr_transposed"},
-            "Gaussian": {"kind": "gaussian", "alpha": 0.1, "u": 1e3},
-            "additive": {
-                "kind": "additive",
-                "noise_covariance": (1e-6 * np.eye(n)).tolist(),
-            },
-        }.items():
-            model, seconds = build_model(options), []
-            for _ in range(12):
+        for law, parameters in laws(n).items():
+            model, seconds = build_model(parameters), []
+            for _ in range(CALLS):
                 begin = time.perf_counter()
                 draw_steps(model, chain, q, v, rng)
                 seconds.append(time.perf_counter() - begin)
@@ -91,20 +86,24 @@ def main(folder: Path) -> None:
     shutil.rmtree(folder, ignore_errors=True)
     compiled, *cached = [answer("first_use", folder) for _ in range(4)]
     # constants of the loops are compiled in: another folder for each; in turn, as speeds change
-    settings = {"kernel": {}, "C library": C_LIBRARY, "scalar": SCALAR}
-    runs = [
-        {n: answer("draws", folder / n, **s) for n, s in settings.items()}
-        for _ in range(3)
-    ]
+    settings = {"kernel": {}, "scalar": SCALAR}
+    runs = []
+    for _ in range(3):
+        by_setting = {}
+        for name, setting in settings.items():
+            by_setting[name] = answer("draws", folder / name, **setting)
+        runs.append(by_setting)
+    nanoseconds = {}
+    for law in runs[0]["kernel"]:
+        nanoseconds[law] = {
+            name: min(run[name][law] for run in runs) for name in settings
+        }
     measured = {
         "machine": machine(),
-        "imports_seconds": min(each["imports"] for each in cached),
-        "cached_seconds": min(each["filters"] for each in cached),
+        "imports_seconds": min(used["imports"] for used in cached),
+        "cached_seconds": min(used["filters"] for used in cached),
         "compiled_seconds": compiled["filters"],
-        "nanoseconds": {
-            law: {name: min(run[name][law] for run in runs) for name in settings}
-            for law in runs[0]["kernel"]
-        },
+        "nanoseconds": nanoseconds,
     }
     write_results("start", measured)
 

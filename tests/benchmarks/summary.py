@@ -14,9 +14,6 @@ import pandas as pd  # isort: skip
 from equal_bytes import CONTROL, OTHER
 
 VECTORISED = 1.3  # least ratio of the kernel's time without vectorised loops to its own
-SLOWER = (
-    1.3  # greatest ratio of a cluster's time to the time of as many local processes
-)
 SAME_QUALITY = 0.01  # greatest relative difference of a quality that counts as none
 STARTS = {  # what, and its limit in s
     "imports_seconds": ("imports of models and filter, numba included", 1.0),
@@ -118,28 +115,25 @@ def contests(machine_info: dict, benchmarks: list[dict]) -> dict[str, object]:
 
 def start(nanoseconds: dict, **measured: float) -> dict[str, str]:
     """First use, and the speed of a step of every law."""
-    rows = [
-        [
-            what,
-            duration(measured[key]),
-            f"≤ {limit:g} s",
-            verdict(measured[key] <= limit),
-        ]
-        for key, (what, limit) in STARTS.items()
-    ]
+    starts = []
+    for key, (process, limit) in STARTS.items():
+        met = verdict(measured[key] <= limit)
+        starts.append([process, duration(measured[key]), f"≤ {limit:g} s", met])
     speeds = []
-    for name, each in nanoseconds.items():
-        ratio = each["scalar"] / each["kernel"]
+    for law, times in nanoseconds.items():
+        ratio = times["scalar"] / times["kernel"]
         met = f"{ratio:.1f} times (≥ {VECTORISED:g}: {verdict(ratio >= VECTORISED)})"
-        speeds.append([name, *(f"{ns:.0f}" for ns in each.values()), met])
+        speeds.append([law, f"{times['kernel']:.0f}", f"{times['scalar']:.0f}", met])
     header = [
         "draws of a step, ns a particle",
         "kernel",
-        "with the C library's functions",
+        "loops that are not vectorised",
+        "vectorised, so many times as fast",
     ]
-    header += ["loops that are not vectorised", "vectorised, so many times as fast"]
-    starts = table(["processor time", "", "limit", ""], rows)
-    return {"starts": starts, "speeds": table(header, speeds)}
+    return {
+        "starts": table(["processor time", "", "limit", ""], starts),
+        "speeds": table(header, speeds),
+    }
 
 
 def growth(file: Path) -> str:
@@ -160,26 +154,17 @@ def growth(file: Path) -> str:
     return table(["over", "sizes", "slope of time", "slope of memory"], rows)
 
 
-def scale(particles: dict, takes: dict, cluster: dict, **_: object) -> str:
+def scale(machine: str, particles: dict, takes: dict) -> str:
     """Runs at scale."""
-    few, many, seconds = takes["few"], takes["many"], cluster.get("seconds", {})
-    ratios = {name: each / seconds["processes"] for name, each in seconds.items()}
-    times = "".join(
-        f" {ratio:.2f} times as long as local processes with {name} (≤ {SLOWER}: "
-        f"{verdict(ratio <= SLOWER)})."
-        for name, ratio in ratios.items()
-        if name != "processes"
-    )
+    few, many = takes["few"], takes["many"]
     return (
         f"**{particles['many']:,} particles**: {duration(particles['seconds_many'])} a particle "
         f"and step, {duration(particles['seconds_few'])} of {particles['few']:,}; "
         f"{particles['bytes_of_a_particle']:.0f} bytes a particle.\n\n"
         f"**{many['takes']:,} takes** drawn, fitted and filtered in blocks: "
         f"{duration(many['seconds'])} and {many['peak_bytes'] / 1e6:.0f} MB at the peak; "
-        f"{few['takes']:,} takes {duration(few['seconds'])} and {few['peak_bytes'] / 1e6:.0f} MB."
-        f"\n\n**A Dask cluster** of {cluster['workers']} workers, one killed: "
-        f"{cluster['equal_bytes']} of {cluster['trials']} posteriors have the bytes of a single "
-        f"process.{times}"
+        f"{few['takes']:,} takes {duration(few['seconds'])} and {few['peak_bytes'] / 1e6:.0f} MB "
+        f"({machine})."
     )
 
 

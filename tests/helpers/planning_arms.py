@@ -1,27 +1,17 @@
 """Arms that follow a path with their tip, and models to plan under."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
-from space_arms import LWR4
+from space_arms import LWR4, YOUBOT
 
-import pipeline.arm
 from pipeline.arm.model import chain_of
-from pipeline.core.options.dataset import Robot
 from pipeline.studies.planning.solver import PathTask
 
-PLANAR = Robot(
-    str(Path(pipeline.arm.__file__).parent / "youbot.urdf"),
-    ["arm_joint_2", "arm_joint_3", "arm_joint_4"],
-    "arm_tool",
-    locked={"arm_joint_1": 2.967, "arm_joint_5": 2.923},
-    plane=True,
-)
 # a robot and two poses between which it moves, rad
 ARMS = {
-    "planar": (replace(PLANAR, task=["x", "z"]), [1.47, -4.0, 2.0], [2.26, -3.2, 2.79]),
-    "square": (PLANAR, [1.47, -4.0, 2.0], [2.0, -3.4, 2.3]),
+    "planar": (replace(YOUBOT, task=["x", "z"]), [1.47, -4.0, 2.0], [2.26, -3.2, 2.79]),
+    "square": (YOUBOT, [1.47, -4.0, 2.0], [2.0, -3.4, 2.3]),
     "seven": (
         LWR4,
         [0.3, 0.95, -0.3, -1.6, 0.4, 1.05, 0.2],

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from planning_arms import PLANAR
 from recordings_of_law import JOINTS, ROOT, write_project
+from space_arms import YOUBOT
 
 from pipeline.arm.model import chain_of
 from pipeline.core import contracts
@@ -46,4 +46,4 @@ def laboratory() -> Laboratory:
     motion = TrajectoryOptions(**ends, duration=1.6, rest=0.1, ramp=0.2)
     noise = np.array([[3.0, -2.0, 0.0], [-2.0, 7.0, -3.0], [0.0, -3.0, 6.0]]) * 1e-8
     parts = (sway.Options(), motion, ClockOptions())
-    return Laboratory(chain_of(PLANAR), ("a", "b", "c"), *parts, noise, law, 2)
+    return Laboratory(chain_of(YOUBOT), ("a", "b", "c"), *parts, noise, law, 2)

@@ -4,8 +4,8 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from planning_arms import PLANAR
 from source_code import ROOT
+from space_arms import YOUBOT
 
 from pipeline.arm.model import arm_of
 from pipeline.core.errors import PipelineError
@@ -16,7 +16,7 @@ POSES = np.random.default_rng(1).uniform(-1.0, 1.0, (20, 3))
 
 
 def test_the_skeleton_of_a_planar_arm_is_its_closed_form():
-    arm, nodes = arm_of(PLANAR), skeletons(PLANAR, POSES)
+    arm, nodes = arm_of(YOUBOT), skeletons(YOUBOT, POSES)
     np.testing.assert_array_equal(nodes[:, 0], 0.0)
     plane = arm.to_plane(nodes[:, 1:])
     np.testing.assert_allclose(plane[..., 1], 0.0, atol=1e-12)
@@ -34,7 +34,7 @@ def test_the_file_holds_arm_cloud_and_angles_with_their_bounds(monkeypatch, tmp_
     t, file = 0.1 * np.arange(20), tmp_path / "take.rrd"
     tracks = {"measured": Track(t, POSES)}
     tracks["wishart"] = Track(t, POSES + 0.1, np.full_like(POSES, 0.2))
-    write_recording(rerun, file, "test 1", PLANAR, tracks, [(0.5, np.ones((7, 3)))])
+    write_recording(rerun, file, "test 1", YOUBOT, tracks, [(0.5, np.ones((7, 3)))])
     from rerun.chunk import RrdReader
 
     rows = Counter()
@@ -45,7 +45,7 @@ def test_the_file_holds_arm_cloud_and_angles_with_their_bounds(monkeypatch, tmp_
         *(f"wishart/{line}" for line in ("mean", "upper", "lower")),
     ]
     expected = {
-        f"/angles/{joint}/{line}": 20 for joint in PLANAR.joints for line in lines
+        f"/angles/{joint}/{line}": 20 for joint in YOUBOT.joints for line in lines
     }
     expected |= {"/scene/measured": 20, "/scene/wishart": 20, "/scene/cloud": 1}
     assert {path: rows[path] for path in expected} == expected
