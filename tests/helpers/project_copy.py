@@ -30,11 +30,8 @@ for words in map(shlex.split, sys.argv[1:]):
     if main() != 0:
         sys.exit(f"{shlex.join(words)} failed")
 """
-IDENTITY = {
-    f"GIT_{who}_{what}": "test@example.org"
-    for who in ("AUTHOR", "COMMITTER")
-    for what in ("NAME", "EMAIL")
-}
+NAMES = "GIT_AUTHOR_NAME GIT_AUTHOR_EMAIL GIT_COMMITTER_NAME GIT_COMMITTER_EMAIL"
+IDENTITY = dict.fromkeys(NAMES.split(), "test@example.org")
 
 
 def run(
@@ -49,9 +46,9 @@ def run(
     that git ignores; output captured. TimeoutExpired after ``seconds``.
     """
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
-    places = {"PATH": path, "GIT_CONFIG_NOSYSTEM": "1"} | (
-        {"HOME": str(cwd / ".dvc/tmp/home")} if home else {}
-    )
+    places = {"PATH": path, "GIT_CONFIG_NOSYSTEM": "1"}
+    if home:
+        places["HOME"] = str(cwd / ".dvc/tmp/home")
     return subprocess.run(
         command,
         cwd=cwd,
@@ -117,12 +114,14 @@ def share_machine_code(folder: Path) -> None:
     links = folder / "pipeline/__pycache__" / code.name
     links.mkdir(parents=True, exist_ok=True)
     for package in {file.parent for file in (ROOT / "pipeline").rglob("*.py")}:
-        here, there = (
-            f"{package.name}_{hashlib.sha1(str(place).encode()).hexdigest()}"
-            for place in (package, folder / package.relative_to(ROOT))
-        )
-        (code / here).mkdir(exist_ok=True)
-        (links / there).symlink_to(code / here)
+        here = code / numba_folder(package)
+        here.mkdir(exist_ok=True)
+        (links / numba_folder(folder / package.relative_to(ROOT))).symlink_to(here)
+
+
+def numba_folder(package: Path) -> str:
+    """The name of numba's folder for the machine code of a package."""
+    return f"{package.name}_{hashlib.sha1(str(package).encode()).hexdigest()}"
 
 
 def set_parameters(folder: Path, **values: object) -> None:
@@ -130,10 +129,8 @@ def set_parameters(folder: Path, **values: object) -> None:
     file = folder / "params.yaml"
     text = file.read_text(encoding="utf-8")
     for name, value in values.items():
-        text, found = re.subn(
-            rf"^{name}:.*$", f"{name}: {value}", text, flags=re.MULTILINE
-        )
-        assert found == 1, name
+        text, lines = re.subn(rf"(?m)^{name}:.*$", f"{name}: {value}", text)
+        assert lines == 1, name
     file.write_text(text, encoding="utf-8")
 
 
@@ -162,9 +159,7 @@ def outputs(folder: Path, *stages: str) -> dict[str, str]:
     """
     locked = {}
     for file in (folder / "dvc.lock", folder / "data/raw/youbot/dvc.lock"):
-        for name, stage in OmegaConf.to_container(OmegaConf.load(file))[
-            "stages"
-        ].items():
+        for name, stage in OmegaConf.load(file).stages.items():
             if not stages or name in stages:
                 locked |= {out["path"]: out["md5"] for out in stage["outs"]}
     locked.pop("data/config.yaml", None)
@@ -175,6 +170,13 @@ def edit_text(file: Path, text: str) -> None:
     """Replace ``file``, which may be a link into DVC's cache, by another of this text."""
     file.unlink()
     file.write_text(text, newline="", encoding="utf-8")
+
+
+def make_writable(folder: Path) -> None:
+    """Make files writable that DVC has linked from its cache."""
+    for file in folder.rglob("*"):
+        if file.is_file() and not file.is_symlink():
+            file.chmod(0o644)
 
 
 def contents(folder: Path) -> dict[str, bytes]:

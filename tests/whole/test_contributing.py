@@ -55,7 +55,7 @@ from pipeline.formats.format import formats_in
 from pipeline.models.kinds import build_model, kinds
 
 assert "{COPIED}" in kinds() and "{COPIED}" in figures_in()
-names = [one.name for one in formats_in(formats)]
+names = [file_format.name for file_format in formats_in(formats)]
 assert max(names.count(name) for name in names) == 2
 print(build_model({{"kind": "{COPIED}", "noise_covariance": np.eye(3).tolist()}}))
 """
@@ -115,10 +115,10 @@ def copy_claim(project: Path) -> None:
     file.write_text(text.replace(claim, claim + copy), encoding="utf-8")
 
 
-@pytest.fixture
-def extended(tmp_path: Path) -> Path:
+@pytest.fixture(scope="module")
+def extended(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A copy of the project with a copy of the smallest module of each kind, and of a claim."""
-    project = tmp_path / "project"
+    project = tmp_path_factory.mktemp("extended") / "project"
     copy_project(project)
     copy_package(project, smallest("model"))
     copy_module(project / smallest("figure"))
@@ -164,19 +164,12 @@ def test_the_way_of_a_take_names_files_and_functions_that_exist():
     files = [ROOT / name for name in re.findall(r"`(pipeline/[\w/]+\.py)`", way)]
     assert files and all(file.is_file() for file in files)
     code = "\n".join(file.read_text(encoding="utf-8") for file in files)
-    functions = {
-        name for name in re.findall(r"`([a-z_]+)`", way) if f"def {name}(" in code
-    }
-    assert {
-        "read_take",
-        "read_motive",
-        "follower",
-        "process_noise",
-        "joint_std",
-    } <= functions
-    known = {*read_yaml(ROOT / "pipeline/tables.yaml")} | {file.stem for file in files}
-    known |= {file.stem for file in ROOT.glob("pipeline/stages/*.py")}
-    assert {*re.findall(r"`([a-z_]+)`", way)} - functions - known == set()
+    names = {*re.findall(r"`([a-z_]+)`", way)}
+    functions = {name for name in names if f"def {name}(" in code}
+    assert {"read_take", "read_motive", "follower", "process_noise"} <= functions
+    tables = {*read_yaml(ROOT / "pipeline/tables.yaml")}
+    modules = {file.stem for file in [*files, *ROOT.glob("pipeline/stages/*.py")]}
+    assert names - functions - tables - modules == set()
 
 
 def test_recordings_beside_the_project_lie_beside_the_clone(tmp_path):
@@ -222,24 +215,19 @@ def test_outputs_are_deleted_before_the_run(tmp_path, monkeypatch, capfd):
 @pytest.mark.slow
 def test_a_constant_that_was_edited_without_a_run_is_found(reproduced, tmp_path):
     folder = copy_reproduced(reproduced, tmp_path / "altered")
-    stages = OmegaConf.to_container(OmegaConf.load(folder / "dvc.yaml"))["stages"]
-    stages = {
-        name: stages[name]
-        for name in ("choose", "configure", "files", "ingest", "wrench")
-    }
-    stages["ingest"]["matrix"] = {"part": ["force"]}
-    OmegaConf.save({"stages": stages}, folder / "dvc.yaml")
-    for other in [
-        *folder.glob("pipeline/**/dvc.yaml"),
-        *folder.glob("data/raw/*/dvc.yaml"),
-    ]:
-        if other.parent.name != "youbot":
-            other.unlink()
+    stages = read_yaml(folder / "dvc.yaml")["stages"]
+    chosen = {name: stages[name] for name in ("choose", "configure", "files", "wrench")}
+    chosen["ingest"] = stages["ingest"] | {"matrix": {"part": ["force"]}}
+    OmegaConf.save({"stages": chosen}, folder / "dvc.yaml")
+    for pattern in ("pipeline/**/dvc.yaml", "data/raw/*/dvc.yaml"):
+        for file in folder.glob(pattern):
+            if file.parent.name != "youbot":
+                file.unlink()
 
     # draws of the model for every measured sample of the force
     file = folder / "pipeline/wrench/measured_force.py"
-    edited, found = re.subn(r"(?m)^DRAWS = 10\b", "DRAWS = 9", file.read_text())
-    assert found == 1
+    edited, count = re.subn(r"(?m)^DRAWS = 10\b", "DRAWS = 9", file.read_text())
+    assert count == 1
     file.write_text(edited)
     succeeds(*GIT, "commit", "-qam", "edited", cwd=folder)
     done = run(

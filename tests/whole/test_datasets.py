@@ -20,6 +20,7 @@ from project_copy import (
     edit_text,
     error_line,
     in_one_process,
+    make_writable,
     planned,
     run,
     set_parameters,
@@ -36,33 +37,28 @@ pytestmark = pytest.mark.slow
 # facts that the files do not state, here from the two files of the synthetic dataset
 SYNTHETIC = ("data/raw/youbot/dataset.yaml", "pipeline/conf/dataset/youbot.yaml")
 WRITTEN = ("data/raw/lab/dataset.yaml", "pipeline/conf/dataset/lab.yaml")
-INFERRED = {
-    *(
-        "mocap.training",
-        "mocap.test",
-        "mocap.unit",
-        "trajectory",
-        "motion.rate",
-        "motion.steps",
-    ),
-    *(f"depth.{key}" for key in ("takes", "index", "intrinsics", "width", "rate")),
-    "force.configurations.C1.file",
-}
+INFERRED = {*"mocap.training mocap.test mocap.unit motion.rate motion.steps".split()}
+INFERRED |= {*"depth.takes depth.index depth.intrinsics depth.width depth.rate".split()}
+INFERRED |= {"trajectory", "force.configurations.C1.file"}
 RECORDINGS = ROOT.parent / "shared/recordings"
+
+
+OF_DEPTH = {"articulation", "filter_errors"}
+
+
+def drawn_figures(project: Path) -> set[str]:
+    """The names of the figures of the dataset lab."""
+    return {file.stem for file in (project / "reports/lab/figures").glob("*.svg")}
 
 
 def fill_in(project: Path) -> set[str]:
     """Replace every ??? by the synthetic dataset's value; return the keys."""
     filled = set()
-    for known, written in zip(SYNTHETIC, WRITTEN, strict=True):
-        values, known_values = (
-            OmegaConf.load(project / written),
-            OmegaConf.load(project / known),
-        )
+    for synthetic, written in zip(SYNTHETIC, WRITTEN, strict=True):
+        values = OmegaConf.load(project / written)
+        facts = OmegaConf.load(project / synthetic)
         for key in OmegaConf.missing_keys(values):
-            OmegaConf.update(
-                values, key, OmegaConf.select(known_values, key), merge=False
-            )
+            OmegaConf.update(values, key, OmegaConf.select(facts, key), merge=False)
             filled.add(key)
         OmegaConf.save(values, project / written)
     return filled
@@ -71,43 +67,29 @@ def fill_in(project: Path) -> set[str]:
 def test_exports_become_figures_and_a_changed_export_is_noticed(reproduced, tmp_path):
     project = copy_reproduced(reproduced, tmp_path / "project")
     exports = (project / "data/raw/youbot/recordings").rename(tmp_path / "exports")
-    for file in exports.rglob(
-        "*"
-    ):  # files that DVC linked from its cache are read-only
-        if file.is_file():
-            file.chmod(0o644)
+    make_writable(exports)
     inspect, new_dataset, check, reproduce, inspect_json = shell_commands(
         "data/raw/README.md"
     )
     findings = json.loads(succeeds(*inspect_json, cwd=project))
-    assert not any(one["stops"] or one["format"] == "unknown" for one in findings)
+    formats = {finding["format"] for finding in findings}
+    assert "unknown" not in formats
+    assert not any(finding["stops"] for finding in findings)
     assert "optitrack/train_*.csv (12)" in succeeds(*inspect, cwd=project)
     succeeds(*new_dataset, cwd=project)
     set_parameters(project, dataset="lab", models="[additive]")
 
     checked = run(*check, cwd=project)
-    assert (
-        checked.returncode == 1
-        and "about.subject: ??? must be replaced" in checked.stdout
-    )
+    assert checked.returncode == 1
+    assert "about.subject: ??? must be replaced" in checked.stdout
     message = error_line(run(*reproduce, cwd=project))
-    for words in (
-        "configure: fill in about.subject, ",
-        "mocap.base.position, ",
-        WRITTEN[0][5:],
-    ):
-        assert words in message
+    assert "configure: fill in about.subject, " in message
+    assert "mocap.base.position, " in message and WRITTEN[0][5:] in message
     assert not INFERRED & fill_in(project)
     succeeds(*check, cwd=project)
     stages, _ = in_one_process(project, "publish")
     succeeds("dvc", "commit", "--force", *stages, cwd=project)
-    drawn = {file.stem for file in (project / "reports/lab/figures").glob("*.svg")}
-    assert {
-        "joint_std",
-        "articulation",
-        "filter_errors",
-        "wrench_error_histograms",
-    } <= drawn
+    assert {"joint_std", "wrench_error_histograms"} | OF_DEPTH <= drawn_figures(project)
     assert OmegaConf.load(project / "data/config.yaml").dataset.name == "lab"
 
     # a take that the model was not fitted to
@@ -131,59 +113,40 @@ def test_logs_of_a_real_robot_become_a_report_beside_that_of_another_dataset(
     if not (RECORDINGS / "lwr4").is_dir():
         pytest.skip("the recordings of the real robots are not beside the project")
     folder = copy_reproduced(reproduced, tmp_path / "project")
-    other, exports = (
-        contents(folder / "reports/youbot"),
-        os.path.relpath(RECORDINGS, folder),
-    )
+    youbot = contents(folder / "reports/youbot")
+    exports = os.path.relpath(RECORDINGS / "lwr4", folder)
     # two facts that no file states, and the number of the motion in the printed table
-    given = "--set 'about.subject=an arm' --set 'about.source=its logs' --suggested"
-    commands = (
-        f"inspect {exports}/lwr4",
-        f"new-dataset lab --from {exports}/lwr4 {given}",
-    )
-    commands = *commands, "new-dataset lab --motion 1", "check lab"
+    facts = "--set 'about.subject=an arm' --set 'about.source=its logs' --suggested"
+    commands = [
+        f"inspect {exports}",
+        f"new-dataset lab --from {exports} {facts}",
+        "new-dataset lab --motion 1",
+        "check lab",
+    ]
     succeeds("python", "-c", EVERY_COMMAND, *commands, cwd=folder)
     set_parameters(folder, dataset="lab", models="[additive]")
     stages, printed = in_one_process(folder)
     assert "data/raw/lab/dvc.yaml:inventory" in stages
-    lacking = (
+    for words in (
         "no motion capture",
         "the dataset has no depth camera",
         "nothing to filter",
-    )
-    left_out = (f"ingest: the dataset has no {part};" for part in ("depth", "force"))
-    for words in (*lacking, *left_out):
+        "ingest: the dataset has no depth;",
+        "ingest: the dataset has no force;",
+    ):
         assert words in printed
     dataset = OmegaConf.load(folder / "data/config.yaml").dataset
-    assert dataset.name == "lab" and len(dataset.joint_log.start) == len(
-        dataset.robot.joints
-    )
-    drawn = {file.stem for file in (folder / "reports/lab/figures").glob("*.svg")}
-    assert "joint_std" in drawn
-    assert not drawn & {
-        "articulation",
-        "kinect_noise",
-        "filter_errors",
-        "wrench_density",
-    }
+    assert dataset.name == "lab"
+    assert len(dataset.joint_log.start) == len(dataset.robot.joints)
+    assert "joint_std" in drawn_figures(folder)
+    assert not drawn_figures(folder) & {*OF_DEPTH, "kinect_noise", "wrench_density"}
     for page in ("report", "model_card"):
         assert "lab" in (folder / f"reports/lab/{page}.md").read_text()
-    assert contents(folder / "reports/youbot") == other
+    assert contents(folder / "reports/youbot") == youbot
 
 
-FORCES_ALONE = [
-    "record towing",
-    *(f"ingest {part}" for part in ("motion", "depth", "force")),
-]
-FORCES_ALONE += [
-    "track",
-    "articulate",
-    "fit additive",
-    "filter additive",
-    "predict",
-    "wrench",
-]
-FORCES_ALONE += ["readings", "score", "figures", "publish", "report"]
+FORCES_ALONE = """record towing, ingest motion, ingest depth, ingest force, track, articulate,
+fit additive, filter additive, predict, wrench, readings, score, figures, publish, report"""
 PARAMS = """{dataset: towing, models: [additive], filter: systematic, articulation: least_squares,
 simulation: one_step, wrench: paper, scale: smoke, compute: serial, seed: 5, overrides: {}}
 """
@@ -200,33 +163,29 @@ def test_forces_alone_go_through_every_stage_and_are_scored_on_all_rows(
     shutil.copy(ROOT / raw / "dvc.yaml", raw)
     Path("params.yaml").write_text(PARAMS)
     config.write_config(Path("params.yaml"))
-    for stage in FORCES_ALONE:
+    for stage in FORCES_ALONE.split(","):
         name, *item = stage.split()
         import_module(f"pipeline.stages.{name}").run(*item)
-    assert {file.stem for file in (raw / "recordings/force").iterdir()} == {
-        "T3",
-        "T4",
-        "T6",
-    }
+    files = {file.stem for file in (raw / "recordings/force").iterdir()}
+    assert files == {"T3", "T4", "T6"}
     forces = contracts.read("force", Path("data/ingest/force"))
-    assert list(forces)[2:] == ["fx", "fy", "fz", "mx", "my", "mz"]
+    rows = ["fx", "fy", "fz", "mx", "my", "mz"]
+    assert list(forces)[2:] == rows
     results = read_run(Path("reports/datasets/towing.json"))
     assert results.synthetic and results.joints == [] == list(results.task)
     moments = results.tables["force_moments"].set_index(["configuration", "source"])
-    for name in ("T3", "T4", "T6"):
-        measured, modelled = (moments.loc[(name, s)] for s in ("measured", "modelled"))
-        rows = ["fx", "fy", "fz", "mx", "my", "mz"]
+    for name in files:
+        measured, modelled = (
+            moments.loc[name, "measured"],
+            moments.loc[name, "modelled"],
+        )
         size = np.sqrt([measured[f"var_{row}"] for row in rows])
         # a record of some seconds has few independent samples
         assert np.all(np.abs(measured[rows] - modelled[rows]) < 2 * size), name
-    entries = results.tables["sigma_s"].groupby(["system_class", "agents", "form"])[
-        "entry"
-    ]
-    assert entries.size().loc["T6"].tolist() == [
-        21,
-        21,
-    ]  # of six rows, and of two in the study
-    assert {*entries.size().loc["study"]} == {3}
+    forms = results.tables["sigma_s"].groupby(["system_class", "agents", "form"])
+    entries = forms["entry"].size()
+    assert entries.loc["T6"].tolist() == [21, 21]  # of six rows
+    assert {*entries.loc["study"]} == {3}  # of two rows
     drawn = json.loads(Path("reports/towing/captions.json").read_text())
     assert "wrench_marginals" in drawn and "wrench_density" not in drawn
     # the numbers of a trial are not decided

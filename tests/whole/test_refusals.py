@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from omegaconf import OmegaConf
-from project_copy import contents, error_line, run
+from project_copy import contents, error_line, make_writable, run
 
 from pipeline.core.errors import PipelineError
 
@@ -27,9 +27,7 @@ def damaged(reproduced: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("refusals") / "project"
     ignored = shutil.ignore_patterns("cache", ".git")
     shutil.copytree(reproduced, folder, symlinks=True, ignore=ignored)
-    for file in folder.rglob("*"):  # files that DVC linked from its cache are read-only
-        if file.is_file() and not file.is_symlink():
-            file.chmod(0o644)
+    make_writable(folder)
     return folder
 
 
@@ -58,10 +56,9 @@ def option(**values: object) -> Callable[[], None]:
 
     def change() -> None:
         config = OmegaConf.load("data/config.yaml")
-        for key, value in values.items():
-            OmegaConf.update(
-                config, f"dataset.{key.replace('__', '.')}", value, merge=False
-            )
+        for name, value in values.items():
+            key = name.replace("__", ".")
+            OmegaConf.update(config, f"dataset.{key}", value, merge=False)
         OmegaConf.save(config, "data/config.yaml")
 
     return change
@@ -124,7 +121,9 @@ def test_bad_input_is_refused_where_it_is_met_and_the_results_stay(project, case
     damage, command, *words = CASES[case]
     damage()
     stage, *item = command.split()
-    folder = Path("data") / (stage if stage == "ingest" else command.replace(" ", "/"))
+    folder = Path("data", stage)
+    if stage != "ingest":
+        folder = folder.joinpath(*item)
     before = contents(folder)
     with pytest.raises(PipelineError) as caught:
         import_module(f"pipeline.stages.{stage}").run(*item)
@@ -152,10 +151,8 @@ def test_a_bound_below_the_norm_of_the_inverse_jacobian_clips_the_noise_and_is_c
 
 def test_check_names_every_refusal_of_ingest_at_once_and_writes_nothing(project):
     sheet = Path("data/raw/youbot/dataset.yaml")
-    text = sheet.read_text()
-    sheet.write_text(
-        text.replace("link1_a:", "link1_ax:").replace("force/C2.csv", "force/C9.csv")
-    )
+    text = sheet.read_text().replace("link1_a:", "link1_ax:")
+    sheet.write_text(text.replace("force/C2.csv", "force/C9.csv"))
     cut_frame()
     before = [contents(Path(name)) for name in ("data", "reports")]
     done = run("python", "-m", "pipeline", "check", cwd=Path.cwd())

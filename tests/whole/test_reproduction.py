@@ -31,7 +31,7 @@ pytestmark = pytest.mark.slow
 
 IN_SPACE = {"wrench_marginals"}  # of six rows, where cables do not lie in a plane
 FIGURES = {*figures_in()} - IN_SPACE
-MODELS = ("additive", "wishart", "gaussian")
+MODELS, CONTROL = ("additive", "wishart", "gaussian"), "no_noise"
 SHOWN = {"score", "figures", "publish", "report", "page"}
 FILTERS = {f"filter@{model}" for model in MODELS}
 MOTION = {"ingest@motion", "track", "articulate", "predict", "readings"} | FILTERS
@@ -73,10 +73,7 @@ def test_one_command_gives_every_figure_and_number(reproduced):
     assert 0 < fits["wishart"]["sigma_b"] < 1 and "noise_level" in fits["gaussian"]
     tables = reproduced / "reports/youbot/tables"
     evidence = pd.read_csv(tables / "evidence.csv").set_index("quantity")
-    assert {*evidence.loc["greatest_mean_error", "model"]} == {
-        *MODELS,
-        "no_noise",
-    }  # the control
+    assert {*evidence.loc["greatest_mean_error", "model"]} == {*MODELS, CONTROL}
     studied = evidence.loc["mean_error_of_variances"]
     cables = studied["configuration"].astype(int)
     assert cables[studied["estimator"].isna()].tolist() == [3, 5, 10, 15, 20]
@@ -96,14 +93,10 @@ def test_one_command_gives_every_figure_and_number(reproduced):
         written = {
             file.stem for file in (reproduced / "data" / name).rglob("*.parquet")
         }
-        entries = [
-            entry for entry in stage.get("params", []) if isinstance(entry, dict)
-        ]
-        named = {
-            table
-            for entry in entries
-            for table in entry.get("pipeline/tables.yaml", [])
-        }
+        named = set()
+        for entry in stage.get("params", []):
+            if isinstance(entry, dict):
+                named |= {*entry.get("pipeline/tables.yaml", [])}
         assert written <= named, name
     # git has all that is not DVC's
     assert git_status(reproduced) == ""
@@ -132,11 +125,8 @@ def test_an_edit_reruns_what_depends_on_it_and_going_back_restores_the_committed
     sound = parameters.read_text()
     set_parameters(copy, filter="multinomial")
     plan = reruns(copy)
-    assert (
-        ran(succeeds("dvc", "repro", cwd=copy))
-        == plan
-        == {"readings"} | SHOWN | FILTERS
-    )
+    assert plan == {"readings"} | SHOWN | FILTERS
+    assert ran(succeeds("dvc", "repro", cwd=copy)) == plan
     # DVC's run cache holds all but what git does
     succeeds("git", "checkout", "params.yaml", cwd=copy)
     back = ran(succeeds("dvc", "repro", cwd=copy))
@@ -160,10 +150,8 @@ def test_an_edit_reruns_what_depends_on_it_and_going_back_restores_the_committed
     # a word in a claim decides again and computes nothing
     claims = copy / "pipeline/verdicts/claims.yaml"
     stated = claims.read_text(encoding="utf-8")
-    edit_text(
-        claims,
-        stated.replace("reason: the printed limit", "reason: the limit in print"),
-    )
+    edited = stated.replace("reason: the printed limit", "reason: the limit in print")
+    edit_text(claims, edited)
     assert reruns(copy) == {"report", "page"}
     edit_text(claims, stated)
 
@@ -184,25 +172,25 @@ def test_an_edit_reruns_what_depends_on_it_and_going_back_restores_the_committed
 
 
 def test_a_stage_that_fails_names_the_commands_that_restore_its_results(copy):
-    stage = "wrench"
-    code, before = copy / f"pipeline/stages/{stage}.py", outputs(copy, stage)
+    code, before = copy / "pipeline/stages/wrench.py", outputs(copy, "wrench")
     sound = code.read_text()
-    first = re.search(r"\n    (?:settings|name) = config", sound)[0]
+    first = "\n    settings = config"
+    assert first in sound
     edit_text(code, sound.replace(first, f'\n    raise OSError(28, "full"){first}'))
-    message = error_line(run("dvc", "repro", "--single-item", stage, cwd=copy))
+    message = error_line(run("dvc", "repro", "--single-item", "wrench", cwd=copy))
     assert not any((copy / path).exists() for path in before)
+
     edit_text(code, sound)
     for command in re.findall(r"`((?:dvc|git) checkout [^`]+)`", message):
         succeeds(*command.split(), cwd=copy)
     assert all((copy / path).exists() for path in before)
-    assert outputs(copy, stage) == before and git_status(copy) == ""
+    assert outputs(copy, "wrench") == before and git_status(copy) == ""
 
 
 def test_a_bad_parameter_stops_with_one_message_and_keeps_all_results(copy):
     before, sound = contents(copy / "data"), (copy / "params.yaml").read_text()
-    own = {
-        "dataset.txt": before["dataset.txt"]
-    }  # output of the stage choose, which fails
+    # output of the stage choose, which fails
+    chosen = {"dataset.txt": before["dataset.txt"]}
     for parameters, names in (
         ({"filter": "bootstrap"}, ("configure", "filter", "none, systematic")),
         ({"dataset": "yuobot"}, ("choose", "dataset", "ur5", "youbot", "new-dataset")),
@@ -211,7 +199,7 @@ def test_a_bad_parameter_stops_with_one_message_and_keeps_all_results(copy):
         set_parameters(copy, **parameters)
         message = error_line(run("dvc", "repro", cwd=copy))
         assert all(name in message for name in names), message
-        assert contents(copy / "data") | own == before
+        assert contents(copy / "data") | chosen == before
 
 
 def test_dvc_shows_the_summary_and_the_figures_without_a_network(copy):
@@ -219,9 +207,8 @@ def test_dvc_shows_the_summary_and_the_figures_without_a_network(copy):
     assert "reports/youbot/summary.json" in shown[""]["data"]
     succeeds("dvc", "plots", "show", "-o", "plots-page", cwd=copy)
     page = (copy / "plots-page/index.html").read_text()
-    assert "joint_std" in page and "http" not in re.sub(
-        r"http://www\.w3\.org/\S+", "", page
-    )
+    assert "joint_std" in page
+    assert "http" not in re.sub(r"http://www\.w3\.org/\S+", "", page)
 
 
 def test_a_kill_while_dvc_writes_its_cache_of_runs_is_mended_by_the_same_command(copy):
