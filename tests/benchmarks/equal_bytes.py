@@ -54,7 +54,10 @@ def filtered(motion: Take, threads: int) -> list[np.ndarray]:
     with ThreadPoolExecutor(threads) as pool:
         seeds = map(np.random.default_rng, range(FILTERED))
         posteriors = list(pool.map(lambda rng: motion.filtered(PARTICLES, rng), seeds))
-    return [part for one in posteriors for part in (one.mean, one.covariance)]
+    arrays = []
+    for posterior in posteriors:
+        arrays += [posterior.mean, posterior.covariance]
+    return arrays
 
 
 def pieces(threads: int) -> Iterator[tuple[str, list[np.ndarray]]]:
@@ -75,23 +78,18 @@ def pieces(threads: int) -> Iterator[tuple[str, list[np.ndarray]]]:
         yield f"filter, {file.stem}", filtered(motion, threads)
     for arm in ("ur5", "lwr4"):
         yield f"filter, {arm}", filtered(take(30, arm), threads)
-    samples = np.random.default_rng(28).standard_normal((100_000, 2)) @ [
-        [2.0, -1.0],
-        [0.0, 1.0],
-    ]
-    grid = np.linspace(-6.0, 6.0, 128)
-    yield (
-        "density",
-        [kernel_density(samples, grid, grid, normal_reference_bandwidth(samples))],
-    )
+    normal = np.random.default_rng(28).standard_normal((100_000, 2))
+    samples = normal @ [[2.0, -1.0], [0.0, 1.0]]
+    grid, bandwidth = np.linspace(-6.0, 6.0, 128), normal_reference_bandwidth(samples)
+    yield "density", [kernel_density(samples, grid, grid, bandwidth)]
 
 
 def write_hashes(answer: Path, threads: int) -> None:
     """Write the SHA-256 of each piece's bytes."""
-    hashes = {
-        name: hashlib.sha256(b"".join(array.tobytes() for array in arrays)).hexdigest()
-        for name, arrays in pieces(threads)
-    }
+    hashes = {}
+    for name, arrays in pieces(threads):
+        content = b"".join(array.tobytes() for array in arrays)
+        hashes[name] = hashlib.sha256(content).hexdigest()
     answer.write_text(json.dumps(hashes))
 
 
@@ -118,20 +116,17 @@ def main(folder: Path) -> None:
     """Compute under every setting that this processor can run, and write."""
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
-    flags = {
-        *re.search(r"flags\s*: (.+)", Path("/proc/cpuinfo").read_text())[1].split()
-    }
-    skipped = [
-        n
-        for n, (level, *_) in SETTINGS.items()
-        if not NEEDED.get(level, set()) <= flags
-    ]
-    run = {name: setting for name, setting in SETTINGS.items() if name not in skipped}
-    run[CONTROL] = ("host", 1, OTHER)
-    hashes = {name: hashes_under(*setting, folder) for name, setting in run.items()}
-    write_results(
-        "equal_bytes", {"machine": machine(), "skipped": skipped, "hashes": hashes}
-    )
+    processor = Path("/proc/cpuinfo").read_text()
+    flags = {*re.search(r"flags\s*: (.+)", processor)[1].split()}
+    skipped, hashes = [], {}
+    for name, setting in SETTINGS.items():
+        if NEEDED.get(setting[0], set()) <= flags:
+            hashes[name] = hashes_under(*setting, folder)
+        else:
+            skipped.append(name)
+    hashes[CONTROL] = hashes_under("host", 1, OTHER, folder)
+    measured = {"machine": machine(), "skipped": skipped, "hashes": hashes}
+    write_results("equal_bytes", measured)
 
 
 if __name__ == "__main__":

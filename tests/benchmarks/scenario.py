@@ -46,16 +46,18 @@ class Scene(NamedTuple):
 @cache
 def scene(arm: str | int) -> Scene:
     """Scene of one of the robots, or of an arm of so many joints."""
-    robot, pose = ROBOTS.get(arm, (None, None))
-    chain, pose = (
-        many_joints(arm) if robot is None else (chain_of(robot), np.array(pose))
-    )
-    planar, one = isinstance(chain, PlanarChain), np.eye(len(pose))
-    model = WishartModel(
-        SIGMA_B, Decomposition("pivoted_lu" if planar else "qr_transposed")
-    )
-    measured = (DEPTH, 3) if planar else (ENCODERS * one, 1)
-    return Scene(chain, model, Start(pose, 1e-5 * one), *measured)
+    if arm in ROBOTS:
+        robot, angles = ROBOTS[arm]
+        chain, pose = chain_of(robot), np.array(angles)
+    else:
+        chain, pose = many_joints(arm)
+    identity = np.eye(len(pose))
+    start = Start(pose, 1e-5 * identity)
+    if isinstance(chain, PlanarChain):
+        model = WishartModel(SIGMA_B, Decomposition("pivoted_lu"))
+        return Scene(chain, model, start, DEPTH, every=3)
+    model = WishartModel(SIGMA_B, Decomposition("qr_transposed"))
+    return Scene(chain, model, start, ENCODERS * identity, every=1)
 
 
 def many_joints(n: int) -> tuple[Chain, np.ndarray]:
@@ -65,9 +67,8 @@ def many_joints(n: int) -> tuple[Chain, np.ndarray]:
     arm, free = revolute_arm(n), np.full(n, np.inf)
     chain = replace(arm, task=arm.task[:n], lower=-free, upper=free, max_speed=free)
     poses = np.random.default_rng(n).uniform(-np.pi, np.pi, (200, n))
-    return chain, poses[
-        np.linalg.svd(chain.jacobian(poses), compute_uv=False)[:, -1].argmax()
-    ]
+    values = np.linalg.svd(chain.jacobian(poses), compute_uv=False)
+    return chain, poses[values[:, -1].argmax()]
 
 
 @dataclass(frozen=True)
@@ -91,10 +92,11 @@ class Take:
     def plain(self) -> dict:
         """The same in plain values, as arguments of the takes in peers/."""
         chain, start = self.scene.chain, self.scene.start
-        names = (
-            ("links", "signs") if isinstance(chain, PlanarChain) else ("placements",)
-        )
-        return {name: getattr(chain, name) for name in names} | {
+        if isinstance(chain, PlanarChain):
+            arm = {"links": chain.links, "signs": chain.signs}
+        else:
+            arm = {"placements": chain.placements}
+        return arm | {
             "sigma_b": SIGMA_B,
             "steps": self.steps,
             "start_mean": start.mean,
@@ -108,9 +110,8 @@ class Take:
 def swing(steps: int, middle: np.ndarray) -> np.ndarray:
     """(steps + 1, n) poses in rad: each joint swings by a quarter of a radian on its own phase."""
     phases = np.arange(float(len(middle)))
-    return middle + 0.25 * (
-        np.sin(0.02 * np.arange(steps + 1)[:, None] + phases) - np.sin(phases)
-    )
+    angles = 0.02 * np.arange(steps + 1)[:, None] + phases
+    return middle + 0.25 * (np.sin(angles) - np.sin(phases))
 
 
 def take(steps: int, arm: str | int = "youbot") -> Take:
@@ -122,14 +123,16 @@ def take(steps: int, arm: str | int = "youbot") -> Take:
         # back to the swing from the end of the last step, so that the arm stays within its limits
         # for any number of steps
         dq = pose - path[-1]
-        spare = [] if len(chain.task) == len(dq) else dq
-        commanded.append(np.concatenate([chain.jacobian(path[-1]) @ dq, spare]))
-        path.append(draw_steps(model, chain, path[-1], commanded[-1], rng)[0])
+        command = chain.jacobian(path[-1]) @ dq
+        if len(chain.task) < len(dq):
+            command = np.concatenate([command, dq])
+        commanded.append(command)
+        moved, _ = draw_steps(model, chain, path[-1], command, rng)
+        path.append(moved)
+
     k = np.arange(every, steps + 1, every)
-    y = (
-        rng.multivariate_normal(np.zeros(len(sensor)), sensor, len(k))
-        + np.array(path)[k]
-    )
+    errors = rng.multivariate_normal(np.zeros(len(sensor)), sensor, len(k))
+    y = errors + np.array(path)[k]
     noise = np.tile(sensor, (len(k), 1, 1))
     measurements = Measurements("take", k * DT, y, np.zeros_like(y), noise)
     return Take(stage, np.array(commanded), measurements)

@@ -5,12 +5,14 @@ reports/benchmarks, and the times in README.md: ``python tests/benchmarks/summar
 import json
 from collections.abc import Iterator
 from itertools import groupby
+from operator import itemgetter
 from pathlib import Path
 from statistics import median
 
 from contests import CALLS, HERE, RESULTS, ROOT, SECONDS
 
-import pandas as pd  # isort: skip
+import numpy as np  # isort: skip
+import pandas as pd
 from equal_bytes import CONTROL, OTHER
 
 VECTORISED = 1.3  # least ratio of the kernel's time without vectorised loops to its own
@@ -41,50 +43,55 @@ def significant(value: float) -> str:
 
 def duration(seconds: float) -> str:
     """Three significant digits in the unit that suits."""
-    units = ((1, "s"), (1e3, "ms"), (1e6, "µs"), (1e9, "ns"))
-    scale, unit = next(
-        pair for pair in units if seconds * pair[0] >= 1 or pair[1] == "ns"
-    )
-    return f"{seconds * scale:.3g} {unit}"
+    for scale, unit in ((1, "s"), (1e3, "ms"), (1e6, "µs")):
+        if seconds * scale >= 1:
+            return f"{seconds * scale:.3g} {unit}"
+    return f"{seconds * 1e9:.3g} ns"
 
 
 def an_item(benchmark: dict) -> list[float]:
     """Least time in s of each run for one of the items that a call treats."""
-    return [
-        seconds / benchmark["extra_info"]["items"] for seconds in benchmark["least"]
-    ]
+    items = benchmark["extra_info"]["items"]
+    return [seconds / items for seconds in benchmark["least"]]
 
 
 def contest_rows(benchmarks: list[dict]) -> Iterator[list[str]]:
     """Yield the cells of each row, contest by contest, the fastest opponent first."""
-    ordered = sorted(benchmarks, key=lambda benchmark: benchmark["group"])
-    for contest, group in groupby(ordered, key=lambda benchmark: benchmark["group"]):
-        members = sorted(group, key=lambda benchmark: median(an_item(benchmark)))
-        (ours,) = (
-            member for member in members if member["extra_info"]["role"] == "ours"
-        )
-        yield from (
-            [contest, *against(ours, other)] for other in members if other is not ours
-        )
+    contest_of = itemgetter("group")
+    for contest, group in groupby(sorted(benchmarks, key=contest_of), key=contest_of):
+        by_role: dict[str, list[dict]] = {"ours": [], "peer": []}
+        for member in sorted(group, key=lambda benchmark: median(an_item(benchmark))):
+            by_role[member["extra_info"]["role"]].append(member)
+        (ours,) = by_role["ours"]
+        for peer in by_role["peer"]:
+            yield [contest, *against(ours, peer)]
 
 
-def against(ours: dict, other: dict) -> list[str]:
+def against(ours: dict, peer: dict) -> list[str]:
     """Cells of the row of ``ours`` against one peer: name, ratio, target, verdict, quality."""
-    mine, theirs = ours["extra_info"], other["extra_info"]
-    here, there = an_item(ours), an_item(other)
+    stated = peer["extra_info"]
+    here, there = an_item(ours), an_item(peer)
     ratios = [b / a for a, b in zip(here, there, strict=True)]
-    middle, *ends = (significant(f(ratios)) for f in (median, min, max))
-    ratio = f"{middle} ({' to '.join(ends)}) times as fast, "
+    middle, least, most = (significant(f(ratios)) for f in (median, min, max))
+    ratio = f"{middle} ({least} to {most}) times as fast, "
     ratio += f"{duration(median(here))} against {duration(median(there))}"
-    quality, same = "–", True
-    for kind in {"error", "objective"} & mine.keys() & theirs.keys():
-        quality = f"{kind} {mine[kind]:.4g} against {theirs[kind]:.4g}"
-        # speed at the cost of quality meets nothing
-        same = mine[kind] <= theirs[kind] + SAME_QUALITY * abs(theirs[kind])
-    met = [same and value >= theirs["target"] for value in ratios]
-    some = any(met) and not all(met)
-    result = f"**met in {sum(met)} of {len(met)} runs**" if some else verdict(all(met))
-    return [theirs["against"], ratio, f"≥ {theirs['target']}", result, quality]
+    quality, same = compared_quality(ours["extra_info"], stated)
+    # speed at the cost of quality meets nothing
+    met = sum(same and value >= stated["target"] for value in ratios)
+    result = verdict(met > 0)
+    if 0 < met < len(ratios):
+        result = f"**met in {met} of {len(ratios)} runs**"
+    return [stated["against"], ratio, f"≥ {stated['target']}", result, quality]
+
+
+def compared_quality(ours: dict, peer: dict) -> tuple[str, bool]:
+    """The cell of the qualities of two members, and whether ours is as good."""
+    for kind in ("error", "objective"):
+        if kind in ours and kind in peer:
+            worst = peer[kind] + SAME_QUALITY * abs(peer[kind])
+            cell = f"{kind} {ours[kind]:.4g} against {peer[kind]:.4g}"
+            return cell, ours[kind] <= worst
+    return "–", True
 
 
 def contests(machine_info: dict, benchmarks: list[dict]) -> dict[str, object]:
@@ -95,20 +102,19 @@ def contests(machine_info: dict, benchmarks: list[dict]) -> dict[str, object]:
         "ratio (range over the runs), times an item",
         "target",
         "",
+        "quality (less is better)",
     ]
-    header.append("quality (less is better)")
-    peers = [
-        one["extra_info"] for one in benchmarks if "configuration" in one["extra_info"]
-    ]
-    stated = dict.fromkeys(
-        f"- {one['against']}: {one['configuration']}" for one in peers
-    )
+    configurations = {}
+    for benchmark in benchmarks:
+        stated = benchmark["extra_info"]
+        if "configuration" in stated:
+            configurations[f"- {stated['against']}: {stated['configuration']}"] = None
     versions = (f"{name} {number}" for name, number in machine_info["versions"].items())
     return {
         "machine": machine_info["machine"],
         "runs": len(benchmarks[0]["least"]),
         "contests": table(header, list(contest_rows(benchmarks))),
-        "configurations": "\n".join(stated),
+        "configurations": "\n".join(configurations),
         "versions": ", ".join(versions),
     }
 
@@ -139,18 +145,15 @@ def start(nanoseconds: dict, **measured: float) -> dict[str, str]:
 def growth(file: Path) -> str:
     """Slopes of cost over size."""
     rows = []
-    for _, row in pd.read_csv(file).iterrows():
-        slope, limit = row["time_slope"], row["time_limit"]
-        bound = "" if pd.isna(limit) else f" (≤ {limit:g}: {verdict(slope <= limit)})"
-        memory = "–" if pd.isna(row["memory_slope"]) else f"{row['memory_slope']:z.2f}"
-        rows.append(
-            [
-                row["over"],
-                f"{row['from']} to {row['to']}",
-                f"{slope:.2f}{bound}",
-                memory,
-            ]
-        )
+    for measured in pd.read_csv(file).to_dict("records"):
+        slope, limit = measured["time_slope"], measured["time_limit"]
+        time, memory = f"{slope:.2f}", "–"
+        if limit > 0:
+            time += f" (≤ {limit:g}: {verdict(slope <= limit)})"
+        if np.isfinite(measured["memory_slope"]):
+            memory = f"{measured['memory_slope']:z.2f}"
+        sizes = f"{measured['from']} to {measured['to']}"
+        rows.append([measured["over"], sizes, time, memory])
     return table(["over", "sizes", "slope of time", "slope of memory"], rows)
 
 
@@ -170,15 +173,20 @@ def scale(machine: str, particles: dict, takes: dict) -> str:
 
 def equal_bytes(machine: str, skipped: list[str], hashes: dict) -> dict[str, str]:
     """Bytes of results on other processors and threads."""
-    hashes = pd.DataFrame(hashes)
-    reference, *others = hashes.columns.drop(CONTROL)
-    same = hashes[[*others, CONTROL]].eq(hashes[reference], axis=0)
-    words = same.replace({True: "equal", False: "**other**"})
-    words[CONTROL] = same[CONTROL].map({True: "equal", False: "other"})
-    rows = [[piece, *cells] for piece, *cells in words.itertuples()]
-    fields = {"reference": reference, "bytes_machine": machine}
-    fields["skipped"] = "; ".join(skipped) or "none"
-    return fields | {"equal_bytes": table(["piece", *others, CONTROL], rows)}
+    reference, *settings = hashes
+    rows = []
+    for piece, expected in hashes[reference].items():
+        cells = [piece]
+        for setting in settings:
+            other = "other" if setting == CONTROL else "**other**"
+            cells.append("equal" if hashes[setting][piece] == expected else other)
+        rows.append(cells)
+    return {
+        "reference": reference,
+        "bytes_machine": machine,
+        "skipped": "; ".join(skipped) or "none",
+        "equal_bytes": table(["piece", *settings], rows),
+    }
 
 
 def times_table(times: dict | None) -> str:

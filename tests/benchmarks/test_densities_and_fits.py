@@ -30,23 +30,23 @@ MARKERS = 8e-4  # rad, noise of a measured angle
 @pytest.fixture
 def density(size) -> tuple[np.ndarray, ...]:
     """Correlated normal samples (N, 2), a grid over all of them, x and y, and the bandwidth."""
-    covariance, count = [[5.0, -2.0], [-2.0, 2.0]], size(1_000_000, 1000)
-    samples = np.random.default_rng(28).multivariate_normal(
-        [3.0, 5.0], covariance, count
-    )
+    mean, covariance = [3.0, 5.0], [[5.0, -2.0], [-2.0, 2.0]]
+    rng, count = np.random.default_rng(28), size(1_000_000, 1000)
+    samples = rng.multivariate_normal(mean, covariance, count)
     bandwidth = normal_reference_bandwidth(samples)
-    low, high = samples.min(axis=0) - 3 * bandwidth, samples.max(axis=0) + 3 * bandwidth
-    return samples, *np.linspace(low, high, size(256, 64)).T, bandwidth
+    low = samples.min(axis=0) - 3 * bandwidth
+    high = samples.max(axis=0) + 3 * bandwidth
+    x, y = np.linspace(low, high, size(256, 64)).T
+    return samples, x, y, bandwidth
 
 
 def error_of(values: np.ndarray, samples, x, y, bandwidth) -> float:
     """Greatest distance of the density at every SHOWN-th point from the exact sum, relative to its
     greatest value.
     """
-    along = norm.pdf(x[::SHOWN, None], samples[:, 0], bandwidth[0])
-    exact = (
-        along @ norm.pdf(y[::SHOWN, None], samples[:, 1], bandwidth[1]).T / len(samples)
-    )
+    along_x = norm.pdf(x[::SHOWN, None], samples[:, 0], bandwidth[0])
+    along_y = norm.pdf(y[::SHOWN, None], samples[:, 1], bandwidth[1])
+    exact = along_x @ along_y.T / len(samples)
     return float(np.abs(values - exact).max() / exact.max())
 
 
@@ -91,23 +91,24 @@ class Problems(NamedTuple):
 @pytest.fixture(params=FITS)
 def problems(benchmark, request, size) -> Problems:
     """Problems of steps that the model draws of an arm, measured with noise."""
-    benchmark.group, takes = FITS[request.param], size(100, 3)
-    stage, rng = scene(request.param), np.random.default_rng(2017)
+    benchmark.group = FITS[request.param]
+    stage, takes = scene(request.param), size(100, 3)
     chain, decomposition = stage.chain, stage.model.decomposition
     path = swing(320, stage.start.mean)
     v = np.matvec(chain.jacobian(path[:-1]), np.diff(path, axis=0))
     before, commands = np.tile(path[:-1], (takes, 1, 1)), np.tile(v, (takes, 1, 1))
     # σ_B so large that definiteness binds some of the problems
-    model = WishartModel(2 * SIGMA_B, decomposition)
+    model, rng = WishartModel(2 * SIGMA_B, decomposition), np.random.default_rng(2017)
     after, _ = draw_steps(model, chain, before, v, rng)
-    start, end = (q + MARKERS * rng.standard_normal(q.shape) for q in (before, after))
+
+    start = before + MARKERS * rng.standard_normal(before.shape)
+    end = after + MARKERS * rng.standard_normal(after.shape)
     a, back, _ = factors(chain, start, commands, decomposition)
-    noise, m = end - start - chain.nominal_step(start, commands), a.shape[-1]
+    m = a.shape[-1]
+    noise = (end - start - chain.nominal_step(start, commands)).reshape(-1, m)
     # at rest two measurements differ by their noise alone
     weights = objective_weights(np.sqrt(2 * m) * MARKERS, m)
-    return Problems(
-        noise.reshape(-1, m), a.reshape(-1, m), back.reshape(-1, m, m), weights
-    )
+    return Problems(noise, a.reshape(-1, m), back.reshape(-1, m, m), weights)
 
 
 def parametrised(
@@ -134,21 +135,18 @@ def parametrised(
 def test_our_fits(benchmark, problems, size):
     fits = benchmark(problems.fits)
     objective = float(problems.some(size(60, 4)).fits().objective.mean())
-    benchmark.extra_info |= {
-        "role": "ours",
-        "items": len(problems.noise),
-        "objective": objective,
-    }
+    stated = {"role": "ours", "items": len(problems.noise), "objective": objective}
+    benchmark.extra_info |= stated
     assert fits.bound.any()
 
 
 def test_cvxpy(benchmark, problems, size):
-    part = problems.some(size(60, 4))
-    values = benchmark(parametrised(problems.weights, problems.a.shape[1]), part)
+    solved = problems.some(size(60, 4))
+    values = benchmark(parametrised(problems.weights, problems.a.shape[1]), solved)
     benchmark.extra_info |= {"role": "peer", "against": "CVXPY", "items": len(values)}
     benchmark.extra_info |= {"target": 500, "objective": float(np.mean(values))}
     benchmark.extra_info["configuration"] = (
         "one parametrised problem, compiled once, then solved by Clarabel for each problem's "
         "values of the parameters; the time of the model between counts"
     )
-    np.testing.assert_allclose(values, part.fits().objective, rtol=1e-5, atol=1e-9)
+    np.testing.assert_allclose(values, solved.fits().objective, rtol=1e-5, atol=1e-9)

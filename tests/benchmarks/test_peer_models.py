@@ -26,15 +26,12 @@ def greatest_error(draws: np.ndarray, model: WishartModel, motion: Take) -> floa
     """Greatest error of the mean and covariance of ``draws`` (N, n) of the third step, from the
     start, under ``model``, in standard errors.
     """
-    chain, q, command = motion.scene.chain, motion.scene.start.mean, motion.steps[2]
-    centred = draws - model.mean(chain, q, command)
-    products = centred[:, :, None] * centred[:, None, :] - model.covariance(
-        chain, q, command
-    )
+    step = motion.scene.chain, motion.scene.start.mean, motion.steps[2]
+    centred = draws - model.mean(*step)
+    products = centred[:, :, None] * centred[:, None, :] - model.covariance(*step)
     errors = np.concatenate([centred, products.reshape(len(draws), -1)], axis=1)
-    return float(
-        np.max(np.abs(errors.mean(axis=0)) / (errors.std(axis=0) / np.sqrt(len(draws))))
-    )
+    standard_errors = errors.std(axis=0) / np.sqrt(len(draws))
+    return float(np.max(np.abs(errors.mean(axis=0)) / standard_errors))
 
 
 @pytest.mark.slow
@@ -45,17 +42,19 @@ def test_a_peer_has_our_arm_and_moves_its_particles_by_the_law_of_our_model(
     motion = take(12, arm)
     chain, model, start = motion.scene[:3]
     peer = take_of(law, **motion.plain())
-    q = start.mean + np.random.default_rng(1).uniform(-0.5, 0.5, (50, len(start.mean)))
-    jacobian = (
-        peer.jacobian(q) if arm == "youbot" else np.moveaxis(peer.jacobian(q), -1, 0)
-    )
+    around = np.random.default_rng(1).uniform(-0.5, 0.5, (50, len(start.mean)))
+    q = start.mean + around
+    jacobian = peer.jacobian(q)
+    if arm != "youbot":
+        jacobian = np.moveaxis(jacobian, -1, 0)
     np.testing.assert_allclose(jacobian, chain.jacobian(q), atol=1e-9)
     moved = peer.step(3, np.tile(start.mean, (draws, 1)))
     assert greatest_error(moved, model, motion) < BAND
     # neither a slightly wider perturbation nor another decomposition would pass
     assert greatest_error(moved, replace(model, sigma_b=1.1 * SIGMA_B), motion) > BAND
-    other = Decomposition("qr" if arm == "youbot" else "pivoted_lu")
-    assert greatest_error(moved, replace(model, decomposition=other), motion) > BAND
+    decomposition = Decomposition("qr" if arm == "youbot" else "pivoted_lu")
+    another = replace(model, decomposition=decomposition)
+    assert greatest_error(moved, another, motion) > BAND
 
 
 def test_a_peer_weighs_its_particles_as_we_do():
@@ -64,10 +63,8 @@ def test_a_peer_weighs_its_particles_as_we_do():
     q = motion.scene.start.mean + np.random.default_rng(2).uniform(-0.1, 0.1, (50, 3))
     assert sorted(peer.y) == [3, 6, 9, 12]
     for frame, k in enumerate(peer.y):
-        y, covariance = (
-            motion.measurements.y[frame],
-            motion.measurements.covariance[frame],
-        )
+        seen = motion.measurements
+        law = multivariate_normal(seen.y[frame], seen.covariance[frame])
         # up to the constant of the normal density
-        ours = np.diff(multivariate_normal(y, covariance).logpdf(q))
+        ours = np.diff(law.logpdf(q))
         np.testing.assert_allclose(np.diff(peer.log_likelihood(k, q)), ours, rtol=1e-9)

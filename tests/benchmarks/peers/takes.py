@@ -20,16 +20,12 @@ class Take:
     def __init__(
         self, steps, start_mean, start_covariance, seen, y, covariance
     ) -> None:
-        self.steps = np.array(
-            steps
-        )  # (M, m), or (M, m + n) of more joints than task rows
-        self.start_mean, self.start_covariance = (
-            np.array(start_mean),
-            np.array(start_covariance),
-        )
-        self.y = dict(
-            zip(seen, np.array(y), strict=True)
-        )  # by the step that a frame falls on
+        # (M, m), or (M, m + n) of more joints than task rows
+        self.steps = np.array(steps)
+        self.start_mean = np.array(start_mean)
+        self.start_covariance = np.array(start_covariance)
+        # by the step that a frame falls on
+        self.y = dict(zip(seen, np.array(y), strict=True))
         self.precision = np.linalg.inv(covariance)
         self.rng = np.random.default_rng(1)
 
@@ -54,15 +50,18 @@ class Take:
         """(m, P) B⁻¹a = r·R·[z, zT] of ``a`` (m, P): two χ² and m − 1 normals a particle, no matrix
         drawn.
         """
-        (m, count), d = a.shape, self.d
-        r = np.sqrt((a * a).sum(axis=0))
+        m, count = a.shape
+        d = self.d
         z = d / self.rng.chisquare(d - m + 1, count)
         t = self.rng.standard_normal((m - 1, count))
         t /= np.sqrt(self.rng.chisquare(d - m + 2, count))
+
         # R by the Householder reflection that takes the first axis to ±a/r
+        r = np.sqrt((a * a).sum(axis=0))
         mirror = a.copy()
         mirror[0] += np.copysign(r, a[0])
-        action = a - (mirror[1:] * t).sum(axis=0) / (r + np.abs(a[0])) * mirror
+        along = (mirror[1:] * t).sum(axis=0) / (r + np.abs(a[0]))
+        action = a - along * mirror
         action[1:] += r * t
         return z * action
 
@@ -72,9 +71,8 @@ class PlanarTake(Take):
 
     def __init__(self, law, links, signs, sigma_b, **plain) -> None:
         super().__init__(**plain)
-        self.move = {"closed form": self.closed_form, "Algorithm 1": self.algorithm_1}[
-            law
-        ]
+        laws = {"closed form": self.closed_form, "Algorithm 1": self.algorithm_1}
+        self.move = laws[law]
         self.links, self.signs = np.array(links), np.array(signs)
         self.d = 4 / sigma_b**2  # (n + 1)/σ_B²
 
@@ -82,12 +80,15 @@ class PlanarTake(Take):
         """(P, 3, 3) rows x, z, φ."""
         heading = np.cumsum(q * self.signs, axis=1)
         sine, cosine = np.sin(heading), np.cos(heading)
-        x = cosine * self.links[:, 0] + sine * self.links[:, 1]
-        z = cosine * self.links[:, 1] - sine * self.links[:, 0]
-        jacobian = np.empty((len(q), 3, 3))
+        along, across = self.links.T
+        x = cosine * along + sine * across
+        z = cosine * across - sine * along
         # each joint moves all links after it
-        jacobian[:, 0] = self.signs * np.cumsum(z[:, ::-1], axis=1)[:, ::-1]
-        jacobian[:, 1] = -self.signs * np.cumsum(x[:, ::-1], axis=1)[:, ::-1]
+        moved_x = np.cumsum(x[:, ::-1], axis=1)[:, ::-1]
+        moved_z = np.cumsum(z[:, ::-1], axis=1)[:, ::-1]
+        jacobian = np.empty((len(q), 3, 3))
+        jacobian[:, 0] = self.signs * moved_z
+        jacobian[:, 1] = -self.signs * moved_x
         jacobian[:, 2] = self.signs
         return jacobian
 
@@ -96,16 +97,17 @@ class PlanarTake(Take):
         upper, a = eliminated(self.jacobian(q), v)
         x = self.inverse_action(a)
         for r in (2, 1, 0):  # Ux = B⁻¹a
-            x[r] = (x[r] - (upper[r, r + 1 :] * x[r + 1 :]).sum(axis=0)) / upper[r, r]
+            below = (upper[r, r + 1 :] * x[r + 1 :]).sum(axis=0)
+            x[r] = (x[r] - below) / upper[r, r]
         return q + x.T
 
     def algorithm_1(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Draw B, solve J₁BJ₂q̇ = v: the paper's steps by the libraries' functions."""
         first, second = linalg.lu(self.jacobian(q), permute_l=True)
-        b = stats.wishart.rvs(
-            self.d, np.eye(3) / self.d, size=len(q), random_state=self.rng
-        )
-        return q + np.linalg.solve(first @ b @ second, v[:, None])[..., 0]
+        law = {"df": self.d, "scale": np.eye(3) / self.d}
+        b = stats.wishart.rvs(**law, size=len(q), random_state=self.rng)
+        random = first @ b @ second
+        return q + np.linalg.solve(random, v[:, None])[..., 0]
 
 
 def eliminated(jacobian: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -116,19 +118,18 @@ def eliminated(jacobian: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndar
     rows[:, :3] = jacobian.transpose(1, 2, 0)
     rows[:, 3] = v[:, None]
     pivot = np.abs(rows[:, 0]).argmax(axis=0)
-    first = np.where(pivot == 0, rows[0], np.where(pivot == 1, rows[1], rows[2]))
-    second = np.where(pivot == 1, rows[0], rows[1])
-    third = np.where(pivot == 2, rows[0], rows[2])
-    second = second - second[0] / first[0] * first
-    third = third - third[0] / first[0] * first
-    exchanged = np.abs(third[1]) > np.abs(second[1])
-    second, third = (
-        np.where(exchanged, third, second),
-        np.where(exchanged, second, third),
-    )
+    later = np.where(pivot == 1, rows[1], rows[2])
+    first = np.where(pivot == 0, rows[0], later)
+    upper = np.where(pivot == 1, rows[0], rows[1])
+    lower = np.where(pivot == 2, rows[0], rows[2])
+    upper = upper - upper[0] / first[0] * first
+    lower = lower - lower[0] / first[0] * first
+    exchanged = np.abs(lower[1]) > np.abs(upper[1])
+    second = np.where(exchanged, lower, upper)
+    third = np.where(exchanged, upper, lower)
     third = third - third[1] / second[1] * second
-    upper = np.stack([first, second, third])
-    return upper[:, :3], upper[:, 3]
+    eliminated_rows = np.stack([first, second, third])
+    return eliminated_rows[:, :3], eliminated_rows[:, 3]
 
 
 class SpatialTake(Take):
@@ -145,19 +146,16 @@ class SpatialTake(Take):
         """(6, n, P) rows of velocity and angular velocity, the particles last."""
         joints, count = q.shape[1], len(q)
         sine, cosine = np.sin(q.T), np.cos(q.T)
-        turned, point = (
-            np.repeat(np.eye(3)[:, :, None], count, axis=2),
-            np.zeros((3, count)),
-        )
+        turned = np.repeat(np.eye(3)[:, :, None], count, axis=2)
+        point = np.zeros((3, count))
         axes, points = np.empty((2, joints, 3, count))
         for j in range(joints):
             point = point + np.einsum("ikp,k->ip", turned, self.ways[j])
             turned = np.einsum("ikp,kj->ijp", turned, self.turns[j])
             axes[j], points[j] = turned[:, 2], point
-            turned[:, 0], turned[:, 1] = (
-                turned[:, 0] * cosine[j] + turned[:, 1] * sine[j],
-                turned[:, 1] * cosine[j] - turned[:, 0] * sine[j],
-            )
+            x = turned[:, 0] * cosine[j] + turned[:, 1] * sine[j]
+            y = turned[:, 1] * cosine[j] - turned[:, 0] * sine[j]
+            turned[:, 0], turned[:, 1] = x, y
         way = point + np.einsum("ikp,k->ip", turned, self.ways[joints]) - points
         jacobian = np.empty((ROWS, joints, count))
         for row, (y, z) in enumerate(((1, 2), (2, 0), (0, 1))):
@@ -182,8 +180,5 @@ class SpatialTake(Take):
         if len(command) == ROWS:
             return q + np.einsum("rjp,rp->pj", rows, step)
         w = command[ROWS:]
-        return (
-            q
-            + w
-            + np.einsum("rjp,rp->pj", rows, step - np.einsum("rjp,j->rp", rows, w))
-        )
+        across = step - np.einsum("rjp,j->rp", rows, w)
+        return q + w + np.einsum("rjp,rp->pj", rows, across)
