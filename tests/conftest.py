@@ -50,18 +50,20 @@ def pytest_terminal_summary(terminalreporter, config: pytest.Config) -> None:
 
 def durations(reports: list[pytest.TestReport]) -> pd.DataFrame:
     """Return tests and seconds of each module, below the wall clock and the total."""
-    rows = pd.DataFrame()
-    rows["module"] = [report.nodeid.partition("::")[0] for report in reports]
-    rows["tests"] = [report.nodeid for report in reports]
-    rows["seconds"] = [report.duration for report in reports]
-    quick = ["slow" not in report.keywords for report in reports]
-    rows["seconds without slow tests"] = rows["seconds"].where(quick, 0.0)
-    sums = {"tests": "nunique", "seconds": "sum", "seconds without slow tests": "sum"}
-    table = rows.groupby("module").agg(sums)
+    rows = []
+    for report in reports:
+        module = report.nodeid.partition("::")[0]
+        quick = 0.0 if "slow" in report.keywords else report.duration
+        rows.append((module, report.nodeid, report.duration, quick))
+    columns = ["module", "tests", "seconds", "seconds without slow tests"]
+    modules = pd.DataFrame(rows, columns=columns).groupby("module")
+    table = modules.sum(numeric_only=True)
+    table.insert(0, "tests", modules["tests"].nunique())
     table = table.sort_values(["seconds", "tests"], ascending=False)
-    clock = {"tests": table["tests"].sum(), "seconds": monotonic() - STARTED}
-    first = pd.DataFrame([clock, table.sum()], index=["wall clock", "total"])
-    return pd.concat([first, table]).astype({"tests": int}).round(1)
+
+    wall_clock = {"tests": table["tests"].sum(), "seconds": monotonic() - STARTED}
+    totals = pd.DataFrame([wall_clock, table.sum()], index=["wall clock", "total"])
+    return pd.concat([totals, table]).astype({"tests": int}).round(1)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

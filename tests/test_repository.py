@@ -79,9 +79,10 @@ def test_no_module_imports_itself_through_others():
 
 def test_stages_import_neither_each_other_nor_the_laboratory_but_for_record():
     for module in (name for name in MODULES if package(name) == "stages"):
-        others = {package(name) for name in pipeline_imports(module)}
-        assert "stages" not in others, module
-        assert "laboratory" not in others or module == "pipeline.stages.record", module
+        imported = {package(name) for name in pipeline_imports(module)}
+        assert "stages" not in imported, module
+        if module != "pipeline.stages.record":
+            assert "laboratory" not in imported, module
     # a recorded dataset needs nothing of the laboratory to be configured
     at_import = imports("pipeline.configuration.config", top=True)
     assert not any("laboratory" in name for name in at_import)
@@ -218,24 +219,19 @@ def test_no_committed_file_names_a_place_on_one_machine_or_a_package_registry(pa
     )
     if listed.returncode:
         pytest.skip("not a git repository")
-    names = [name for name in listed.stdout.split("\0") if (ROOT / name).is_file()]
-    matches = {name: pattern.findall((ROOT / name).read_bytes()) for name in names}
-    assert [name for name in matches if matches[name]] == []
+    files = [ROOT / name for name in listed.stdout.split("\0")]
+    files = [file for file in files if file.is_file()]
+    assert [file for file in files if pattern.search(file.read_bytes())] == []
 
 
 def test_the_citation_agrees_with_the_package_the_change_log_and_the_readme():
     citation = yaml.safe_load(read("CITATION.cff"))
     # required by the Citation File Format 1.2.0
-    assert citation["cff-version"] == "1.2.0" and citation.keys() >= {
-        "authors",
-        "message",
-        "title",
-    }
+    assert citation["cff-version"] == "1.2.0"
+    assert citation.keys() >= {"authors", "message", "title"}
     project = tomllib.loads(read("pyproject.toml"))["project"]
-    assert (citation["version"], citation["license"]) == (
-        project["version"],
-        project["license"],
-    )
+    for key in ("version", "license"):
+        assert citation[key] == project[key]
     headings = re.findall(r"^## (.*)$", read("CHANGELOG.md"), re.MULTILINE)
     released = [heading for heading in headings if heading != "[Unreleased]"]
     assert released[0] == f"[{citation['version']}] - {citation['date-released']}"

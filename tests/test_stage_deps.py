@@ -47,14 +47,13 @@ def paths(stage: dict, *kinds: str) -> list[str]:
     """Paths of deps, outs or metrics, with any item of a matrix and the chosen dataset in their
     places.
     """
-    entries = [entry for kind in kinds for entry in stage.get(kind, [])]
-    names = [
-        next(iter(entry)) if isinstance(entry, dict) else entry for entry in entries
-    ]
-    return [
-        re.sub(r"\$\{item\.\w+\}", "*", name).replace("${dataset}", DATASET)
-        for name in names
-    ]
+    result = []
+    for kind in kinds:
+        for entry in stage.get(kind, []):
+            name = next(iter(entry)) if isinstance(entry, dict) else entry
+            name = re.sub(r"\$\{item\.\w+\}", "*", name)
+            result.append(name.replace("${dataset}", DATASET))
+    return result
 
 
 def code(stage: dict) -> list[str]:
@@ -129,7 +128,8 @@ def test_a_stage_depends_on_the_code_that_it_runs_and_on_no_other(stage):
 def test_the_folders_that_a_stage_names_are_its_deps_and_outs(stage):
     declared = paths(STAGES[stage], "deps", "outs", "metrics")
     texts = texts_of(tree(stage_module(STAGES[stage])))
-    for path in texts - CLEANED.get(stage, set()) - COMPARED.get(stage, set()):
+    opened = texts - CLEANED.get(stage, set()) - COMPARED.get(stage, set())
+    for path in opened:
         is_place = re.fullmatch(r"(data|reports)/[\w*./]+", path)
         if is_place and not path.endswith("dvc.yaml"):
             overlaps = [covers(path, d) or covers(d, path) for d in declared]
@@ -166,11 +166,11 @@ def test_every_table_is_named_by_the_stages_that_write_it():
 @pytest.mark.parametrize("stage", STUDIES)
 def test_a_study_names_its_code_and_options_and_not_its_own_lock_file(stage):
     place = stage.partition("/dvc.yaml:")[0]
-    beside = [*(ROOT / place).rglob("*.py"), *(ROOT / place).rglob("*.yaml")]
-    files = {str(file.relative_to(ROOT)) for file in beside if file.stat().st_size}
-    files.discard(f"{place}/dvc.yaml")
+    read = sources(f"{place.replace('/', '.')}.stage")
+    for pattern in ("*.py", "*.yaml"):
+        files = [file for file in (ROOT / place).rglob(pattern) if file.stat().st_size]
+        read |= {str(file.relative_to(ROOT)) for file in files}
     deps = code(STUDIES[stage])
-    read = sources(f"{place.replace('/', '.')}.stage") | files
-    assert uncovered(read, deps) == set()
+    assert uncovered(read, deps) <= {f"{place}/dvc.yaml"}
     # DVC writes the lock after the stage: a stage that depends on it is never up to date
     assert not any(covers(path, f"{place}/dvc.lock") for path in deps)
