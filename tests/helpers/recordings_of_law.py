@@ -36,6 +36,7 @@ def write_options(folder: Path) -> None:
         (folder / name).symlink_to(ROOT / name)
     params = OmegaConf.load(ROOT / "params.yaml")
     params.update({"scale": "smoke", "compute": "serial", "models": list(MODELS)})
+    params.overrides = {"scale": {"readings": None}}  # all readings
     OmegaConf.save(params, "params.yaml")
     config.write_config(Path("params.yaml"))
 
