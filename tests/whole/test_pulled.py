@@ -1,15 +1,13 @@
 """Public recordings that DVC brings from their repositories, pinned by revision and hash."""
 
 import hashlib
-import os
-import subprocess
-import sys
+import shutil
 from importlib import import_module
 from pathlib import Path
 
 import pytest
 import yaml
-from project_copy import ROOT
+from project_copy import GIT, ROOT, succeeds
 
 from pipeline.core.errors import RecordingError
 from pipeline.recordings.inventory import listing, raw_folder
@@ -27,19 +25,21 @@ def content(file: Path) -> tuple[dict, dict]:
     return stage["deps"][0], stage["outs"][0]
 
 
+def recording_of(file: Path) -> Path:
+    """The recording of an import, beside the project."""
+    return BESIDE / file.relative_to(PULLED).with_suffix("")
+
+
 def test_every_public_recording_is_pinned_by_revision_and_hash():
     imports = [file for file in IMPORTS if file.is_file()]
-    assert {file.relative_to(PULLED).parts[0] for file in imports} == {
-        "ur5",
-        "lwr4",
-        "kr300",
-        "youbot_real",
-    }
+    arms = {file.relative_to(PULLED).parts[0] for file in imports}
+    assert arms == {"ur5", "lwr4", "kr300", "youbot_real"}
     for file in imports:
         source, out = content(file)
         assert len(source["repo"]["rev_lock"]) == 40 and out["path"] == file.stem
-        if (recording := BESIDE / file.relative_to(PULLED).with_suffix("")).is_file():
-            assert hashlib.md5(recording.read_bytes()).hexdigest() == out["md5"]
+        if recording_of(file).is_file():
+            digest = hashlib.md5(recording_of(file).read_bytes()).hexdigest()
+            assert digest == out["md5"]
 
 
 def test_a_dataset_finds_pulled_recordings_first_and_the_message_names_the_command(
@@ -83,48 +83,31 @@ def test_copies_take_the_pulled_recordings_and_name_the_command_without_them(
 @pytest.mark.slow
 @beside
 def test_one_command_brings_the_recordings_from_a_copy_of_their_repository(tmp_path):
-    origin, project = tmp_path / "origin", tmp_path / "project/data/recordings"
     imports = [file for file in IMPORTS if file.relative_to(PULLED).parts[0] == "kr300"]
-
-    def git(folder: Path, *words: str) -> str:
-        identity = ["-c", "user.name=a", "-c", "user.email=a@b.example"]
-        return subprocess.check_output(
-            ["git", *identity, *words], cwd=folder, text=True
-        ).strip()
-
+    origin = tmp_path / "origin"
     for file in imports:
         copy = origin / content(file)[0]["path"]
         copy.parent.mkdir(parents=True, exist_ok=True)
-        copy.write_bytes(
-            (BESIDE / file.relative_to(PULLED).with_suffix("")).read_bytes()
-        )
-    git(tmp_path, "init", "-q", str(origin))
-    git(origin, "add", "-A")
-    git(origin, "commit", "-qm", "copy")
-    copied = git(origin, "rev-parse", "HEAD")
-    project.mkdir(parents=True)
-    git(tmp_path, "init", "-q", str(tmp_path / "project"))
-    (project / ".dvc").mkdir()
-    (project / ".dvc/config").write_bytes((PULLED / ".dvc/config").read_bytes())
+        shutil.copyfile(recording_of(file), copy)
+    for words in (["init", "-q"], ["add", "-A"], ["commit", "-qm", "copy"]):
+        succeeds(*GIT, *words, cwd=origin)
+    copied = succeeds(*GIT, "rev-parse", "HEAD", cwd=origin).strip()
+
+    project = tmp_path / "project"
+    recordings = project / "data/recordings"
+    (project / ".dvc").mkdir(parents=True)
+    shutil.copyfile(PULLED / ".dvc/config", project / ".dvc/config")
+    succeeds(*GIT, "init", "-q", cwd=project)
     for file in imports:
-        source = content(file)[0]["repo"]
-        (to := project / file.relative_to(PULLED)).parent.mkdir(exist_ok=True)
-        to.write_text(file.read_text().replace(source["rev_lock"], copied))
-    (tmp_path / ".gitconfig").write_text(
-        f'[url "{origin.as_uri()}"]\n  insteadOf = {source["url"]}\n'
-    )
-    words = [
-        sys.executable,
-        "-m",
-        "dvc",
-        "--cd",
-        "data/recordings",
-        "pull",
-        "-R",
-        "kr300",
-    ]
-    environment = os.environ | {"HOME": str(tmp_path), "DVC_NO_ANALYTICS": "1"}
-    subprocess.run(words, cwd=tmp_path / "project", env=environment, check=True)
+        pinned = content(file)[0]["repo"]
+        target = recordings / file.relative_to(PULLED)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        target.write_text(file.read_text().replace(pinned["rev_lock"], copied))
+    url = f'[url "{origin.as_uri()}"]\n  insteadOf = {pinned["url"]}\n'
+    (tmp_path / ".gitconfig").write_text(url)
+
+    command = "dvc --cd data/recordings pull -R kr300".split()
+    succeeds(*command, cwd=project, home=False, HOME=str(tmp_path))
     for file in imports:
-        name = file.relative_to(PULLED).with_suffix("")
-        assert (project / name).read_bytes() == (BESIDE / name).read_bytes()
+        pulled = recordings / file.relative_to(PULLED).with_suffix("")
+        assert pulled.read_bytes() == recording_of(file).read_bytes()
