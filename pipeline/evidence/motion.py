@@ -7,10 +7,12 @@ from itertools import combinations_with_replacement, permutations, product
 import numpy as np
 import pandas as pd
 
+from pipeline.arm.chain import Chain
 from pipeline.core.errors import ModelDomainError, SingularJacobianError
 from pipeline.evidence.case import Takes
 from pipeline.evidence.table import (
     RECORDED,
+    Row,
     difference_row,
     evidence_row,
     evidence_table,
@@ -50,7 +52,7 @@ NOISE = {
 PAPERS = ("sigma_b", "u", "alpha")
 DEXTERITY_POSES, LEAST_POSES = 2000, 20  # drawn, and least that remain
 DEXTERITY_STEP = 1e-3  # m or rad, of a task row
-Rows = Iterator[dict[str, object]]
+Rows = Iterator[Row]
 
 
 @dataclass
@@ -96,81 +98,98 @@ def motion_evidence(
     the evidence on the recordings themselves.
     """
     training = takes.training
-    realized = {name: each for name, each in outcomes.items() if each.mean is not None}
-    modelled = {name: each.modelled for name, each in outcomes.items() if each.modelled}
-    std = {RECORDED: recorded_deviation(takes.poses, training.noise, mode)[1:]}
-    if mode == "one_step":
-        # a model without the recorded total variance is not compared
-        std |= {name: each.std for name, each in modelled.items()}
-    else:  # without k = 0, before the first step
-        std |= {name: each.deviation[1:] for name, each in realized.items()}
     rows = [] if limits is None else [*_recorded_rows(takes, limits)]
-    for name, each in outcomes.items():
-        rows += _estimate_rows(name, each.estimates, len(training.joints))
-    off = {
-        name: (each.mean - takes.poses.mean(axis=0))[1:]
-        for name, each in realized.items()
-    }
-    nominal = training.q + training.chain.nominal_step(training.q, training.v)
-    off[NO_NOISE] = (nominal - training.q_next).mean(axis=0)
-    for name, error in off.items():
+    for name, outcome in outcomes.items():
+        rows += _estimate_rows(name, outcome.estimates, len(training.joints))
+    for name, error in _mean_errors(outcomes, takes).items():
         greatest = np.linalg.norm(error, axis=-1).max()
         rows.append(evidence_row("greatest_mean_error", greatest, model=name))
-    for name, curves in std.items():
+    for name, curves in _deviations(outcomes, takes, mode).items():
         for joint, curve in zip(training.joints, curves.T, strict=True):
-            if np.all(np.isfinite(curve)):
-                rows.append(
-                    evidence_row(
-                        "std", root_mean_square(curve), model=name, joint=joint
-                    )
-                )
-                value = variation(curve)
-                rows.append(
-                    evidence_row("std_variation", value, model=name, joint=joint)
-                )
-    if mode == "one_step" and modelled:
-        rows += noise_rows({name: outcomes[name] for name in modelled}, training)
+            if not np.all(np.isfinite(curve)):
+                continue
+            keys = {"model": name, "joint": joint}
+            rows.append(evidence_row("std", root_mean_square(curve), **keys))
+            rows.append(evidence_row("std_variation", variation(curve), **keys))
+    compared = {name: result for name, result in outcomes.items() if result.modelled}
+    if mode == "one_step" and compared:
+        rows += noise_rows(compared, training)
     return evidence_table([*rows, *_score_rows(outcomes)])
 
 
+def _mean_errors(
+    outcomes: Mapping[str, Outcome], takes: Takes
+) -> dict[str, np.ndarray]:
+    """Return by model the mean of its realisations minus the mean of the training takes (M, n) in
+    rad, and the same of the nominal steps.
+    """
+    recorded = takes.poses.mean(axis=0)
+    errors = {}
+    for name, outcome in outcomes.items():
+        if outcome.mean is not None:
+            errors[name] = (outcome.mean - recorded)[1:]
+    training = takes.training
+    nominal = training.q + training.chain.nominal_step(training.q, training.v)
+    errors[NO_NOISE] = (nominal - training.q_next).mean(axis=0)
+    return errors
+
+
+def _deviations(
+    outcomes: Mapping[str, Outcome], takes: Takes, mode: str
+) -> dict[str, np.ndarray]:
+    """Return the standard deviations over time (M, n) in rad of the recordings, and by model: of
+    one step at the recorded total variance, or of free-running realisations.
+    """
+    recorded = recorded_deviation(takes.poses, takes.training.noise, mode)
+    deviations = {RECORDED: recorded[1:]}  # without k = 0, before the first step
+    for name, outcome in outcomes.items():
+        if mode == "one_step":
+            # a model without the recorded total variance is not compared
+            if outcome.modelled:
+                deviations[name] = outcome.modelled.std
+        elif outcome.mean is not None:
+            deviations[name] = outcome.deviation[1:]
+    return deviations
+
+
 def _recorded_rows(takes: Takes, limits: np.ndarray) -> Rows:
-    noise, recordings = (
-        takes.training.noise,
-        [name.rpartition("_")[0] for name in takes.names],
-    )
+    """Yield the evidence on the training takes themselves."""
+    training = takes.training
+    noise = training.noise
     yield evidence_row("takes", len(noise), model=RECORDED)
+    recordings = [name.rpartition("_")[0] for name in takes.names]
     share = share_between(noise, recordings)
     yield evidence_row("share_of_variance_between_recordings", share, model=RECORDED)
-    steps = takes.training.chain.nominal_step(takes.training.q, takes.training.v)
-    ranges = np.ptp(np.cumsum(steps.mean(axis=0), axis=0), axis=0)
-    by_speed = fast_against_slow(noise, steps.mean(axis=0))
-    for j, joint in enumerate(takes.training.joints):
+
+    steps = training.chain.nominal_step(training.q, training.v).mean(axis=0)
+    ranges = np.ptp(np.cumsum(steps, axis=0), axis=0)
+    by_speed = fast_against_slow(noise, steps)
+    for j, joint in enumerate(training.joints):
         keys = {"model": RECORDED, "joint": joint}
+        correlated = lag_one_correlation(noise[..., j])
         yield evidence_row("commanded_range", ranges[j], **keys)
-        yield evidence_row(
-            "lag_one_correlation", lag_one_correlation(noise[..., j]), **keys
-        )
+        yield evidence_row("lag_one_correlation", correlated, **keys)
         yield evidence_row("std_variation_limits", VARYING, *limits[j], **keys)
         yield difference_row("ln_std_by_speed", by_speed[j], **keys)
 
 
 def _estimate_rows(model: str, numbers: Mapping[str, float], joints: int) -> Rows:
     """Yield the estimates that have a published value, with their intervals if there are any."""
-    named = {
-        f"{name}_paper": {"quantity": name, "estimator": "paper"} for name in PAPERS
-    }
-    named["u_paper_unbounded"] = {"quantity": "u_unbounded", "estimator": "paper"}
-    for pair in combinations_with_replacement(range(1, joints + 1), 2):
-        entry = "".join(map(str, pair))
+    places = {}
+    for name in PAPERS:
+        places[f"{name}_paper"] = {"quantity": name, "estimator": "paper"}
+    places["u_paper_unbounded"] = {"quantity": "u_unbounded", "estimator": "paper"}
+    for first, second in combinations_with_replacement(range(1, joints + 1), 2):
+        entry = f"{first}{second}"
         for quantity, pattern in NOISE.items():
-            named[pattern.format(entry)] = {"quantity": quantity, "entry": entry}
-    for name, place in named.items():
+            places[pattern.format(entry)] = {"quantity": quantity, "entry": entry}
+    for name, place in places.items():
         if name in numbers:
-            ends = {
-                end: numbers.get(f"{name}_interval_{end}", np.nan)
-                for end in ("low", "high")
-            }
-            yield evidence_row(value=numbers[name], model=model, **ends, **place)
+            low = numbers.get(f"{name}_interval_low", np.nan)
+            high = numbers.get(f"{name}_interval_high", np.nan)
+            yield evidence_row(
+                value=numbers[name], low=low, high=high, model=model, **place
+            )
 
 
 def noise_rows(outcomes: Mapping[str, Outcome], training: Recorded) -> Rows:
@@ -178,41 +197,44 @@ def noise_rows(outcomes: Mapping[str, Outcome], training: Recorded) -> Rows:
     the relative error of its standard deviation with the first model's in the same joint, with 1
     for a prediction without noise (NO_NOISE), and with the same model's in the last joint.
     """
-    for model, each in outcomes.items():
+    for model, outcome in outcomes.items():
         yield from following_rows(
-            each.following, "std_correlation", "std_correlation", model
+            outcome.following, "std_correlation", "std_correlation", model
         )
-    modelled, joints = (
-        {name: each.modelled for name, each in outcomes.items()},
-        training.joints,
-    )
+    joints = training.joints
+    modelled = {name: outcome.modelled for name, outcome in outcomes.items()}
     errors, sizes = jackknifed_spreads(modelled, training.noise)
+
     for joint in joints:
         yield evidence_row("std_error", 1.0, model=NO_NOISE, joint=joint)
-    places, first = [*product(errors, enumerate(joints))], next(iter(errors))
+    places = [*product(errors, enumerate(joints))]
     for model, (j, joint) in places:
         yield evidence_row("std_error", errors[model][0, j], model=model, joint=joint)
+    first = next(iter(errors))
     for model, (j, joint) in places:
-        rivals = {
-            NO_NOISE: 1.0,
-            first: errors[first][:, j],
-            joints[-1]: errors[model][:, -1],
-        }
-        for rival, other in rivals.items():
-            if rival not in (model, joint):
-                own = jackknife_difference(errors[model][:, j] - other)
-                yield difference_row(
-                    "std_error", own, model=model, joint=joint, rival=rival
-                )
+        rivals = {NO_NOISE: 1.0, first: errors[first][:, j]}
+        rivals[joints[-1]] = errors[model][:, -1]
+        for rival, rival_errors in rivals.items():
+            if rival in (model, joint):
+                continue
+            nearer = jackknife_difference(errors[model][:, j] - rival_errors)
+            keys = {"model": model, "joint": joint, "rival": rival}
+            yield difference_row("std_error", nearer, **keys)
     for model, (j, joint) in places:
-        own = jackknife_difference(sizes[model][:, j])
-        yield difference_row("std", own, model=model, joint=joint, rival=RECORDED)
-    std = {name: jackknifed_mean_error(each.error) for name, each in modelled.items()}
-    for model, own in std.items():
-        yield evidence_row("mean_error_variation", own[0], model=model)
+        wider = jackknife_difference(sizes[model][:, j])
+        yield difference_row("std", wider, model=model, joint=joint, rival=RECORDED)
+    yield from _mean_error_rows(modelled)
+
+
+def _mean_error_rows(modelled: Mapping[str, ModelledNoise]) -> Rows:
+    """Yield the variation over time of the error of each model's mean, and its differences."""
+    std = {name: jackknifed_mean_error(noise.error) for name, noise in modelled.items()}
+    for model, values in std.items():
+        yield evidence_row("mean_error_variation", values[0], model=model)
     for model, rival in permutations(std, 2):
-        own = jackknife_difference(std[model] - std[rival])
-        yield difference_row("mean_error_variation", own, model=model, rival=rival)
+        varies_more = jackknife_difference(std[model] - std[rival])
+        keys = {"model": model, "rival": rival}
+        yield difference_row("mean_error_variation", varies_more, **keys)
 
 
 def dexterity_evidence(
@@ -224,30 +246,17 @@ def dexterity_evidence(
     without noise, with noise that does not depend on the pose, or without a variance.
     """
     chain = takes.training.chain
-    lower, upper = (
-        np.clip(chain.lower, -np.pi, np.pi),
-        np.clip(chain.upper, -np.pi, np.pi),
-    )
-    poses = rng.uniform(lower, upper, (DEXTERITY_POSES, len(lower)))
-    poses = poses[~chain.singular(poses)]
-    norms = frobenius(chain.inverse_jacobian(poses))
-    greatest = frobenius(chain.inverse_jacobian(takes.training.q)).max()
-    poses, norms = poses[norms < greatest], norms[norms < greatest]
+    poses, norms = dexterity_poses(chain, takes.training.q, rng)
     rows = []
+    if len(poses) < LEAST_POSES:
+        return evidence_table(rows)
     for name, outcome in outcomes.items():
-        if outcome.model is None or len(poses) < LEAST_POSES:
+        if outcome.model is None or not outcome.model.traits.needs_jacobian:
             continue
-        if not outcome.model.traits.needs_jacobian:
-            continue
-        variances = []
         try:
-            for v in DEXTERITY_STEP * np.eye(len(chain.task)):
-                commands = np.broadcast_to(v, (len(poses), len(v)))
-                covariance = outcome.model.covariance(chain, poses, commands)
-                variances.append(np.trace(covariance, axis1=-2, axis2=-1))
+            total = total_variances(outcome.model, chain, poses)
         except (ModelDomainError, SingularJacobianError):
             continue
-        total = np.mean(variances, axis=0)
         noisy = np.isfinite(total) & (total > 0)  # a bound of the norm ends the noise
         count = int(np.count_nonzero(noisy))
         if count < LEAST_POSES:
@@ -258,6 +267,33 @@ def dexterity_evidence(
         ends = np.tanh(transformed + half * np.array([-1.0, 1.0]))
         rows.append(evidence_row("dexterity_correlation", value, *ends, model=name))
     return evidence_table(rows)
+
+
+def dexterity_poses(
+    chain: Chain, recorded: np.ndarray, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return poses (N, n) in rad drawn within the joint limits, and their ‖J⁺‖ (N,), which is below
+    the greatest of the ``recorded`` poses (..., n).
+    """
+    lower = np.clip(chain.lower, -np.pi, np.pi)
+    upper = np.clip(chain.upper, -np.pi, np.pi)
+    poses = rng.uniform(lower, upper, (DEXTERITY_POSES, len(lower)))
+    poses = poses[~chain.singular(poses)]
+    norms = frobenius(chain.inverse_jacobian(poses))
+    greatest = frobenius(chain.inverse_jacobian(recorded)).max()
+    return poses[norms < greatest], norms[norms < greatest]
+
+
+def total_variances(model: MotionModel, chain: Chain, poses: np.ndarray) -> np.ndarray:
+    """Return the total variance (N,) in rad² of a step of ``model`` from each of the ``poses`` (N,
+    n), mean over the directions of the task.
+    """
+    variances = []
+    for v in DEXTERITY_STEP * np.eye(len(chain.task)):
+        commands = np.broadcast_to(v, (len(poses), len(v)))
+        covariance = model.covariance(chain, poses, commands)
+        variances.append(np.trace(covariance, axis1=-2, axis2=-1))
+    return np.mean(variances, axis=0)
 
 
 def prediction_evidence(predictions: pd.DataFrame, pairs: pd.DataFrame) -> pd.DataFrame:
@@ -278,12 +314,10 @@ def prediction_evidence(predictions: pd.DataFrame, pairs: pd.DataFrame) -> pd.Da
 def _score_rows(outcomes: Mapping[str, Outcome]) -> Rows:
     """Yield the log scores of held-out steps, and their differences between any two models."""
     for steps in ("all", "moving"):
-        known = {
-            name: own.log_score
-            for name, own in outcomes.items()
-            if steps in own.log_score
-        }
-        scored = {name: {"log_score": own[steps]} for name, own in known.items()}
+        scored = {}
+        for name, outcome in outcomes.items():
+            if steps in outcome.log_score:
+                scored[name] = {"log_score": outcome.log_score[steps]}
         for name, scores in scored.items():
             mean = scores["log_score"].mean()
             yield evidence_row("step_log_score", mean, model=name, steps=steps)

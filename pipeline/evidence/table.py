@@ -21,6 +21,7 @@ QUANTITIES = DECLARED["quantity"].among
 NUMBERS = ("value", "low", "high", "standard_error", "degrees")
 OPTION_FILES = Path(__file__).parents[1] / "conf/model"
 RECORDED = "recorded"  # in place of a model
+Row = dict[str, object]  # a value of each column
 
 
 def known_values() -> dict[str, list[str]]:
@@ -28,17 +29,10 @@ def known_values() -> dict[str, list[str]]:
     option files and filters, estimators and forms, entries of at most seven joints, and steps.
     """
     models = sorted(file.stem for file in OPTION_FILES.glob("*.yaml"))
+    without_file = [RECORDED, NONE, MEMORY, SPEED, NO_NOISE]
     entries = [f"{row}{column}" for row in range(1, 8) for column in range(row, 8)]
     return {
-        "model": [
-            RECORDED,
-            NONE,
-            MEMORY,
-            SPEED,
-            NO_NOISE,
-            *models,
-            *map(closed, models),
-        ],
+        "model": [*without_file, *models, *map(closed, models)],
         "estimator": ["paper", "diagonal", "full", "none"],
         "entry": ["fx", "fy", "fz", "mx", "my", "mz", *entries],
         "steps": ["all", "moving", "constant_speed"],
@@ -53,42 +47,46 @@ def evidence_row(
     standard_error: float = np.nan,
     degrees: float = np.nan,
     **keys: object,
-) -> dict[str, object]:
+) -> Row:
     """Return one row; a key that is not given is empty."""
-    values = map(float, (value, low, high, standard_error, degrees))
-    numbers = zip(NUMBERS, values, strict=True)
-    named = {name: str(keys.pop(name, "")) for name in KEYS[1:]}
+    row: Row = {KEYS[0]: quantity}
+    for name in KEYS[1:]:
+        row[name] = str(keys.pop(name, ""))
     if keys:
         raise TypeError(f"the table of evidence has no column {', '.join(keys)}")
-    return {KEYS[0]: quantity} | named | dict(numbers)
+    numbers = (value, low, high, standard_error, degrees)
+    for name, number in zip(NUMBERS, numbers, strict=True):
+        row[name] = float(number)
+    return row
 
 
-def difference_row(quantity: str, own: NamedTuple, **keys: object) -> dict[str, object]:
-    """Return the row of a difference with its interval: the fields of ``Difference`` in ``own``."""
-    numbers = (getattr(own, name) for name in Difference._fields)
+def difference_row(quantity: str, difference: NamedTuple, **keys: object) -> Row:
+    """Return the row of a ``difference`` with its interval, a tuple with the fields of
+    ``Difference``.
+    """
+    numbers = [getattr(difference, name) for name in Difference._fields]
     return evidence_row(quantity, *numbers, **keys)
 
 
 def following_rows(
     tests: pd.DataFrame, correlation: str, prefix: str, model: str
-) -> Iterator[dict[str, object]]:
+) -> Iterator[Row]:
     """Yield the quantity ``correlation``, and with the ``prefix`` the limit and the powers against
     constant noise and the speed law, of :func:`pipeline.statistics.curves.following_tests`.
     """
-    for own in tests.itertuples():
-        keys = {"model": model, "joint": own.joint, "steps": own.steps}
-        yield evidence_row(correlation, own.correlation, **keys)
-        yield evidence_row(f"{prefix}_limit", own.limit, **keys)
-        yield evidence_row(f"{prefix}_power", own.power, **keys)
-        yield evidence_row(f"{prefix}_speed_power", own.rival_power, **keys)
+    for test in tests.itertuples():
+        keys = {"model": model, "joint": test.joint, "steps": test.steps}
+        yield evidence_row(correlation, test.correlation, **keys)
+        yield evidence_row(f"{prefix}_limit", test.limit, **keys)
+        yield evidence_row(f"{prefix}_power", test.power, **keys)
+        yield evidence_row(f"{prefix}_speed_power", test.rival_power, **keys)
 
 
-def evidence_table(rows: Iterable[dict]) -> pd.DataFrame:
+def evidence_table(rows: Iterable[Row]) -> pd.DataFrame:
     """Return the table of ``rows`` without infinite numbers and rows without a value."""
     table = pd.DataFrame(rows, columns=[*KEYS, *NUMBERS])
-    table = table.astype(dict.fromkeys(NUMBERS, float)).replace(
-        [np.inf, -np.inf], np.nan
-    )
+    table = table.astype(dict.fromkeys(NUMBERS, float))
+    table = table.replace([np.inf, -np.inf], np.nan)
     return table[table["value"].notna()].reset_index(drop=True)
 
 

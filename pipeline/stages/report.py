@@ -69,7 +69,7 @@ def run() -> None:
         place / name / "report.md": report,
         place / name / "errata.md": paper.errata_page(errata, here, of_here, counted),
         place / name / "model_card.md": model_card(here, _others(here, counted)),
-        place / name / "recordings.md": pages.recordings_page(here),
+        place / name / "recordings.md": pages.recordings_page(here, drawn.captions),
     }
     if place == REPORTS:
         datasets = pages.datasets_page(groups, rows, unfit)

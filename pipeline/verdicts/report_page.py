@@ -42,6 +42,7 @@ ADDED = {
 FIGURE = re.compile(r"Fig\. (\w+)|$")  # label of the figure that shows a claim
 COMPARE = "Compare"  # first word of the caption's sentence that the report prints
 SENTENCE_END = re.compile(r"(?<=[.!?]) (?=[A-Z(])")
+PICTURE = "takes"  # figure on the page of the recordings
 UNKNOWN = "no evidence"  # value in the table ``readings``
 # name in summary.json → model and name of its estimate
 SUMMARY = {
@@ -412,8 +413,29 @@ def _difference(words: Mapping[str, str], of_claim: Sequence[Joined]) -> str:
     return say("difference", holding=holding, failing=failing, reasons=reasons)
 
 
-def recordings_page(run: Run) -> str:
-    """Return ``recordings.md``, with recordings kept and left out, and nonzero totals of losses."""
+def recordings_page(run: Run, captions: Mapping[str, Mapping]) -> str:
+    """Return ``recordings.md``, with recordings kept and left out, the picture of the takes if it
+    has one of the ``captions``, and nonzero totals of losses.
+    """
+    lost = []
+    for name, counts in losses(run).items():
+        texts = []
+        for quantity, count in counts.items():
+            texts.append(f"{quantity.replace('_', ' ')} {wording.number(count)}")
+        lost.append((name, ", ".join(texts)))
+    kept = run.tables.get("kept", pd.DataFrame()).astype(object).fillna("")
+    words = {
+        "run": run,
+        "kept": kept.astype(str).to_numpy().tolist(),
+        "picture": captions.get(PICTURE),
+        "lost": lost,
+        "unseen": UNSEEN,
+    }
+    return render("recordings.md", **words)
+
+
+def losses(run: Run) -> dict[str, Mapping[str, float]]:
+    """Return the nonzero totals of losses by instrument, and by stage."""
     totals: dict[str, Mapping[str, float]] = {}
     if "recording_quality" in run.tables:
         lossy = run.tables["recording_quality"].query("total > 0").set_index("quantity")
@@ -423,16 +445,7 @@ def recordings_page(run: Run) -> str:
         lost = {name: n for name, n in values.items() if _is_loss(name, n)}
         if lost and stem != "recordings":
             totals[stem.replace("_", " of ", 1)] = lost
-    counted = []
-    for name, counts in totals.items():
-        texts = [
-            f"{n.replace('_', ' ')} {wording.number(x)}" for n, x in counts.items()
-        ]
-        counted.append((name, ", ".join(texts)))
-    account = run.tables.get("kept", pd.DataFrame()).astype(object).fillna("")
-    rows = account.astype(str).to_numpy().tolist()
-    words = {"run": run, "kept": rows, "lost": counted, "unseen": UNSEEN}
-    return render("recordings.md", **words)
+    return totals
 
 
 def _is_loss(name: str, value: float) -> bool:

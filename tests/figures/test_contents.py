@@ -31,6 +31,7 @@ from pipeline.figures.style import (
     model_lines,
     save,
 )
+from pipeline.figures.takes import takes
 
 MODELS, JOINTS = ["additive", "wishart", "gaussian"], ["arm_1", "arm_2", "arm_3"]
 OUT = Path("data/figures")
@@ -50,6 +51,15 @@ def each(numbers: list[str], **keys) -> pd.DataFrame:
     table = pd.MultiIndex.from_product(keys.values(), names=keys).to_frame(index=False)
     table = table.assign(**{name: RNG.random(len(table)) for name in numbers})
     return table.assign(t=table["k"] / 100) if "k" in keys else table
+
+
+def paths(takes: list[str]) -> pd.DataFrame:
+    """The table ``take_paths`` of an arm in a plane, whose last seven takes are left out."""
+    numbers = [*columns("q", JOINTS), *columns("x", ("x", "z", "phi"))]
+    rows = each(numbers, take=takes, k=STEPS).drop(columns="k")
+    left_out = rows["take"].isin(takes[-7:])
+    reason = np.where(left_out, "longest_gap 41 beyond 20", "")
+    return rows.assign(part="training", left_out=left_out, reason=reason)
 
 
 @pytest.fixture(scope="session")
@@ -119,6 +129,7 @@ def tables() -> dict[str, pd.DataFrame]:
             horizon=HORIZONS,
         ).assign(samples="commanded", motion="1", block=1, count=100),
         "takes": pd.concat(takes, ignore_index=True),
+        "take_paths": paths(train + test),
         "wrench_errors": each(["error"], agents=[3, 10], system=range(40)).assign(
             covariance_error_diagonal=0.1, covariance_error_full=0.1
         ),
@@ -394,3 +405,33 @@ def test_the_schematic_names_all_that_the_paper_names_and_an_arc_spans_the_angle
         np.testing.assert_array_equal(arc.get_center(), start)
         x, y = tip - start
         np.testing.assert_allclose(np.degrees(np.arctan2(y, x)) % 360, arc.theta2)
+
+
+def test_a_take_that_is_left_out_has_its_own_line_and_reason(tables):
+    takes_table = tables["take_paths"]
+    figure = takes(takes_table)
+
+    assert [axes.get_title() for axes in figure.axes] == [
+        "tip",
+        "arm 1",
+        "arm 2",
+        "arm 3",
+    ]
+    assert figure.axes[0].get_xlabel() == "x (m)"
+    assert figure.axes[0].get_ylabel() == "z (m)"
+    labels = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert labels[0] == "takes that stay" and labels[-1] == "2 more, left out"
+    assert labels[1] == "left out: training_002 (longest_gap 41 beyond 20)"
+    assert len(labels) == 7
+    shown = figure.axes[1].lines[1]
+    rows = takes_table[takes_table["take"] == "training_002"]
+    np.testing.assert_array_equal(shown.get_ydata(), rows["q:arm_1"])
+
+
+def test_takes_of_an_arm_in_space_have_two_views_and_without_an_arm_only_angles(tables):
+    rows = tables["take_paths"]
+    in_space = rows.assign(**{"x:y": 0.1})
+    labels = [axes.get_ylabel() for axes in takes(in_space).axes[:2]]
+    assert labels == ["y (m)", "z (m)"]
+    without_arm = rows.drop(columns=columns("x", ("x", "z", "phi")))
+    assert len(takes(without_arm).axes) == len(JOINTS)

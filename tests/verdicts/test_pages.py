@@ -293,8 +293,11 @@ def test_counts_are_totals_and_no_mean_share_or_row_number_is_among_them():
     metrics = {"recordings": recorded, "filter_wishart": counts}
     tables = {"recording_quality": quality}
 
-    page = recordings_page(replace(RUNS[1], metrics=metrics, tables=tables))
+    picture = {"takes": {"title": "Every take", "caption": "Thin: takes that stay."}}
+    page = recordings_page(replace(RUNS[1], metrics=metrics, tables=tables), picture)
 
+    assert "![Every take](figures/takes.png)\nThin: takes that stay." in page
+    assert "takes.png" not in recordings_page(RUNS[1], {})
     assert page.splitlines()[-2:] == [
         "| camera | cut rows 3 |",
         "| filter of wishart | particle steps outside the domain 19,194 |",
