@@ -51,12 +51,11 @@ def looks_of_takes(take_paths: pd.DataFrame) -> dict[str, dict]:
     """Return by left-out take the look of its line: colour and reason for the first NAMED."""
     left_out = take_paths[take_paths["left_out"]].drop_duplicates("take")
     further = len(left_out) - NAMED
-    colors = style.COLORS[1 : NAMED + 1]
     looks = {}
     for place, row in enumerate(left_out.itertuples()):
         if place < NAMED:
             label = style.plain_label(f"left out: {row.take} ({row.reason})")
-            look = {"color": colors[place], "linewidth": 0.9, "zorder": 3}
+            look = {"color": LEFT_OUT[place], "linewidth": 0.9, "zorder": 3}
         else:
             label, look = f"{further} more, left out", FURTHER
         looks[row.take] = look | {"label": label}

@@ -75,13 +75,15 @@ def test_the_table_has_the_exponent_of_noise_that_grows_with_the_norm_but_for_si
 ):
     rng, t, runs = np.random.default_rng(5), np.linspace(0, 2 * np.pi, 801), []
     for number in range(4):
-        phase = number * np.pi / 4  # the elbow is straight where its sine is −1
+        phase = (
+            number * np.pi / 4
+        )  # the elbow passes through straight: near it ‖J⁻¹‖ changes within a window
         moves = [
             0.5 * np.sin(t + phase),
             1.5 * np.sin(3 * t + phase),
             0.4 * np.sin(2 * t + phase),
         ]
-        command = np.array([0.3, 1.5, -0.4]) + np.transpose(moves)
+        command = np.array([0.3, 1.0, -0.4]) + np.transpose(moves)
         dq, q = (
             np.diff(command, axis=0),
             np.where(chain.singular(command)[:, None], 1.5, command),

@@ -272,14 +272,16 @@ CURVES = {
 # what made the recordings → the curve of their standard deviation, and the verdict
 MADE_BY = {
     "the matrix model": (CURVES["wishart"], d.REPRODUCED),
-    "the speed law": ((3 * SPEED + 2 * POSE) / 5, d.WITH_SPEED_LAW),
+    "the speed law": ((2 * SPEED + POSE) / 3, d.WITH_SPEED_LAW),
     "constant noise": (CURVES["additive"], d.NOT_REPRODUCED),
 }
 
 
 def verdict_on_spread(claim: str, std: np.ndarray, rng: np.random.Generator) -> str:
-    """Return the verdict on ``claim`` from 40 takes with ``std`` (STEPS, 2) over time."""
-    taken = std * rng.standard_normal((40, STEPS, 2))
+    """Return the verdict on ``claim`` from 100 takes with ``std`` (STEPS, 2) over time. From fewer
+    takes the case of the speed law is often not decided, and the claim then holds for it too.
+    """
+    taken = std * rng.standard_normal((100, STEPS, 2))
     steady = np.zeros(STEPS, dtype=bool)
     outcomes = {}
     for name, modelled in CURVES.items():
@@ -304,10 +306,6 @@ def test_a_claim_on_the_shape_of_the_noise_is_told_from_a_law_of_the_speed_alone
     std, expected = MADE_BY[maker]
     rng = np.random.default_rng(8)
     verdicts = [verdict_on_spread(claim, std, rng) for _ in range(6)]
-    if maker == "the matrix model" and "nearer" in claim:
-        # a law of the speed is nearer than the additive model in a joint in some of the draws
-        assert {*verdicts} == {d.REPRODUCED, d.WITH_SPEED_LAW}
-        return
     assert verdicts.count(expected) >= 5
     if maker != "the matrix model":
         assert d.REPRODUCED not in verdicts
