@@ -7,9 +7,9 @@ from matplotlib.figure import Figure
 from pipeline.core.columns import column, members
 from pipeline.figures import style
 
-NAMED = (
-    5  # greatest number of left-out takes with a colour and a line of the legend each
-)
+# colours of left-out takes with a line of the legend each
+LEFT_OUT = (style.VERMILLION, style.GREEN, style.PURPLE, style.ORANGE, style.BLACK)
+NAMED = len(LEFT_OUT)
 STAYING = {"color": style.SKY, "linewidth": 0.4, "rasterized": True, "zorder": 1}
 FURTHER = {"color": style.GREY, "linewidth": 0.8, "linestyle": ":", "zorder": 2}
 
