@@ -80,7 +80,8 @@ def refused(capsys, count: int | str) -> str:
 
 def test_nothing_is_wrong_and_another_name_is_refused(files, capsys):
     tool_call("check", ["lab"])()
-    assert capsys.readouterr().out == "check: lab has no faults\n"
+    choose = "set `dataset: lab` in params.yaml, and run `dvc repro`"
+    assert capsys.readouterr().out == f"check: lab has no faults; next: {choose}\n"
     with pytest.raises(ConfigError, match="no dataset 'nowhere'; there are"):
         tool_call("check", ["nowhere"])()
 

@@ -12,6 +12,7 @@ from types import SimpleNamespace
 
 import joint_kinds
 import numpy as np
+import pandas as pd
 import pytest
 from motive_files import START, random_take, rows_file
 from omegaconf import OmegaConf
@@ -25,8 +26,11 @@ from pipeline.formats.depth.image import write_depth, write_index
 from pipeline.formats.depth.intrinsics import Intrinsics, write_intrinsics
 from pipeline.formats.force.daqft import ForceRecord, write_daqft
 from pipeline.formats.motion.motive import write_motive
+from pipeline.formats.trajectory import write_trajectory
 from pipeline.recordings.runs import FoundMotion
 from pipeline.tools.new_dataset import command
+
+UR5 = ROOT / "pipeline/arm/ur5.urdf"
 
 
 def run(*words: object) -> None:
@@ -147,9 +151,11 @@ def test_what_the_recordings_state_is_filled_in_and_the_rest_is_asked_for(
     assert "1 files not placed" in printed[0] and printed[1].endswith(
         "data/raw/lab/dataset.yaml"
     )
+    count = len(unfilled())
     assert printed[-2].startswith(
-        f"new-dataset: {len(unfilled())} values are open: about.subject"
+        f"new-dataset: {count} values are open: about.subject"
     )
+    assert printed[-1].startswith("next: `python -m pipeline new-dataset lab --ask`")
     stage = OmegaConf.load(root / "data/raw/lab/dvc.yaml").stages.inventory
     assert stage.outs == [
         {"data/raw/lab/inventory.csv": {"cache": False, "persist": True}}
@@ -180,14 +186,83 @@ def test_rigid_bodies_follow_an_arm_in_space_and_logs_named_as_takes_are_its_enc
     run("parts", "--from", space_exports)
     parts = {"training": "logs/move_*.csv", "test": "???"}
     assert contains(written("parts")[0]["encoders"], parts)
-    # control: a log of another name is a table of something else, and markers are a planar arm's
+    # control: a log of another name is a table of something else
     for log in (space_exports / "logs").iterdir():
         log.rename(log.with_stem(f"other_{log.stem}"))
     write_takes(space_exports / "mocap", "move_1", "move_2")
-    run("plane", "--from", space_exports)
-    sheet, option = written("plane")
+    run("markers", "--from", space_exports)
+    sheet, option = written("markers")
     assert "encoders" not in sheet and "bodies" not in sheet["mocap"]
-    assert option["robot"]["plane"] and "measurement" not in option
+    assert "measurement" not in option
+
+
+SIX_JOINTS = [f"joint_{number}" for number in range(1, 7)]  # of the UR5
+PARALLEL = SIX_JOINTS[1:4]
+
+
+def write_command(file: Path, joints: list[str], rows: list[str]) -> None:
+    """Write a commanded trajectory of 21 steps with columns of these joints and task rows."""
+    columns = [f"q:{joint}" for joint in joints]
+    columns += [f"{family}:{row}" for family in ("x", "v") for row in rows]
+    commanded = pd.DataFrame(0.0, index=range(21), columns=["t", *columns])
+    commanded["t"] = np.arange(21) / 100
+    write_trajectory(file, commanded)
+
+
+@pytest.mark.parametrize(
+    ("urdf", "joints", "rows", "planar"),
+    [
+        ("ur5", SIX_JOINTS, [], False),
+        ("ur5", [], ["x", "z", "phi"], True),
+        ("ur5", None, None, False),  # a chain of three of its six joints is parallel
+        ("lwr4", None, None, False),
+    ],
+)
+def test_an_arm_with_markers_is_planar_only_if_its_joints_or_its_trajectory_say_so(
+    root, tmp_path, urdf, joints, rows, planar
+):
+    takes = tmp_path / "takes"
+    write_takes(takes, "fit_1", "fit_2")
+    shutil.copy(ROOT / f"pipeline/arm/{urdf}.urdf", takes / "arm.urdf")
+    if joints is not None:
+        write_command(takes / "command.csv", joints, rows)
+    run("lab", "--from", takes)
+    robot = written()[1]["robot"]
+    assert robot.get("plane", False) is planar
+    expected = 3 if planar else {"ur5": 6, "lwr4": 7}[urdf]
+    assert len(robot["joints"]) == expected
+
+
+def test_the_joints_are_those_that_the_trajectory_commands(root, tmp_path):
+    write_takes(tmp_path / "takes", "fit_1")
+    shutil.copy(UR5, tmp_path / "takes/arm.urdf")
+    write_command(tmp_path / "takes/command.csv", SIX_JOINTS[:5], [])
+    run("lab", "--from", tmp_path / "takes")
+    assert written()[1]["robot"]["joints"] == SIX_JOINTS[:5]
+
+
+@pytest.mark.parametrize("exists", [True, False])
+def test_a_planar_proposal_becomes_an_arm_in_space_by_one_command(
+    root, tmp_path, exists
+):
+    takes = tmp_path / "takes"
+    write_takes(takes, "fit_1")
+    shutil.copy(UR5, takes / "arm.urdf")
+    write_command(takes / "command.csv", [], ["x", "z", "phi"])
+    in_space = ["robot.plane=false", f"robot.joints=[{', '.join(SIX_JOINTS)}]"]
+    options = ["--set", in_space[0], "--set", in_space[1]]
+    if exists:
+        run("lab", "--from", takes)
+        robot = written()[1]["robot"]
+        assert robot["joints"] == PARALLEL and robot["locked"] == "???"
+        run("lab", *options)
+        # no joint is left to lock
+        assert written()[1]["robot"]["locked"] == {}
+    else:
+        run("lab", "--from", takes, *options)
+    robot = written()[1]["robot"]
+    assert robot["plane"] is False and robot["joints"] == SIX_JOINTS
+    assert "robot.locked" not in unfilled()
 
 
 def test_numbered_frames_and_bags_are_takes_and_several_topics_a_choice(root, exports):
@@ -263,7 +338,6 @@ def test_labelled_tables_are_joint_logs_only_if_their_labels_say_it(root, tmp_pa
     assert written("given")[0]["joint_log"]["time_unit"] == "ms"
 
 
-UR5 = ROOT / "pipeline/arm/ur5.urdf"
 UR_JOINTS = ["shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3"]
 NAMELESS = {  # labels of the measured and commanded angles: joints that are suggested, and a note
     "numbers": (joint_kinds.labels_of("q_#,q_cmd_#"), UR_JOINTS, "beyond the limits: none"),
@@ -330,16 +404,9 @@ def test_what_is_left_is_asked_for_and_each_answer_is_checked_at_once(
     run("lab", "--from", logs, "--set", "about.subject=an arm")
     text = datasheet.path_of("lab").read_text()
     assert "time_unit: ??? # suggested is s; " in text and "movements: No*_slow" in text
-    given = [
-        "no.urdf",
-        os.path.relpath(UR5),
-        "",
-        "nowhere",
-        "flange",
-        "the laboratory",
-        "MIT",
-    ]
-    answers = iter([*given, "[a, b]", "", "minutes", "s", "rad", "fast", "", "7", "2"])
+    robot = ["no.urdf", os.path.relpath(UR5), "nowhere", "flange"]
+    log = ["[a, b]", "", "minutes", "s", "rad"]
+    answers = iter([*robot, "the laboratory", "MIT", *log, "7", "2"])
 
     def answer(prompt: str) -> str:
         try:
@@ -349,23 +416,69 @@ def test_what_is_left_is_asked_for_and_each_answer_is_checked_at_once(
 
     monkeypatch.setattr(builtins, "input", answer)
     run("lab", "--ask")
-    refused = [
-        line for line in capsys.readouterr().out.splitlines() if line.startswith("! ")
-    ]
-    words = [
-        "no.urdf",
-        "nowhere",
-        "not logged",
-        "input should be",
-        "fast",
-        "no motion 7",
-    ]
+    printed = capsys.readouterr().out
+    refused = [line for line in printed.splitlines() if line.startswith("! ")]
+    words = ["no.urdf", "nowhere", "not logged", "input should be", "no motion 7"]
     assert all(word in line for line, word in zip(refused, words, strict=True)), refused
     assert not unfilled(), [*answers]
-    assert (
-        written()[0]["joint_log"]["time_unit"] == "s"
-        and written()[1]["motion"]["rate"] == 100
-    )
+    sheet, option = written()
+    assert sheet["joint_log"]["time_unit"] == "s"
+    # the URDF determines the joints, and the unit of the times the rate: they are not asked for
+    assert "determined: robot.joints" in printed and len(option["robot"]["joints"]) == 6
+    assert "determined: motion.rate: 100" in printed and option["motion"]["rate"] == 100
+    assert printed.count("\nmotion 1: ") == 1
+    assert printed.splitlines()[-1].startswith("next: `python -m pipeline check lab`")
+
+
+def write_foreign_logs(folder: Path) -> None:
+    """Write logs in degrees from 0 to 360 of seven joints that go there and back twice, with labels
+    that state neither units nor the URDF's names, and the URDF.
+    """
+    start = np.array([0.1, 0.4, -0.3, -1.2, 0.5, 0.6, 0.2])
+    end = start + np.array([0.5, 0.3, -0.4, 0.5, 0.3, -0.4, 0.6])
+    shares = (1 - np.cos(np.pi * np.arange(1, 81) / 80))[:, None] / 2
+    there, back = start + shares * (end - start), end + shares * (start - end)
+    at_start, at_end = np.tile(start, (40, 1)), np.tile(end, (40, 1))
+    commanded = np.vstack([at_start, *[there, at_end, back, at_start] * 2])
+    time = np.arange(len(commanded)) * 0.01
+    late = commanded[np.maximum(np.arange(len(commanded)) - 2, 0)]
+    signals = ("position_joint", "position_command_joint")
+    labels = ["time", *joint_kinds.numbered(*signals, first=1, count=7)]
+    folder.mkdir()
+    for number in (1, 2):
+        deviation = 1e-3 * np.sin(np.arange(len(commanded)) / (9 + number))
+        angles = np.rad2deg(np.hstack([late + deviation[:, None], commanded])) % 360
+        rows = np.column_stack([time, angles])
+        table = pd.DataFrame(rows, columns=labels)
+        table.to_csv(folder / f"take_{number}.csv", index=False, float_format="%.5f")
+    shutil.copy(ROOT / "pipeline/arm/lwr4.urdf", folder / "gen3.urdf")
+
+
+@pytest.mark.slow
+def test_logs_with_foreign_labels_need_eight_questions_and_no_motion_is_printed_twice(
+    root, tmp_path, monkeypatch, capsys
+):
+    shutil.copytree(ROOT / "pipeline/conf", root / "conf", dirs_exist_ok=True)
+    write_foreign_logs(tmp_path / "gen3")
+    prompts = []
+    answers = {"about.": "said", "motion: ": "1"}  # all others are suggested
+
+    def answer(prompt: str) -> str:
+        prompts.append(prompt)
+        question = capsys.readouterr().out
+        printed.append(question)
+        last = question.strip().splitlines()[-1]
+        return next((answers[key] for key in answers if last.startswith(key)), "")
+
+    printed: list[str] = []
+    monkeypatch.setattr(builtins, "input", answer)
+    run("gen3", "--from", tmp_path / "gen3", "--ask")
+    assert not unfilled("gen3")
+    assert len(prompts) <= 8, prompts
+    text = "".join(printed) + capsys.readouterr().out
+    assert text.count("motion 1: ") == 1 and "suggested is" not in text
+    tool_call("check", ["gen3"])()
+    assert "no faults; next: " in capsys.readouterr().out
 
 
 def test_a_value_that_is_set_or_not_yet_written_can_be_set(root, logs):
@@ -426,7 +539,7 @@ def test_values_that_depend_on_each_other_are_set_together_in_any_order(
         (["lab", "--set", "pace=1"], "unknown key 'pace'"),
         (["lab", "--set", "robot=1"], "has parts: set robot.PART"),
         (["lab", "--set", "robot.urdf=no.urdf"], "no.urdf"),
-        (["lab", "--motion", "1"], "to find the motions, first fill in joint_log"),
+        (["lab", "--motion", "1"], "to find the motions, first fill in robot.urdf"),
         (["lab", "--from", "nothing"], "no such folder"),
         *((([name]), "cannot name a dataset") for name in ("1st", "../up", "ü")),
     ],

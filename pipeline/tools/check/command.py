@@ -42,7 +42,9 @@ def run(name: str | None = None) -> None:
             "???" in str(faults)
         )
         raise ConfigError(message + asks)
-    print(f"check: {name} has no faults")
+    chosen = read_yaml(PARAMS).get("dataset") == name
+    choose = "" if chosen else f"set `dataset: {name}` in params.yaml, and "
+    print(f"check: {name} has no faults; next: {choose}run `dvc repro`")
 
 
 def dataset_faults(option_file: Path) -> list[str]:

@@ -6,6 +6,7 @@ the format reads a file, in a separate process with bounds on time and memory.
 """
 
 import os
+import shlex
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from pipeline import formats
 from pipeline.arm.model import planar_tools
 from pipeline.arm.urdf import SINGLE, read_urdf
 from pipeline.core.bounds import Reading, Sandbox, read_whole, within
+from pipeline.core.columns import members
 from pipeline.core.errors import ConfigError, PipelineError, RecordingError
 from pipeline.formats import rosbag
 from pipeline.formats.delimited import foreign
@@ -58,7 +60,13 @@ def run(place: Path, reading: Sequence[str], json: bool = False) -> None:
     """Print the findings as a table or as JSON."""
     bounds = Reading(**dict(word.partition("=")[::2] for word in reading))
     findings = within(bounds, inspect, place)
-    print(as_json(findings) if json else as_table(findings, place))
+    if json:
+        print(as_json(findings))
+        return
+    print(as_table(findings, place))
+    if place.is_dir():
+        command = f"python -m pipeline new-dataset NAME --from {shlex.quote(str(place))} --ask"
+        print(f"next: `{command}` describes these recordings as dataset NAME")
 
 
 def inspect(place: Path) -> list[Finding]:
@@ -182,9 +190,12 @@ def _add_motion(finding: Finding, form: Format) -> None:
 
 
 def _add_trajectory(finding: Finding, form: Format) -> None:
-    time = form.read(finding.file)["t"].to_numpy()
+    commanded = form.read(finding.file)
+    time = commanded["t"].to_numpy()
     finding.timed(time, digits=6)
     finding.facts["steps"] = len(time) - 1
+    finding.facts["commanded_joints"] = [*members(commanded, "q")]
+    finding.facts["commanded_rows"] = [*members(commanded, "x")]
 
 
 def _add_force(finding: Finding, form: Format) -> None:

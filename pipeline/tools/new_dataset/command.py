@@ -58,31 +58,34 @@ def run(
     draft = open_draft(name, folder, assigned)
     draft.fill(assigned, suggested, motion, ask)
     draft.write()
-    keys = draft.open_values()
-    if "joint_log.start" in keys and not draft.shown:
+    open_keys = draft.open_values()
+    if "joint_log.start" in open_keys and not draft.shown:
         try:
             draft.show_motions()
             print("new-dataset: --motion NUMBER selects one of these motions")
         except PipelineError as error:
             print(f"new-dataset: {error}")
-    if keys:
+    if open_keys:
+        print(f"new-dataset: {len(open_keys)} values are open: {', '.join(open_keys)}")
         print(
-            f"new-dataset: {len(keys)} values are open: {', '.join(keys)}; edit the two files, or "
-            f"run `new-dataset {name}` with --set, --suggested, --motion or --ask"
+            f"next: `python -m pipeline new-dataset {name} --ask` asks for each of them; "
+            "--set, --suggested and --motion, or an editor, fill them in too"
         )
-    print(
-        f"new-dataset: set `dataset: {name}` in params.yaml, and run `python -m pipeline check`"
-    )
+    else:
+        print(
+            f"next: `python -m pipeline check {name}` reads all files as the stages do"
+        )
 
 
 def assigned_values(words: Sequence[str]) -> dict[str, str]:
     """Return key → value of --set; ConfigError for a word without =."""
+    assigned = {}
     for word in words:
-        if "=" not in word:
+        key, equals, value = word.partition("=")
+        if not equals:
             raise ConfigError(f"--set takes KEY=VALUE, not {word!r}")
-    return {
-        key.strip(): value for key, _, value in (word.partition("=") for word in words)
-    }
+        assigned[key.strip()] = value
+    return assigned
 
 
 def command_with(words: str, values: Mapping[str, str]) -> str:
@@ -98,7 +101,7 @@ def command_with(words: str, values: Mapping[str, str]) -> str:
 
 def open_draft(name: str, folder: Path | None, assigned: Mapping[str, str]) -> "Draft":
     """Return a draft of the dataset's two files from the recordings in ``folder``, read with the
-    ``assigned`` URDF; without ``folder``, from the files.
+    ``assigned`` values; without ``folder``, from the files.
 
     Raises ConfigError or RecordingError for an invalid name or folder, and for files that would be
     overwritten.
@@ -108,56 +111,70 @@ def open_draft(name: str, folder: Path | None, assigned: Mapping[str, str]) -> "
             "there is no params.yaml here; run the pipeline from the project's root"
         )
     require_dataset_name(name)
-    files = dataset_files(name)
     if folder is None:
-        if missing := [file for file in files if not file.is_file()]:
-            message = "there is no such dataset; make it with --from FOLDER"
-            raise ConfigError(message, file=missing[0])
-        text = BETWEEN.join(file.read_text(encoding="utf-8").rstrip() for file in files)
-        values = values_of(text, name)
-        folder = Path(values.get("recordings", ""))
-        stated = {
-            key: value
-            for key in LOG_FILES
-            if (value := get_filled(values, f"joint_log.{key}")) is not None
-        }
-        stated |= _stated_files(assigned)
-        return Draft(name, text, layout(inspect(folder), folder, stated), folder)
+        return _existing_draft(name, assigned)
     if not folder.is_dir():
         raise RecordingError("there is no such folder", file=folder)
-    for file in filter(Path.exists, (*files, files[0].with_name("dvc.yaml"))):
-        message = (
-            "this file exists and is not overwritten; choose another name, or leave out"
-        )
-        raise ConfigError(f"{message} --from to fill in open values", file=file)
-    recorded = layout(inspect(folder), folder, _stated_files(assigned))
-    known = entries(
-        name, recorded, folder, {"robot": {"urdf": assigned.get("robot.urdf")}}
-    )
-    sections = {key.partition(".")[0] for key in known}
-    known |= {
-        key: template.Entry() for key in assigned if key.partition(".")[0] in sections
-    }
-    text = template.fill_template(_read("template", name), known)
+    sheet, option_file = dataset_files(name)
+    for file in (sheet, option_file, sheet.with_name("dvc.yaml")):
+        if file.exists():
+            message = (
+                "this file exists and is not overwritten; choose another name, or leave out "
+                "--from to fill in open values"
+            )
+            raise ConfigError(message, file=file)
+    return _new_draft(name, folder, assigned)
+
+
+def _existing_draft(name: str, assigned: Mapping[str, str]) -> "Draft":
+    """Return the draft of the files of the dataset ``name``."""
+    texts = []
+    for file in dataset_files(name):
+        if not file.is_file():
+            message = "there is no such dataset; make it with --from FOLDER"
+            raise ConfigError(message, file=file)
+        texts.append(file.read_text(encoding="utf-8").rstrip())
+    text = BETWEEN.join(texts)
+    values = values_of(text, name)
+    folder = Path(values.get("recordings", ""))
+    stated = {key: get_filled(values, f"joint_log.{key}") for key in LOG_FILES}
+    stated = {key: value for key, value in stated.items() if value is not None}
+    stated |= _stated(assigned, "joint_log", LOG_FILES)
+    return Draft(name, text, layout(inspect(folder), folder, stated), folder)
+
+
+def _new_draft(name: str, folder: Path, assigned: Mapping[str, str]) -> "Draft":
+    """Return the template with the values that the recordings in ``folder`` state."""
+    stated = _stated(assigned, "joint_log", LOG_FILES)
+    recorded = layout(inspect(folder), folder, stated)
+    robot = _stated(assigned, "robot", ("urdf", "plane", "joints"))
+    stated_entries = entries(name, recorded, folder, {"robot": robot})
+    sections = {key.partition(".")[0] for key in stated_entries}
+    for key in assigned:
+        if key.partition(".")[0] in sections:
+            stated_entries[key] = template.Entry()
+    text = template.fill_template(_read("template", name), stated_entries)
     if count := len(recorded.unplaced):
-        files = [
-            printable_path(one.file, folder) for one in recorded.unplaced[:UNPLACED]
-        ]
-        listed = f"# {count} not placed: {', '.join(map(template.text_of, files))}"
-        text = text.replace(BETWEEN, f"\n{listed}{BETWEEN}", 1)
+        listed = []
+        for finding in recorded.unplaced[:UNPLACED]:
+            listed.append(template.text_of(printable_path(finding.file, folder)))
+        note = f"# {count} not placed: {', '.join(listed)}"
+        text = text.replace(BETWEEN, f"\n{note}{BETWEEN}", 1)
         print(
             f"new-dataset: {count} files not placed, named in the datasheet; see inspect"
         )
     return Draft(name, text, recorded, folder)
 
 
-def _stated_files(assigned: Mapping[str, str]) -> dict[str, Any]:
-    """Return key → value of the ``assigned`` files and columns of joint logs."""
-    stated = {}
-    for key in LOG_FILES:
-        if f"joint_log.{key}" in assigned:
-            stated[key] = parse_yaml(assigned[f"joint_log.{key}"])
-    return stated
+def _stated(
+    assigned: Mapping[str, str], section: str, keys: Sequence[str]
+) -> dict[str, Any]:
+    """Return key → value of those ``keys`` of a ``section`` that are ``assigned``."""
+    values = {}
+    for key in keys:
+        if f"{section}.{key}" in assigned:
+            values[key] = parse_yaml(assigned[f"{section}.{key}"])
+    return values
 
 
 def require_dataset_name(name: str) -> None:
@@ -203,32 +220,34 @@ class Draft:
 
     def open_values(self) -> dict[str, str]:
         """Return key → comment of every ???, in the order of the files."""
-        return {
-            key: parts["hint"] or ""
-            for _, key, parts in template.keyed_lines(self.text)
-            if parts is not None and OPEN in (parts["value"] or "")
-        }
+        comments = {}
+        for _, key, parts in template.keyed_lines(self.text):
+            if parts is not None and OPEN in (parts["value"] or ""):
+                comments[key] = parts["hint"] or ""
+        return comments
 
     def proposals(self) -> dict[str, str]:
         """Return key → suggestion of every ???, else the first word of its choices or its name."""
-        known, proposed = self._entries(), {}
+        proposed = {}
         for key in self.open_values():
-            entry = known.get(key, template.Entry())
+            entry = self._entries().get(key, template.Entry())
             choices = entry.note.removeprefix("one of ").split(", ")
-            first = choices[0] if entry.note.startswith("one of ") else ""
-            word = key.rpartition(".")[2].upper()
-            proposed[key] = entry.text or first or word
+            if entry.text:
+                proposed[key] = entry.text
+            elif entry.note.startswith("one of "):
+                proposed[key] = choices[0]
+            else:
+                proposed[key] = key.rpartition(".")[2].upper()
         return proposed
 
     def choices(self) -> list[str]:
         """Return the notes of the ??? that have one, behind their keys."""
-        known = self._entries()
-        keys = [key for key in self.open_values() if key in known and known[key].note]
-        return [f"{key}: {known[key].note}" for key in keys]
-
-    def answer(self, key: str, value: str) -> None:
-        """Set ``key`` to ``value``; see :meth:`assign`."""
-        self.assign({key: value})
+        notes = []
+        for key in self.open_values():
+            entry = self._entries().get(key, template.Entry())
+            if entry.note:
+                notes.append(f"{key}: {entry.note}")
+        return notes
 
     def assign(self, values: Mapping[str, str]) -> None:
         """Set each key to its value (YAML, else text), all together. Raises ConfigError, without
@@ -249,41 +268,51 @@ class Draft:
     def fill(
         self,
         assigned: Mapping[str, str],
-        suggested=False,
+        suggested: bool = False,
         motion: int | None = None,
-        ask=False,
+        ask: bool = False,
     ) -> None:
         """Fill in the ``assigned`` values (key such as robot.tool → YAML); if ``suggested``, all
         suggestions without a fault; the values of the motion with the printed number ``motion``; if
         ``ask``, answers from the terminal. Raises ConfigError for an invalid answer.
         """
         self.assign(assigned)
-        while suggested:  # repeat, since a suggestion may depend on another one
-            before = self.open_values()
-            for key, entry in self._entries().items():
-                if key in before and entry.text:
-                    with suppress(PipelineError):
-                        self.answer(key, entry.text)
-                        print(
-                            f"suggestion accepted: {key}: {get_filled(self.values(), key)}"
-                        )
-            suggested = self.open_values() != before
+        self._accept(suggested)
         if motion is not None:
             self._choose_motion(self.show_motions(), str(motion))
         if ask:
             with suppress(EOFError, KeyboardInterrupt):
                 self._ask()
 
+    def _accept(self, suggested: bool = False) -> None:
+        """Fill in the open values that the recordings and the filled-in values determine, and those
+        that are ``suggested``. A value may determine another one.
+        """
+        accepted = True
+        while accepted:
+            accepted = False
+            open_keys = self.open_values()
+            for key, entry in self._entries().items():
+                wanted = entry.text and (entry.certain or suggested)
+                if key in open_keys and wanted:
+                    with suppress(PipelineError):
+                        self.assign({key: entry.text})
+                        accepted = True
+                        source = (
+                            "determined" if entry.certain else "suggestion accepted"
+                        )
+                        print(f"{source}: {key}: {get_filled(self.values(), key)}")
+
     def write(self) -> None:
         """Write the files, and the inventory of recordings that are outside of the datasheet's
         folder.
         """
-        texts = dict(
-            zip(dataset_files(self.name), self.text.split(BETWEEN, 1), strict=True)
-        )
-        inventory = next(iter(texts)).with_name("dvc.yaml")
-        outside = inventory.parent.resolve() not in self.folder.resolve().parents
-        if outside and not inventory.exists():
+        sheet, option_file = dataset_files(self.name)
+        sheet_text, option_text = self.text.split(BETWEEN, 1)
+        texts = {sheet: sheet_text, option_file: option_text}
+        inventory = sheet.with_name("dvc.yaml")
+        inside = sheet.parent.resolve() in self.folder.resolve().parents
+        if not inside and not inventory.exists():
             texts[inventory] = _read("inventory", self.name)
         for file, text in texts.items():
             contracts.write_text(f"{text.rstrip()}\n", file)
@@ -294,8 +323,8 @@ class Draft:
 
     def show_motions(self) -> list[FoundMotion]:
         """Print the motions in the logs, numbered from 1, and return them."""
-        offered = motions_in_logs(self.values())
         self.shown = True
+        offered = motions_in_logs(self.values())
         if not offered:
             raise ConfigError(
                 "the logs have no motion from rest to rest and no repeated motion"
@@ -306,55 +335,68 @@ class Draft:
             print(MOTION.render(number=number, m=motion, counts=counts, **ends))
         return offered
 
-    def _choose_motion(self, offered: list[FoundMotion], number: str) -> None:
-        if number not in map(str, range(1, len(offered) + 1)):
+    def _choose_motion(self, offered: Sequence[FoundMotion], number: str) -> None:
+        """Fill in the values of the motion with the printed ``number``."""
+        numbers = [str(n) for n in range(1, len(offered) + 1)]
+        if number not in numbers:
             raise ConfigError(
                 f"there is no motion {number}; choose 1 to {len(offered)}"
             )
-        motion = offered[int(number) - 1]
+        motion = offered[numbers.index(number)]
         rest = motion.rest(self.values()["motion"]["rate"])
-        ends = _round(motion.start, 4), _round(motion.end, 4)
-        for key, value in zip(
-            KEYS, (motion.steps + 2 * rest, *ends, rest), strict=True
-        ):
+        start, end = _round(motion.start, 4), _round(motion.end, 4)
+        values = (motion.steps + 2 * rest, start, end, rest)
+        for key, value in zip(KEYS, values, strict=True):
             if key in self.open_values():
-                self.answer(key, str(value))
+                self.assign({key: str(value)})
 
     def _ask(self) -> None:
         """Ask for the open values one by one, the robot first, the motion by its number last. An
         empty answer accepts the suggestion, else leaves ???.
         """
         others = [key for key in self.open_values() if key not in KEYS]
-        for key in sorted(others, key=lambda one: one[:6] != "robot."):
+        for key in sorted(others, key=lambda key: not key.startswith("robot.")):
             self._ask_value(key)
         if self.open_values().keys() & {*KEYS}:
             try:
-                choose = partial(self._choose_motion, self.show_motions())
-                print(f"\nmotion: number, or nothing to enter {', '.join(KEYS)}")
-                _accept_answer(choose, "")
+                offered = self.show_motions()
             except PipelineError as error:
                 print(f"! {error}")
+                return
+            print(f"\nmotion: number, or nothing to enter {', '.join(KEYS)}")
+            suggested = "1" if len(offered) == 1 else ""
+            _accept_answer(partial(self._choose_motion, offered), suggested)
         for key in KEYS:
             self._ask_value(key)
 
     def _ask_value(self, key: str) -> None:
-        if key in (hints := self.open_values()):
-            entry = self._entries().get(key, template.Entry())
-            note = "" if entry.note in hints[key] else entry.note
-            print("; ".join(filter(None, [f"\n{key}: {hints[key]}", note])))
-            _accept_answer(partial(self.answer, key), entry.text)
+        """Ask for the value of a ``key`` if it is open, and fill in what the answer determines."""
+        hints = self.open_values()
+        if key not in hints:
+            return
+        entry = self._entries().get(key, template.Entry())
+        hint = template.SUGGESTED.sub("", hints[key])  # the prompt shows the suggestion
+        words = [f"\n{key}: {hint}"]
+        if entry.note and entry.note not in hint:
+            words.append(entry.note)
+        print("; ".join(words))
+        _accept_answer(lambda value: self.assign({key: value}), entry.text)
+        self._accept()
 
 
 def _accept_answer(accept: Callable[[str], None], suggested: str) -> None:
     """Prompt until ``accept`` raises no error, or until there is no answer."""
-    while (
-        answer := input(f"[{suggested}] " if suggested else "? ").strip() or suggested
-    ):
+    while True:
+        prompt = f"[{suggested}] " if suggested else "? "
+        answer = input(prompt).strip() or suggested
+        if not answer:
+            return
         try:
             return accept(answer)
         except PipelineError as error:
             print(f"! {error}")
-            suggested *= answer != suggested
+            if answer == suggested:
+                suggested = ""
 
 
 def motions_in_logs(values: dict[str, Any]) -> list[FoundMotion]:
@@ -367,21 +409,14 @@ def motions_in_logs(values: dict[str, Any]) -> list[FoundMotion]:
         raise ConfigError(
             "the dataset has no joint_log, so that no motions can be found"
         )
-    ends, needed = (
-        [0.0] * len(values["robot"]["joints"]),
-        ("name", "recordings", "robot"),
-    )
-    log = values["joint_log"] | {
-        "start": ends,
-        "end": ends,
-        "rest": 0,
-        "tolerance": 1.0,
-    }
-    motion = {"rate": values["motion"]["rate"], "steps": 1}
-    known = {"joint_log": log, "motion": motion} | {key: values[key] for key in needed}
-    if keys := ", ".join(unfilled_keys(known)):
-        raise ConfigError(f"to find the motions, first fill in {keys}")
-    dataset = validated(Dataset, known, "dataset")
+    needed = {key: values[key] for key in ("name", "recordings", "robot")}
+    ends = [0.0] * len(values["robot"]["joints"])
+    any_motion = {"start": ends, "end": ends, "rest": 0, "tolerance": 1.0}
+    needed["joint_log"] = values["joint_log"] | any_motion
+    needed["motion"] = {"rate": values["motion"]["rate"], "steps": 1}
+    if open_keys := ", ".join(unfilled_keys(needed)):
+        raise ConfigError(f"to find the motions, first fill in {open_keys}")
+    dataset = validated(Dataset, needed, "dataset")
     offered = find_motions(read_movements(dataset), dataset.robot, dataset.motion.rate)
     regular = NEARLY * max((motion.least_singular for motion in offered), default=0.0)
 

@@ -3,7 +3,7 @@
 import glob
 import re
 from collections import Counter, defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from os.path import commonprefix
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -13,7 +13,7 @@ from pipeline.formats.format import Kind
 from pipeline.formats.joints.log import ANGLES
 from pipeline.recordings.inventory import take_name
 from pipeline.tools.inspect.command import DEPTH_TYPES
-from pipeline.tools.inspect.finding import ROBOT, Finding
+from pipeline.tools.inspect.finding import ROBOT, Finding, printable_path
 from pipeline.tools.inspect.joints import add_roles, describe_stated
 
 # kinds with one recording per dataset (FORCE: per configuration)
@@ -52,14 +52,15 @@ class RecordingLayout(NamedTuple):
         """Return the patterns of a section's takes."""
         return [*dict.fromkeys(take.pattern for take in self.of(section))]
 
+    def names(self, kind: str, folder: Path) -> list[str]:
+        """Return the printable paths of the files of a ``kind``, relative to the ``folder``."""
+        return [printable_path(one.file, folder) for one in self.single.get(kind, [])]
+
     def shared(self, fact: str) -> list[str]:
         """Return the names (``fact`` is markers or bodies) that all motion-capture takes have."""
         lists = [take.finding.facts[fact] for take in self.of("mocap")]
-        return (
-            [name for name in lists[0] if all(name in names for names in lists)]
-            if lists
-            else []
-        )
+        first = lists[0] if lists else []
+        return [name for name in first if all(name in names for names in lists)]
 
 
 def layout(
@@ -68,60 +69,91 @@ def layout(
     """Return the takes and the other recordings in ``folder``, with the ``stated`` files and
     columns of joint logs (key of the section joint_log → value).
     """
-    of: dict[str, list[Finding]] = defaultdict(list)
-    for one in findings:
-        if one.facts or not one.stops:  # its reader did not refuse it
-            of[one.kind].append(one)
-    motion = {one.file: one for one in of[Kind.MOTION] if "markers" in one.facts}
-    names, filmed = {path.stem for path in motion}, {}
-    for one in of[Kind.SEQUENCE]:
-        # take folder: named as a motion-capture take, else the folder of the index
-        parents = list(one.file.parents)[:3]
-        filmed[next((each for each in parents if each.name in names), parents[0])] = one
-    for one in of[Kind.BAG]:
-        if {kind for kind, _ in one.facts.get("topics", {}).values()} & {*DEPTH_TYPES}:
-            filmed[one.file] = one
-    logs = of[Kind.JOINTS] + [one for one in of[Kind.TABLE] if one.facts.get("timed")]
-    encoders = {one.file: one for one in logs if one.file.stem in names}
-    arrays = [one for one in of[Kind.JOINTS] if one.file not in encoders]
-    if stated and stated.get("signals"):
-        arrays = [describe_stated(one, stated) for one in arrays]
-    movements = {one.file: one for one in arrays}
-    # copies of tables as arrays of one signal are no logs
-    if not (motion or any("signals" in one.facts for one in of[Kind.JOINTS])):
-        movements = _movements(of[Kind.TABLE], folder, stated or {}) or movements
+    by_kind: dict[str, list[Finding]] = defaultdict(list)
+    for finding in findings:
+        if finding.facts or not finding.stops:  # its reader did not refuse it
+            by_kind[finding.kind].append(finding)
+
+    motion = {}
+    for finding in by_kind[Kind.MOTION]:
+        if "markers" in finding.facts:
+            motion[finding.file] = finding
+    take_names = {file.stem for file in motion}
+    timed = [table for table in by_kind[Kind.TABLE] if table.facts.get("timed")]
+    encoders = {}
+    for log in by_kind[Kind.JOINTS] + timed:
+        if log.file.stem in take_names:
+            encoders[log.file] = log
     sections = {
         "mocap": motion,
         "encoders": encoders,
-        "depth": filmed,
-        "joint_log": movements,
+        "depth": _depth_takes(by_kind, take_names),
+        "joint_log": _joint_logs(by_kind, folder, encoders, motion, stated or {}),
     }
-    takes = [
-        take
-        for section, own in sections.items()
-        for take in _placed(section, own, folder)
-    ]
-    single = {kind: of[kind] for kind in SINGLE if of[kind]}
-    placed = {one.file for kind in single.values() for one in kind}
-    placed |= {one.file for take in takes for one in take.files}
-    return RecordingLayout(
-        takes, single, [one for one in findings if one.file not in placed]
-    )
+    takes = []
+    for section, recorded in sections.items():
+        takes += _placed(section, recorded, folder)
+    single = {kind: by_kind[kind] for kind in SINGLE if by_kind[kind]}
+
+    placed = {finding.file for of_kind in single.values() for finding in of_kind}
+    placed |= {finding.file for take in takes for finding in take.files}
+    unplaced = [finding for finding in findings if finding.file not in placed]
+    return RecordingLayout(takes, single, unplaced)
+
+
+def _depth_takes(
+    by_kind: Mapping[str, list[Finding]], take_names: Container[str]
+) -> dict[Path, Finding]:
+    """Return folder or bag → finding of the takes of a depth camera. The folder is the one named as
+    a motion-capture take, else the folder of the index.
+    """
+    filmed = {}
+    for sequence in by_kind[Kind.SEQUENCE]:
+        parents = list(sequence.file.parents)[:3]
+        named = [parent for parent in parents if parent.name in take_names]
+        filmed[(named or parents)[0]] = sequence
+    for bag in by_kind[Kind.BAG]:
+        types = {kind for kind, _ in bag.facts.get("topics", {}).values()}
+        if types & {*DEPTH_TYPES}:
+            filmed[bag.file] = bag
+    return filmed
+
+
+def _joint_logs(
+    by_kind: Mapping[str, list[Finding]],
+    folder: Path,
+    encoders: Container[Path],
+    motion: Mapping[Path, Finding],
+    stated: Mapping[str, Any],
+) -> dict[Path, Finding]:
+    """Return path → finding of the movements: of arrays, or of tables where no file of arrays names
+    its signals (copies of tables as arrays of one signal are no logs).
+    """
+    arrays = [log for log in by_kind[Kind.JOINTS] if log.file not in encoders]
+    if stated.get("signals"):
+        arrays = [describe_stated(log, stated) for log in arrays]
+    movements = {log.file: log for log in arrays}
+    if motion or any("signals" in log.facts for log in by_kind[Kind.JOINTS]):
+        return movements
+    return _movements(by_kind[Kind.TABLE], folder, stated) or movements
 
 
 def _placed(
-    section: str, recorded: dict[Path, Finding], folder: Path
-) -> Iterator[PlacedTake]:
-    """Yield the takes of a section, sorted by pattern. If every pattern would match one take, and a
-    shared pattern all takes, the shared one is used.
+    section: str, recorded: Mapping[Path, Finding], folder: Path
+) -> list[PlacedTake]:
+    """Return the takes of a section, sorted by pattern. If every pattern would match one take, and
+    a shared pattern all takes, the shared one is used.
     """
     patterns = {path: _pattern(path.relative_to(folder)) for path in recorded}
-    alone = len({*patterns.values()}) == len(recorded) > 1
-    if alone and (one := shared_pattern([*recorded], folder)):
-        patterns = dict.fromkeys(recorded, one)
+    if len({*patterns.values()}) == len(recorded) > 1:
+        if shared := shared_pattern([*recorded], folder):
+            patterns = dict.fromkeys(recorded, shared)
+    takes = []
     for path in sorted(recorded, key=patterns.get):
-        name = take_name(path, folder, patterns[path])
-        yield PlacedTake(section, patterns[path], name, path, recorded[path])
+        pattern = patterns[path]
+        name = take_name(path, folder, pattern)
+        takes.append(PlacedTake(section, pattern, name, path, recorded[path]))
+    return takes
 
 
 def _pattern(path: Path) -> str:
@@ -140,10 +172,10 @@ def shared_pattern(paths: Sequence[Path], folder: Path) -> str | None:
     start = commonprefix(names)  # noqa: RUF071 - letter by letter
     rests = [name[len(start) :] for name in names]
     end = commonprefix([rest[::-1] for rest in rests])[::-1]  # noqa: RUF071
-    pattern = (f"{start}*{end}" if any(rests) else start).replace("**", "*")
-    matched = {
-        path for path in folder.glob(pattern) if path.is_dir() == paths[0].is_dir()
-    }
+    pattern = f"{start}*{end}" if any(rests) else start
+    pattern = pattern.replace("**", "*")
+    folders = paths[0].is_dir()
+    matched = {path for path in folder.glob(pattern) if path.is_dir() == folders}
     return pattern if matched == {*paths} else None
 
 
@@ -157,23 +189,30 @@ def _movements(
     whole = {}
     for table in tables:
         if _has_both(table, stated):
-            told = bool(stated.get("signals"))
-            whole[table.file] = describe_stated(table, stated) if told else table
-    if whole:
-        return whole
-    if paired := _paired_tables(tables, folder, stated):
-        return paired
+            restated = (
+                describe_stated(table, stated) if stated.get("signals") else table
+            )
+            whole[table.file] = restated
+    return (
+        whole
+        or _paired_tables(tables, folder, stated)
+        or _folders_of_equal_names(tables, folder)
+    )
+
+
+def _folders_of_equal_names(tables: list[Finding], folder: Path) -> dict[Path, Finding]:
+    """Return folder → movement of the folders that hold the most frequent names of tables."""
     folders: dict[Path, dict[str, Finding]] = defaultdict(dict)
     for table in tables:
         if table.file.parent != folder:
             folders[table.file.parent][table.file.name] = table
-    alike = Counter(
-        tuple(sorted(names)) for names in folders.values() if len(names) > 1
-    )
-    usual = [names for names, _ in alike.most_common(1)]
+    counts = Counter(frozenset(names) for names in folders.values() if len(names) > 1)
+    if not counts:
+        return {}
+    ((usual, _),) = counts.most_common(1)
     movements = {}
     for path, inside in folders.items():
-        if [tuple(sorted(inside))] == usual:
+        if inside.keys() == usual:
             movements[path] = _movement(path, inside)
     return movements
 
@@ -187,12 +226,13 @@ def _has_both(table: Finding, stated: Mapping[str, Any]) -> bool:
     """Return whether one ``table`` has measured and commanded angles, or the ``stated`` columns."""
     signals = stated.get("signals")
     if isinstance(signals, dict) and "actual" not in stated:
-        columns = [column for names in signals.values() for column in names or ()]
-        width, labels = table.facts.get("columns", 0), table.facts.get("labels", [])
-        plain = {*labels, *map(bare, labels), *range(width)}
-        return bool(columns) and {*columns} <= plain
-    guessed = {*re.findall("(actual|target): ", table.suggested.get("signals", ""))}
-    return {"actual", "target"} <= {*table.facts.get("signals", ())} | guessed
+        columns = {column for names in signals.values() for column in names or ()}
+        labels = table.facts.get("labels", [])
+        numbers = range(table.facts.get("columns", 0))
+        return bool(columns) and columns <= {*labels, *map(bare, labels), *numbers}
+    suggested = table.suggested.get("signals", "")
+    guessed = re.findall("(actual|target): ", suggested)
+    return {*ANGLES} <= {*table.facts.get("signals", ()), *guessed}
 
 
 def _paired_tables(
@@ -201,29 +241,40 @@ def _paired_tables(
     """Return path → movement of tables of one signal each: a folder with one movement, or the file
     of its measured angles. The words of the signals are the ``stated`` ones, else by the names.
     """
-    by_file = {table.file: table for table in tables}
-    groups: dict[Path, dict[str, Finding]] = defaultdict(dict)
-    for table in tables:
-        if "actual" in stated and "target" in stated:
-            for role, name in _stated_roles(table.file, stated).items():
-                if name in by_file:
-                    groups[table.file][role] = by_file[name]
-            if {*ANGLES} <= {*groups[table.file]}:
-                add_roles(groups[table.file], {})
-        elif "role" in table.facts:
-            groups[Path(table.facts["movement"])][table.facts["role"]] = table
-    groups = {file: roles for file, roles in groups.items() if {*ANGLES} <= {*roles}}
+    groups = _tables_by_role(tables, stated)
     count = Counter(file.parent for file in groups)
     movements = {}
     for file, roles in groups.items():
         alone = count[file.parent] == 1 and file.parent != folder
+        by_name = {table.file.name: table for table in roles.values()}
+        movement = _movement(file.parent if alone else file, by_name)
         names = {role: table.file.name for role, table in roles.items()}
-        words = names if alone else _differing_words(names)
-        finding = _movement(file.parent if alone else file, {})
-        finding.facts["tables"] = {table.file.name: table for table in roles.values()}
-        finding.facts["words"] = words
-        movements[finding.file] = finding
+        movement.facts["words"] = names if alone else _differing_words(names)
+        movements[movement.file] = movement
     return movements
+
+
+def _tables_by_role(
+    tables: list[Finding], stated: Mapping[str, Any]
+) -> dict[Path, dict[str, Finding]]:
+    """Return file of measured angles → role → table, of movements with commanded angles too."""
+    by_file = {table.file: table for table in tables}
+    groups: dict[Path, dict[str, Finding]] = defaultdict(dict)
+    if "actual" in stated and "target" in stated:
+        for table in tables:
+            for role, file in _stated_roles(table.file, stated).items():
+                if file in by_file:
+                    groups[table.file][role] = by_file[file]
+    else:
+        for table in tables:
+            if "role" in table.facts:
+                movement = Path(table.facts["movement"])
+                groups[movement][table.facts["role"]] = table
+    paired = {file: roles for file, roles in groups.items() if {*ANGLES} <= {*roles}}
+    if "actual" in stated and "target" in stated:
+        for roles in paired.values():
+            add_roles(roles, {})
+    return paired
 
 
 def _stated_roles(file: Path, stated: Mapping[str, Any]) -> dict[str, Path]:
@@ -233,31 +284,33 @@ def _stated_roles(file: Path, stated: Mapping[str, Any]) -> dict[str, Path]:
     actual = stated["actual"]
     if actual not in file.name:
         return {}
-    words = {
-        role: stated[role] for role in (*ANGLES, "speed", "time") if role in stated
-    }
-    return {
-        role: file.parent / file.name.replace(actual, word, 1)
-        for role, word in words.items()
-        if isinstance(word, str)
-    }
+    files = {}
+    for role in (*ANGLES, "speed", "time"):
+        word = stated.get(role)
+        if isinstance(word, str):
+            files[role] = file.with_name(file.name.replace(actual, word, 1))
+    return files
 
 
 def _differing_words(names: Mapping[str, str]) -> dict[str, str]:
     """Return role → the words in which the file ``names`` of a movement differ."""
     split = {role: re.split(r"([^A-Za-z0-9]+)", name) for role, name in names.items()}
     shortest = min(map(len, split.values()))
-    before = 0
-    while before < shortest and len({words[before] for words in split.values()}) == 1:
-        before += 1
-    after = 0
-    while after < shortest - before:
-        if len({words[-1 - after] for words in split.values()}) > 1:
-            break
-        after += 1
+    before = _count_equal(split.values(), range(shortest))
+    after = _count_equal(split.values(), range(-1, before - shortest - 1, -1))
     if shortest == before + after:  # q.csv beside q_target.csv
         before -= 1
-    return {
-        role: "".join(words[before : len(words) - after])
-        for role, words in split.items()
-    }
+    words = {}
+    for role, parts in split.items():
+        words[role] = "".join(parts[before : len(parts) - after])
+    return words
+
+
+def _count_equal(lists: Iterable[Sequence[str]], places: Iterable[int]) -> int:
+    """Return at how many of the first ``places`` all ``lists`` have equal elements."""
+    count = 0
+    for place in places:
+        if len({words[place] for words in lists}) > 1:
+            break
+        count += 1
+    return count

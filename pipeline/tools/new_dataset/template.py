@@ -2,7 +2,7 @@
 
 import json
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from typing import Any, NamedTuple
 
@@ -15,6 +15,7 @@ LINE = re.compile(
     r'(?: (?P<value>"(?:[^"\\]|\\.)*"|[^#].*?))?(?: # (?P<hint>.*))?'
 )
 SUGGESTED = re.compile("suggested is [^;]*; ")
+PLAIN = re.compile(r"[A-Za-z_.][\w./*-]*", re.ASCII)
 
 
 class Entry(NamedTuple):
@@ -30,15 +31,35 @@ class Entry(NamedTuple):
         return self.value if isinstance(self.value, str) else ""
 
 
+Entries = dict[str, Entry]
+
+
+def suggestion(note: str, value: str | None = None) -> Entry:
+    """Return a value that only a person can confirm, with the ``note`` of its reason."""
+    return Entry(value, note, certain=False)
+
+
+def choice_of(choices: Iterable[str], suggested: str | None = None) -> Entry:
+    """Return the only one of the ``choices``, else a note that lists all ``choices``."""
+    listed = [text_of(choice) for choice in choices]
+    if len(listed) == 1:
+        return Entry(listed[0])
+    note = f"one of {', '.join(listed)}" if listed else ""
+    return suggestion(note, suggested)
+
+
+def list_of_names(names: Iterable[str]) -> str:
+    """Return the ``names`` as the inside of a YAML list."""
+    return ", ".join(text_of(name) for name in names)
+
+
 def text_of(text: str | int) -> str:
     """Return ``text`` as YAML, quoted if YAML could read another value; a number as it is."""
     if not isinstance(text, str):
         return str(text)
-    plain = (
-        re.fullmatch(r"[A-Za-z_.][\w./*-]*", text, re.ASCII)
-        and parse_yaml(text) == text
-    )
-    return text if plain else json.dumps(text, ensure_ascii=False)
+    if PLAIN.fullmatch(text) and parse_yaml(text) == text:
+        return text
+    return json.dumps(text, ensure_ascii=False)
 
 
 def yaml_of(value: str) -> str:

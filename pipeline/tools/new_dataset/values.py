@@ -2,27 +2,38 @@
 
 import re
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Mapping, Sequence
-from functools import cache
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from os.path import relpath
 from pathlib import Path
 from typing import Any
 
-from pipeline.arm.urdf import LIMITED, SINGLE
+from pipeline.arm.urdf import LIMITED
 from pipeline.configuration.datasheet import OPEN, get_filled
 from pipeline.core.typed_yaml import parse_yaml
 from pipeline.formats.delimited import ANGLE_UNITS, TIME_UNITS, spelled
 from pipeline.formats.format import Kind
 from pipeline.formats.joints.names import match_joints, states_joints
-from pipeline.recordings.commands import UNFILLED, named_joints
-from pipeline.tools.inspect.command import describe_file
-from pipeline.tools.inspect.finding import ROBOT, Finding, printable_path
+from pipeline.recordings.commands import named_joints
+from pipeline.tools.inspect.finding import Finding, printable_path
 from pipeline.tools.new_dataset.layout import (
     PlacedTake,
     RecordingLayout,
     shared_pattern,
 )
-from pipeline.tools.new_dataset.template import Entry, text_of
+from pipeline.tools.new_dataset.robot import (
+    movable_joints,
+    robot_entries,
+    urdf_facts,
+    urdf_of,
+)
+from pipeline.tools.new_dataset.template import (
+    Entries,
+    Entry,
+    choice_of,
+    list_of_names,
+    suggestion,
+    text_of,
+)
 
 KEYS = (
     "motion.steps",
@@ -30,7 +41,6 @@ KEYS = (
     "joint_log.end",
     "joint_log.rest",
 )  # keys of a motion
-SPACE = 6  # number of coordinates of a pose
 PLACE = f"{OPEN} # [x, y, z]"
 NEAR = 0.01  # rad, greatest excess of an angle over a joint's limit
 CABLE = {
@@ -38,377 +48,380 @@ CABLE = {
     "tension": f"{OPEN} # N, [first cable, second, …]",
     "direction_bounds": "[0.0, 6.283185307179586] # rad, [least, greatest]; narrow it, as set up",
 }
-EVEN = Entry("null", "null: rows are evenly spaced at motion.rate", certain=False)
+EVEN = suggestion("null: rows are evenly spaced at motion.rate", "null")
 UNITS = {"time_unit": TIME_UNITS, "angle_unit": ANGLE_UNITS}
-account_of = cache(describe_file)
-Entries = dict[str, Entry]
-
-
-def _suggestion(note: str, value: str | None = None) -> Entry:
-    return Entry(value, note, certain=False)
-
-
-def _one_of(choices: Iterable[str], suggested: str | None = None) -> Entry:
-    """Return the only one of the ``choices``, else a note that lists all ``choices``."""
-    listed = [*map(text_of, choices)]
-    note = f"one of {', '.join(listed)}" * bool(listed)
-    return Entry(listed[0]) if len(listed) == 1 else _suggestion(note, suggested)
-
-
-def _consensus(takes: Iterable[PlacedTake], fact: str) -> Entry:
-    """Return the number that all recordings state, else ???."""
-    stated = {take.finding.facts.get(fact) for take in takes}
-    return Entry(
-        f"{stated.pop():.10g}" if len(stated) == 1 and None not in stated else None
-    )
-
-
-def _name_list(names: Iterable[str]) -> str:
-    return ", ".join(map(text_of, names))
+LICENCE_FILE = re.compile("licen[cs]e|copying", re.IGNORECASE)
+LICENCE_LINES = 20  # of a file of terms, among which its title is
+MARKER_NUMBER = re.compile(r"[_:. -]*(\d+|[A-Za-z]|[Mm]arker ?\d+)$")
 
 
 def entries(
     name: str, recorded: RecordingLayout, folder: Path, values: Mapping[str, Any]
 ) -> Entries:
     """Return key → entry of dataset ``name``, from recordings, URDF and filled-in ``values``."""
-    takes, depth = recorded.of("mocap"), recorded.of("depth")
-    logs = [log for take in recorded.of("joint_log") for log in take.files]
-    force, robots = (recorded.single.get(kind, []) for kind in (Kind.FORCE, ROBOT))
-    trajectories, calibrations, cameras = (
-        [printable_path(one.file, folder) for one in recorded.single.get(kind, [])]
-        for kind in (Kind.TRAJECTORY, Kind.CALIBRATION, Kind.INTRINSICS)
-    )
-    links = _links_of(recorded.shared("markers"))
-    # rigid bodies track the links if no marker names match three links, and there is no depth
-    # camera, which requires a planar arm
-    bodies = [] if depth or links else recorded.shared("bodies")
-    only = str(robots[0].file.resolve()) if len(robots) == 1 else UNFILLED
-    urdf = get_filled(values, "robot.urdf") or only
-    facts = {} if urdf == UNFILLED else account_of(Path(urdf)).facts
-    robot = _robot(facts, bool(depth or (takes and not bodies)))
-    if only != UNFILLED:
-        robot["robot.urdf"] = Entry(text_of(Path(relpath(urdf)).as_posix()))
-    found = {
-        "mocap": takes and _mocap(recorded, links, bodies),
-        "encoders": recorded.of("encoders") and _encoders(recorded),
-        "depth": depth and _depth(depth, recorded.patterns("depth"), cameras),
-        "force": force and _force(force, calibrations, folder),
-        "joint_log": logs and _joint_log(recorded, folder, urdf, robot, facts),
-        "motion": {
-            "rate": _rate(takes, logs, get_filled(values, "joint_log.time_unit"))
-        },
-    }
-    found = {
-        f"{part}.{k}": one
-        for part, known in found.items()
-        for k, one in dict(known).items()
-    }
-    kept, asked = {key.partition(".")[0] for key in found}, _questions(recorded)
-    for key in asked:
-        known = found.get(key, Entry())
-        if key.partition(".")[0] in kept and (known.value is None or not known.certain):
-            found[key] = asked[key]
-    near = Path(relpath(folder.resolve()))  # in the project or beside it
-    place = folder.resolve() if ".." in near.parts[1:] else near
-    found |= {"name": Entry(text_of(name)), "recordings": Entry(text_of(str(place)))}
-    for file in sorted(folder.glob("*")):
-        if re.match("(?i)licen[cs]e|copying", file.name) and file.is_file():
-            lines = file.read_text(errors="replace").splitlines()[:20]
-            words = [" ".join(line.split()) for line in lines if line.strip()]
-            found["about.licence"] = _suggestion("", text_of(", ".join(words[:2])))
+    urdf = urdf_of(recorded, values)
+    robot = robot_entries(recorded, urdf, values)
+    takes = recorded.of("mocap")
+    logs = _logs(recorded)
+    sections: dict[str, Entries] = {}
+    if takes:
+        sections["mocap"] = _mocap(recorded)
+    if recorded.of("encoders"):
+        sections["encoders"] = _encoders(recorded)
+    if recorded.of("depth"):
+        sections["depth"] = _depth(recorded, folder)
+    if Kind.FORCE in recorded.single:
+        sections["force"] = _force(recorded, folder)
+    if logs:
+        sections["joint_log"] = _joint_log(recorded, folder, urdf, robot)
+    time_unit = get_filled(values, "joint_log.time_unit")
+    sections["motion"] = {"rate": _rate(takes, logs, time_unit)}
+    found: Entries = {}
+    for section, of_section in sections.items():
+        for key, entry in of_section.items():
+            found[f"{section}.{key}"] = entry
+    for key, question in _questions(recorded).items():
+        entry = found.get(key, Entry())
+        settled = entry.certain and entry.value is not None
+        if key.partition(".")[0] in sections and not settled:
+            found[key] = question
+
+    found["name"] = Entry(text_of(name))
+    found["recordings"] = Entry(text_of(_place_of(folder)))
+    if terms := _first_lines_of_terms(folder):
+        found["about.licence"] = suggestion("", text_of(terms))
+    trajectories = recorded.names(Kind.TRAJECTORY, folder)
     if trajectories or takes:
-        found["trajectory"] = _one_of(trajectories)
+        found["trajectory"] = choice_of(trajectories)
     if recorded.of("encoders"):
         found["measurement"] = Entry("")
-    return found | {"motion.steps": _consensus(takes, "steps")} | robot
+    found["motion.steps"] = _consensus(takes, "steps")
+    return found | robot
+
+
+def _place_of(folder: Path) -> str:
+    """Return the path of a ``folder`` in the project or beside it, else the absolute path."""
+    near = Path(relpath(folder.resolve()))
+    return str(folder.resolve() if ".." in near.parts[1:] else near)
+
+
+def _first_lines_of_terms(folder: Path) -> str:
+    """Return the first two lines of the last file of terms in the ``folder``; "" without one."""
+    terms = ""
+    for file in sorted(folder.glob("*")):
+        if LICENCE_FILE.match(file.name) and file.is_file():
+            lines = file.read_text(errors="replace").splitlines()[:LICENCE_LINES]
+            lines = [" ".join(line.split()) for line in lines if line.strip()]
+            terms = ", ".join(lines[:2])
+    return terms
+
+
+def _logs(recorded: RecordingLayout) -> list[Finding]:
+    """Return the findings of all files of the joint logs."""
+    return [log for take in recorded.of("joint_log") for log in take.files]
+
+
+def _consensus(takes: Iterable[PlacedTake], fact: str) -> Entry:
+    """Return the number that all recordings state, else ???."""
+    stated = {take.finding.facts.get(fact) for take in takes}
+    if len(stated) != 1 or None in stated:
+        return Entry()
+    return Entry(f"{stated.pop():.10g}")
 
 
 def _rate(
     takes: Sequence[PlacedTake], logs: Sequence[Finding], unit: str | None
 ) -> Entry:
-    """Return the one rate of all recordings; a suggestion if no log states the unit of times."""
+    """Return the one rate of all recordings, with times in the filled-in ``unit``, else in the
+    suggested one; a suggestion if no log and no person states the unit of times.
+    """
     rates = {take.finding.rate for take in takes}
     with_roles = any("role" in log.facts for log in logs)
     for log in logs:
-        suggested, step = log.suggested.get("time_unit"), log.facts.get("step_of_time")
+        suggested = log.suggested.get("time_unit")
+        step = log.facts.get("step_of_time")
         second = TIME_UNITS.get(str(unit or suggested))
-        if log.rate:
-            rates.add(
-                log.rate
-                * (TIME_UNITS[suggested] / second if suggested and second else 1)
-            )
+        if log.rate and suggested and second:
+            rates.add(log.rate * (TIME_UNITS[suggested] / second))
+        elif log.rate:
+            rates.add(log.rate)
         elif step and second and ("role" in log.facts or not with_roles):
             rates.add(1 / (step * second))
     stated = {f"{rate:.4g}" for rate in rates if rate}
-    certain = not any("time_unit" in log.suggested for log in logs)
-    return Entry(stated.pop() if len(stated) == 1 else None, certain=certain)
+    guessed = unit is None and any("time_unit" in log.suggested for log in logs)
+    return Entry(stated.pop() if len(stated) == 1 else None, certain=not guessed)
 
 
 def _questions(recorded: RecordingLayout) -> Entries:
     """Return key → entry of the open questions, with a suggestion for all or per movement."""
-    asking = [
-        (take.name if take.section == "joint_log" else "", log)
-        for take in recorded.takes
-        for log in take.files * (take.section != "encoders")
-    ]
     notes: dict[str, str] = {}
     suggested: dict[str, dict[str, str]] = defaultdict(dict)
-    for name, log in asking + [
-        ("", one) for one in recorded.single.get(Kind.FORCE, [])
-    ]:
-        for question, option, value in log.open:
-            key = option.removeprefix("dataset.")
-            notes.setdefault(key, question)
-            if value is not None:
-                suggested[key].setdefault(name, value)
+    for movement, finding in _asking(recorded):
+        for question in finding.open:
+            key = question.option.removeprefix("dataset.")
+            notes.setdefault(key, question.question)
+            if question.suggested is not None:
+                suggested[key].setdefault(movement, question.suggested)
     found = {}
-    for key in [key for key in notes if key not in KEYS]:
-        values = suggested[key]
-        if key == "motion.pose_noise" and values:
-            value = max(values.values(), key=float)
-        elif len({*values.values()}) > 1:
-            value = f"{{{', '.join(f'{text_of(name)}: {one}' for name, one in values.items())}}}"
-        else:
-            value = next(iter(values.values()), None)
-        found[key] = _suggestion(notes[key], value)
+    for key, note in notes.items():
+        if key not in KEYS:
+            value = _common_suggestion(key, suggested[key])
+            found[key] = suggestion(note, value)
     return found
 
 
-def _links_of(names: list[str]) -> dict[str, list[str]]:
+def _asking(recorded: RecordingLayout) -> Iterator[tuple[str, Finding]]:
+    """Yield the findings with questions, each with the movement of a joint log, or ""."""
+    for take in recorded.takes:
+        movement = take.name if take.section == "joint_log" else ""
+        if take.section != "encoders":
+            for log in take.files:
+                yield movement, log
+    for log in recorded.single.get(Kind.FORCE, []):
+        yield "", log
+
+
+def _common_suggestion(key: str, by_movement: Mapping[str, str]) -> str | None:
+    """Return the value suggested for ``key``: the same for all movements, else one for each."""
+    if not by_movement:
+        return None
+    if key == "motion.pose_noise":
+        return max(by_movement.values(), key=float)
+    if len({*by_movement.values()}) == 1:
+        return next(iter(by_movement.values()))
+    pairs = [f"{text_of(name)}: {value}" for name, value in by_movement.items()]
+    return f"{{{', '.join(pairs)}}}"
+
+
+def _mocap(recorded: RecordingLayout) -> Entries:
+    """Return the entries of motion capture. Rigid bodies track the links if no names of markers
+    state three links, and there is no depth camera, which requires a planar arm.
+    """
+    found = _training_and_test(recorded, "mocap", Entry("null"))
+    names = recorded.shared("markers")
+    bodies = recorded.shared("bodies")
+    if links := _markers_by_link(names):
+        places = {link: dict.fromkeys(links[link], PLACE) for link in links}
+        found["markers"] = Entry(places)
+    elif bodies and not recorded.of("depth"):
+        mount = {"position": PLACE, "rpy": f"{OPEN} # rad"}
+        corners = f"{OPEN} # {{a: [x, y, z], b: …, c: …}}"
+        found["markers"] = Entry(dict.fromkeys(bodies, corners))
+        mounts = {body: {"name": text_of(body), "mount": mount} for body in bodies}
+        found["bodies"] = Entry(mounts)
+    else:
+        there = list_of_names(names) or "none in all takes"
+        note = f"{{link1: {{name: [x, y, z], …}}, …}}; there are {there}"
+        found["markers"] = suggestion(note)
+    return found
+
+
+def _markers_by_link(names: Iterable[str]) -> dict[str, list[str]]:
     """Return link → markers, by marker names without the last part; empty unless 3 × 3 markers."""
     links: dict[str, list[str]] = defaultdict(list)
     for name in names:
-        links[re.sub(r"[_:. -]*(\d+|[A-Za-z]|[Mm]arker ?\d+)$", "", name)].append(name)
-    return links if all(links) and [*map(len, links.values())] == [3, 3, 3] else {}
+        links[MARKER_NUMBER.sub("", name)].append(name)
+    counts = [len(markers) for markers in links.values()]
+    return links if all(links) and counts == [3, 3, 3] else {}
 
 
-def _mocap(
-    recorded: RecordingLayout, links: dict[str, list[str]], bodies: list[str]
+def _training_and_test(
+    recorded: RecordingLayout, section: str, without_test: Entry
 ) -> Entries:
-    found = _parts(recorded, "mocap", Entry("null"))
-    if bodies:
-        mount = {"position": PLACE, "rpy": f"{OPEN} # rad"}
-        found["markers"] = Entry(
-            dict.fromkeys(bodies, f"{OPEN} # {{a: [x, y, z], b: …, c: …}}")
-        )
-        found["bodies"] = Entry(
-            {n: {"name": text_of(n), "mount": mount} for n in bodies}
-        )
-    elif links:
-        found["markers"] = Entry(
-            {k: dict.fromkeys(names, PLACE) for k, names in links.items()}
-        )
-    else:
-        names = _name_list(recorded.shared("markers")) or "none in all takes"
-        found["markers"] = _suggestion(
-            f"{{link1: {{name: [x, y, z], …}}, …}}; there are {names}"
-        )
-    return found
-
-
-def _parts(recorded: RecordingLayout, section: str, none: Entry) -> Entries:
     """Return the patterns of training and test part. Takes named as a depth sequence are the test
-    part (``none`` without such takes); the others are the training part if they are one group.
+    part (``without_test`` if there are none); the others are the training part if one group.
     """
-    filmed, patterns = (
-        {take.name for take in recorded.of("depth")},
-        recorded.patterns(section),
-    )
+    filmed = {take.name for take in recorded.of("depth")}
     test = {take.pattern for take in recorded.of(section) if take.name in filmed}
+    patterns = recorded.patterns(section)
     training = [pattern for pattern in patterns if pattern not in test]
-    if len(training) == 1 and len(test) <= 1:
-        return {"training": _one_of(training), "test": _one_of(test) if test else none}
-    return dict.fromkeys(("training", "test"), _one_of(patterns))
-
-
-def _encoders(recorded: RecordingLayout) -> Entries:
-    facts = recorded.of("encoders")[0].finding.facts
-    labels = [str(label) for label in facts.get("labels", [])]
-    measured = facts.get("signals", {}).get("actual", []) if labels else []
-    of = _suggestion(f"of {_name_list(labels)}")
-    return _parts(recorded, "encoders", Entry()) | {
-        "time": Entry(text_of(facts["time"]) if "time" in facts else "0"),
-        "actual": Entry(f"[{_name_list(measured)}]") if measured else of,
+    if len(training) != 1 or len(test) > 1:
+        return dict.fromkeys(("training", "test"), choice_of(patterns))
+    return {
+        "training": choice_of(training),
+        "test": choice_of(test) if test else without_test,
     }
 
 
-def _depth(
-    takes: Sequence[PlacedTake], patterns: Sequence[str], cameras: Sequence[str]
-) -> Entries:
-    found = {"takes": _one_of(patterns)}
-    ((pattern, _),) = Counter(take.pattern for take in takes).most_common(1)
-    takes = [take for take in takes if take.pattern == pattern]
+def _encoders(recorded: RecordingLayout) -> Entries:
+    """Return the entries of the controller's logs, by the first of them."""
+    facts = recorded.of("encoders")[0].finding.facts
+    found = _training_and_test(recorded, "encoders", Entry())
+    found["time"] = Entry(text_of(facts.get("time", 0)))
+    labels = [str(label) for label in facts.get("labels", [])]
+    measured = facts.get("signals", {}).get("actual", [])
+    if labels and measured:
+        found["actual"] = Entry(f"[{list_of_names(measured)}]")
+    else:
+        found["actual"] = suggestion(f"of {list_of_names(labels)}")
+    return found
+
+
+def _depth(recorded: RecordingLayout, folder: Path) -> Entries:
+    """Return the entries of the depth camera, by the first take of the most frequent pattern."""
+    takes = recorded.of("depth")
+    ((usual, _),) = Counter(take.pattern for take in takes).most_common(1)
+    takes = [take for take in takes if take.pattern == usual]
     place, first = takes[0].path, takes[0].finding
+    found = {"takes": choice_of(recorded.patterns("depth"))}
     if first.kind == Kind.SEQUENCE:
         key = "index" if first.option == "index" else "frames"
-        found[key] = _one_of([first.file.relative_to(place).as_posix()])
-        if rates := sorted(take.finding.rate for take in takes if take.finding.rate):
-            found["rate"] = Entry(
-                f"{rates[len(rates) // 2]:.4g}", "as the indexes state"
-            )
-    for key in {"topic", "camera_info"} & first.facts.keys():
-        found[key] = _one_of([first.facts[key]])
+        found[key] = choice_of([first.file.relative_to(place).as_posix()])
+        rates = sorted(take.finding.rate for take in takes if take.finding.rate)
+        if rates:
+            median = rates[len(rates) // 2]
+            found["rate"] = Entry(f"{median:.4g}", "as the indexes state")
+    for key in ("topic", "camera_info"):
+        if key in first.facts:
+            found[key] = choice_of([first.facts[key]])
     if first.facts.get("frames_are") == Kind.CLOUD:
-        return found | {"encoding": Entry("plain")}
+        found["encoding"] = Entry("plain")
+        return found
+    cameras = recorded.names(Kind.INTRINSICS, folder)
     if cameras or first.kind == Kind.SEQUENCE:
-        found["intrinsics"] = _one_of(cameras)
-    return found | {key: _consensus(takes, key) for key in ("width", "height")}
+        found["intrinsics"] = choice_of(cameras)
+    for key in ("width", "height"):
+        found[key] = _consensus(takes, key)
+    return found
 
 
-def _force(
-    logs: Sequence[Finding], calibrations: Sequence[str], folder: Path
-) -> Entries:
-    stems, configurations = Counter(finding.file.stem for finding in logs), {}
-    for finding in logs:
-        stem = finding.file.stem
-        name = stem if stems[stem] == 1 else f"{finding.file.parent.name}_{stem}"
-        configurations[name] = {
-            "file": text_of(printable_path(finding.file, folder))
-        } | CABLE
+def _force(recorded: RecordingLayout, folder: Path) -> Entries:
+    """Return the entries of the force logs, one configuration of cables each."""
+    logs = recorded.single[Kind.FORCE]
+    stems = Counter(log.file.stem for log in logs)
+    configurations = {}
+    for log in logs:
+        stem = log.file.stem
+        name = stem if stems[stem] == 1 else f"{log.file.parent.name}_{stem}"
+        file = text_of(printable_path(log.file, folder))
+        configurations[name] = {"file": file, **CABLE}
     found = {"configurations": Entry(configurations)}
-    options = {finding.option for finding in logs}
-    for key, stated in (("log.format", options), ("log.calibration", {*calibrations})):
+    options = {log.option for log in logs}
+    calibrations = {*recorded.names(Kind.CALIBRATION, folder)}
+    for key, stated in (("log.format", options), ("log.calibration", calibrations)):
         if len(stated) == 1 and (value := stated.pop()):
             found[key] = Entry(text_of(value))
     return found
 
 
 def _joint_log(
-    recorded: RecordingLayout,
-    folder: Path,
-    urdf: str,
-    robot: Entries,
-    facts: Mapping[str, Any],
+    recorded: RecordingLayout, folder: Path, urdf: str, robot: Entries
 ) -> Entries:
+    """Return the entries of the joint logs, by the first of them."""
     takes = recorded.of("joint_log")
-    pattern = shared_pattern([take.path for take in takes], folder)
-    found = {
-        "movements": _one_of(
-            recorded.patterns("joint_log"), pattern and text_of(pattern)
-        )
-    }
     first = takes[0].finding
-    signals, count = first.facts.get("signals", {}), first.facts.get("joints")
-    if tables := first.facts.get("tables", {}):
-        found |= _files_of_signals(first, tables)
-        roles = {table.facts.get("role", ""): table for table in tables.values()}
-        first = roles.get("target", next(iter(tables.values())))
+    pattern = shared_pattern([take.path for take in takes], folder)
+    suggested_pattern = text_of(pattern) if pattern else None
+    movements = choice_of(recorded.patterns("joint_log"), suggested_pattern)
+    found: Entries = {"movements": movements}
+    signals = first.facts.get("signals", {})
+    count = first.facts.get("joints")
+    if tables := first.facts.get("tables"):
+        found |= _files_of_signals(first)
+        by_role = {table.facts.get("role"): table for table in tables.values()}
+        first = by_role.get("target", next(iter(tables.values())))
         timed = bool(first.facts.get("timed"))
         found.setdefault("time", Entry("0") if timed else EVEN)
         count = first.facts["columns"] - timed
     elif first.kind != Kind.JOINTS:
         guessed = parse_yaml(first.suggested.get("signals", "null"))
         if guessed is None and signals:
-            lists = [
-                f"{name}: [{_name_list(labels)}]" for name, labels in signals.items()
-            ]
-            found["signals"] = Entry(f"{{{', '.join(lists)}}}")
-        named = guessed or signals  # or advice in words
-        columns = named.get("actual", ()) if isinstance(named, Mapping) else ()
-        count = len(columns) or None
+            found["signals"] = Entry(_yaml_of_lists(signals))
+        columns = guessed or signals  # or advice in words
+        measured = columns.get("actual", ()) if isinstance(columns, Mapping) else ()
+        count = len(measured) or None
         clock = first.facts.get("time")
-        if clock is None:
-            found["time"] = EVEN
-        else:
-            found["time"] = Entry(text_of(clock))
-    named = signals.get("actual", ()) if isinstance(signals, Mapping) else ()
-    named = [label for label in named if isinstance(label, str)]
-    stated = {(*take.finding.facts.get("joint_names", named),) for take in takes}
-    moving = [
-        joint for kind in SINGLE for joint in facts.get("joints", {}).get(kind, [])
-    ]
-    arm = robot.get("robot.joints", Entry()).value
-    names = stated.pop() if len(stated) == 1 else ()
-    found["joints"] = _joints(names, count, arm, urdf, moving, first)
-    for key, known in UNITS.items():
-        own = {spelled(unit) for unit in first.units.values()} & {*known}
-        if len(own) == 1:
-            found[key] = Entry(own.pop(), "by the labels")
-        elif first.kind != Kind.JOINTS or "samples" not in first.facts:
-            found[key] = (
-                Entry()
-            )  # a log that was read asks for the units that it does not state
+        found["time"] = EVEN if clock is None else Entry(text_of(clock))
+    names = _stated_names(takes, signals)
+    found["joints"] = _logged_joints(names, count, robot, urdf, first)
+    return found | _stated_units(first)
+
+
+def _yaml_of_lists(lists: Mapping[str, Iterable[str]]) -> str:
+    """Return name → names as a YAML mapping of lists in one line."""
+    texts = [f"{name}: [{list_of_names(names)}]" for name, names in lists.items()]
+    return f"{{{', '.join(texts)}}}"
+
+
+def _files_of_signals(movement: Finding) -> Entries:
+    """Return role → entry of the words or files of the signals of a ``movement`` of tables."""
+    found = {"speed": Entry("null")}
+    if words := movement.facts.get("words"):
+        for role, word in words.items():
+            found[role] = Entry(text_of(word), "by its name")
+    else:
+        file = choice_of(sorted(movement.facts["tables"]))
+        found |= {"actual": file, "target": file}
     return found
 
 
-def _files_of_signals(movement: Finding, tables: Mapping[str, Finding]) -> Entries:
-    """Return role → entry of the words or files of the signals of a ``movement`` of ``tables``."""
-    if words := movement.facts.get("words"):
-        found = {
-            role: Entry(text_of(word), "by its name") for role, word in words.items()
-        }
-        return {"speed": Entry("null")} | found
-    choice = _one_of(sorted(tables))
-    return {"actual": choice, "target": choice, "speed": Entry("null")}
+def _stated_names(takes: Iterable[PlacedTake], signals: Any) -> tuple[str, ...]:
+    """Return the names of the joints that all logs state, else the labels of the measured angles
+    of all logs; empty if they differ.
+    """
+    measured = signals.get("actual", ()) if isinstance(signals, Mapping) else ()
+    labels = [label for label in measured if isinstance(label, str)]
+    stated = {(*take.finding.facts.get("joint_names", labels),) for take in takes}
+    return stated.pop() if len(stated) == 1 else ()
 
 
-def _joints(
-    names: Sequence[str],
-    count: int | None,
-    arm: str | None,
-    urdf: str,
-    moving: Sequence[str],
-    log: Finding,
+def _stated_units(log: Finding) -> Entries:
+    """Return the units of time and angle by the labels of a ``log``, else ???. A log that was read
+    asks for the units that it does not state.
+    """
+    found: Entries = {}
+    was_read = log.kind == Kind.JOINTS and "samples" in log.facts
+    for key, units in UNITS.items():
+        stated = {spelled(unit) for unit in log.units.values()} & {*units}
+        if len(stated) == 1:
+            found[key] = Entry(stated.pop(), "by the labels")
+        elif not was_read:
+            found[key] = Entry()
+    return found
+
+
+def _logged_joints(
+    names: Sequence[str], count: int | None, robot: Entries, urdf: str, log: Finding
 ) -> Entry:
     """Return the joints of the ``count`` columns of a ``log``: by the ``names`` in it, else by the
-    positions in the ``arm`` (YAML), with the ranges and limits that support the positions.
+    positions in the arm of the entries ``robot``, with the ranges that support the positions.
     """
-    order, is_log = parse_yaml(arm or "[]"), log.kind == Kind.JOINTS
-    joints = match_joints(names, moving) if moving else []
-    joints = joints if {*order} <= {*joints} else []
+    arm = robot.get("robot.joints", Entry()).value
+    order = parse_yaml(arm or "[]")
+    movable = movable_joints(urdf_facts(urdf))
+    joints = match_joints(names, movable) if movable else []
+    if not {*order} <= {*joints}:
+        joints = []
+    is_log = log.kind == Kind.JOINTS
     if joints or (is_log and names):
-        value = f"[{_name_list(joints or names)}]"
+        value = f"[{list_of_names(joints or names)}]"
         return Entry(value, "as the logs name them", is_log or states_joints(names))
     if states_joints(names):
-        return _suggestion(f"the logs name, in this order, {_name_list(names)}")
+        return suggestion(f"the logs name, in this order, {list_of_names(names)}")
     if not order or count not in (None, len(order)):
-        return _suggestion(f"{count} joints" if count else "")
-    ends = [*zip(*log.facts.get("range", ()), strict=True)]
-    ends = ends if len(ends) == len(order) else []
-    places = ", ".join(
-        f"{n} {a:.3g} to {b:.3g}" for n, (a, b) in zip(order, ends, strict=False)
-    )
-    beyond = [
-        joint.name
-        for joint, (least, most) in zip(named_joints(urdf, order), ends, strict=False)
-        if joint and joint.kind in LIMITED
-        if not joint.lower - NEAR < least <= most < joint.upper + NEAR
-    ]
-    note = f"no name states the joint of a column; in the URDF's order, rad: {places or 'unknown'}"
-    note += f"; beyond the limits: {', '.join(beyond) or 'none'}"
-    return _suggestion(note, None if beyond else arm)
+        return suggestion(f"{count} joints" if count else "")
+    return _joints_by_position(arm, order, urdf, log)
 
 
-def _robot(facts: Mapping[str, Any], planar: bool) -> Entries:
-    """Return the entries of the arm or planar chain in a URDF with these ``facts``."""
-    arms, chains = facts.get("arms", []), facts.get("chains", [])
-    if not planar and (
-        not arms or [arms[0]["joints"]] != [one["joints"] for one in chains]
-    ):
-        if not arms:
-            return {}
-        joints = arms[0]["joints"]
-        found = {
-            "robot.joints": Entry(
-                f"[{_name_list(joints)}]", "all that move the last link"
-            )
-        }
-        if len(joints) < SPACE:
-            found["robot.task"] = _suggestion(
-                "", "[x, y, z]" if len(joints) >= 3 else None
-            )
-        return found | {"robot.tool": _one_of(arm["tip"] for arm in arms)}
-    found, others = (
-        {"robot.plane": Entry("")},
-        facts.get("joints", {}).get("revolute", []),
+def _joints_by_position(
+    arm: str, order: Sequence[str], urdf: str, log: Finding
+) -> Entry:
+    """Return the joints of the ``arm`` (YAML of ``order``) as a suggestion, with the range of each
+    column of a ``log``; without the suggestion if a range is beyond the limits in the ``urdf``.
+    """
+    ranges = [*zip(*log.facts.get("range", ()), strict=True)]
+    if len(ranges) != len(order):
+        ranges = []
+    places, beyond = [], []
+    joints = named_joints(urdf, order)
+    for name, joint, (least, greatest) in zip(order, joints, ranges, strict=False):
+        places.append(f"{name} {least:.3g} to {greatest:.3g}")
+        if joint is None or joint.kind not in LIMITED:
+            continue
+        if least <= joint.lower - NEAR or greatest >= joint.upper + NEAR:
+            beyond.append(name)
+    note = (
+        "no name states the joint of a column; in the URDF's order, rad: "
+        f"{', '.join(places) or 'unknown'}; beyond the limits: {', '.join(beyond) or 'none'}"
     )
-    chain = _suggestion(f"three parallel ones of {_name_list(others) or 'the URDF'}")
-    if len(chains) == 1:
-        own = chains[0]["joints"]
-        chain = Entry(
-            f"[{_name_list(own)}]", "the only three in a row that are parallel"
-        )
-        found["robot.tool"] = _one_of(chains[0]["tools"])
-        others = [joint for joint in others if joint not in own]
-    locked = _suggestion(_name_list(others)) if others or not chains else Entry("{}")
-    return found | {"robot.joints": chain, "robot.locked": locked}
+    return suggestion(note, None if beyond else arm)
