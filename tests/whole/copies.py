@@ -58,13 +58,17 @@ def smoke(copy: Path) -> bool:
 
 
 def evidence_of(copy: Path, dataset: str) -> bool:
-    """Run ``dvc repro`` and take the evidence on ``dataset`` back; return the success."""
+    """Run ``dvc repro``; take back the evidence on ``dataset`` and the hashes of its recordings,
+    without which `dvc exp apply` fails in a clone. Return the success.
+    """
     command = ["dvc", "repro", "score"]
     if subprocess.run(command, cwd=copy, check=False).returncode != 0:
         return False
     target = ROOT / EVIDENCE / f"{dataset}.json"
     target.parent.mkdir(parents=True, exist_ok=True)
     shutil.copyfile(copy / "data/score/evidence.json", target)
+    lock = Path("data/raw", dataset, "dvc.lock")
+    shutil.copyfile(copy / lock, ROOT / lock)
     return True
 
 
