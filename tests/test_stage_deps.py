@@ -10,6 +10,7 @@ import pytest
 import yaml
 from source_code import MODULES, ROOT, covers, needed, package, tree
 
+from pipeline.configuration import config
 from pipeline.evidence.case import KINDS
 
 # What composes the configuration changes no stage but choose and configure: the others depend on
@@ -152,6 +153,24 @@ def literal(node: ast.expr) -> str:
     """Return the text of a literal piece of an f-string, * for a piece that is filled in."""
     text = getattr(node, "value", None)
     return text if isinstance(text, str) else "*"
+
+
+def test_a_further_model_changes_no_parameter_of_the_readings(tmp_path):
+    params = yaml.safe_load((ROOT / "params.yaml").read_text(encoding="utf-8"))
+    composed = []
+    for further in ([], ["joint_step"]):
+        file = tmp_path / "params.yaml"
+        file.write_text(yaml.safe_dump(params | {"models": params["models"] + further}))
+        config.write_config(file, tmp_path / "config.yaml")
+        composed.append(yaml.safe_load((tmp_path / "config.yaml").read_text()))
+    (entry,) = [
+        keys["data/config.yaml"]
+        for keys in STAGES["dvc.yaml:readings"]["params"]
+        if "data/config.yaml" in keys
+    ]
+    changed = {key for key in composed[0] if composed[0][key] != composed[1][key]}
+    assert changed == {"models"}
+    assert changed.isdisjoint(entry)
 
 
 def test_every_table_is_named_by_the_stages_that_write_it():

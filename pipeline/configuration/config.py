@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterable
-from dataclasses import asdict, make_dataclass
+from dataclasses import asdict, field, make_dataclass
 from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
@@ -13,6 +13,7 @@ from pydantic import Field
 from pipeline.configuration import datasheet
 from pipeline.core.contracts import write_text
 from pipeline.core.errors import ConfigError
+from pipeline.core.filters import KINDS
 from pipeline.core.options import analysis
 from pipeline.core.options.dataset import Dataset
 from pipeline.core.typed_yaml import read_yaml
@@ -62,6 +63,9 @@ class Config:
     simulation: analysis.Simulation
     scale: analysis.Scale
     compute: analysis.Compute
+    # derived: the first of ``models`` of each of the paper's kinds, by kind. A stage that declares
+    # this section does not run again for a further model
+    paper_models: dict[str, Any] = field(default_factory=dict)
 
 
 def option_names(group: str) -> list[str]:
@@ -164,7 +168,18 @@ def _validate(values: dict[str, Any]) -> tuple[Config | None, list[ConfigError]]
     if faults:
         return None, faults
     config.models, config.dataset.laboratory = typed_models, laboratory
+    config.paper_models = first_of_kinds(typed_models)
     return config, []
+
+
+def first_of_kinds(models: dict[str, Any]) -> dict[str, Any]:
+    """Return by kind the first of the ``models`` of each of the paper's kinds."""
+    result = {}
+    for kind in KINDS:
+        of_kind = [model for model in models.values() if model.kind == kind]
+        if of_kind:
+            result[kind] = of_kind[0]
+    return result
 
 
 @cache

@@ -1,7 +1,9 @@
-"""Names of the filters that are compared."""
+"""Names of the paper's models and of the filters that are compared."""
 
 from collections.abc import Iterable
 
+# kinds of the paper's models; the first is the reference of comparisons
+KINDS = ("additive", "wishart", "gaussian")
 NONE = "none"  # training mean: mean and covariance of the training takes, without measurements
 MEMORY = "memory"  # linear filter with the covariance and autocorrelation of the training takes
 SPEED = "speed"  # law of the joint speed without a Jacobian, the control of the matrix models

@@ -13,7 +13,7 @@ import pandas as pd
 from pipeline.core import contracts, rng
 from pipeline.core.columns import PLANE, columns
 from pipeline.core.errors import ModelDomainError
-from pipeline.core.filters import SPEED
+from pipeline.core.filters import KINDS, SPEED
 from pipeline.core.options.analysis import Filter
 from pipeline.core.options.dataset import Motion, Robot
 from pipeline.filtering.measurement import Measurements, measurements
@@ -33,8 +33,6 @@ NAMES = {
     "qr": "QR of J",
     "qr_transposed": "QR of Jᵀ (control)",
 }
-# the paper's models; the first is the reference of comparisons
-KINDS = ("additive", "wishart", "gaussian")
 
 
 @dataclass(frozen=True)
@@ -57,11 +55,7 @@ class Choices:
     @classmethod
     def of_run(cls, settings: SimpleNamespace) -> "Choices":
         """Return the run's choices: its first model of each of the paper's kinds."""
-        by_kind = {
-            model.kind: model for model in reversed(list(settings.models.values()))
-        }
-        models = {kind: by_kind[kind] for kind in KINDS if kind in by_kind}
-        return cls(models, settings.filter, settings.simulation.mode)
+        return cls(settings.paper_models, settings.filter, settings.simulation.mode)
 
     @property
     def name(self) -> str:
