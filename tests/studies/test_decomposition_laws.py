@@ -6,24 +6,21 @@ import numpy as np
 import printed_algorithms
 import pytest
 from scipy.stats import wishart
-from study_runs import options_of
 
-from pipeline.arm.model import arm_of, chain_of
+from pipeline.arm.model import arm_of
 from pipeline.core.options.dataset import Robot
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.wishart.decomposition import Decomposition
 from pipeline.randommatrix.wishart import degrees_of_freedom
 from pipeline.studies.frame import dataset_option
 from pipeline.studies.which_decomposition import evidence as laws
-from pipeline.studies.which_decomposition import stage
 from pipeline.studies.which_decomposition.evidence import (
     PIVOTED,
     PLAIN,
-    QR,
     QR_TRANSPOSED,
 )
 from pipeline.studies.which_decomposition.paths import KINDS, TimeLaw, draw_paths
-from pipeline.studies.which_decomposition.stage import PAPER_ARM, SPACE_ARM
+from pipeline.studies.which_decomposition.stage import PAPER_ARM
 from pipeline.verdicts.claims import read_claims
 
 ALL = (*laws.SIZES["all joints"], *laws.SETS["small_difference"])
@@ -194,16 +191,3 @@ def test_the_gaussian_width_is_the_models_root_mean_variance(arm, paths, drawn, 
     np.testing.assert_allclose(
         own["gaussian"] ** 2, model[..., 2, 2].mean(axis=1), rtol=1e-9
     )
-
-
-def test_every_reading_has_its_invariance_in_space():
-    options = options_of("which_decomposition")
-    q = np.linspace(options.start, options.end, options.poses)
-    arm = chain_of(dataset_option(Robot, SPACE_ARM, "robot"))
-    units = stage.unit_rows(arm, q, options.turns, 0.25)
-    noise = units.set_index(["reading", "unit", "turn"])["noise"]
-    np.testing.assert_allclose(
-        noise[QR_TRANSPOSED], noise[QR_TRANSPOSED, "m", 0.0], rtol=1e-6
-    )
-    np.testing.assert_allclose(noise[QR, "m", 75.0], noise[QR, "m", 0.0], rtol=1e-6)
-    assert noise[PIVOTED, "mm", 0.0] > 10 * noise[PIVOTED, "m", 0.0]

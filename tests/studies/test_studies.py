@@ -70,7 +70,7 @@ def test_a_study_writes_its_answer_and_equal_bytes_with_any_number_of_workers(
 def test_a_factor_that_does_not_exist_is_refused_by_its_name(project):
     options = options_of("robustness", factors={"swing": [1.0]})
     with pytest.raises(
-        ConfigError, match="no factor swing; known factors are disturbances"
+        ConfigError, match="no factor swing; known factors are sway_std"
     ):
         study_of("robustness").evaluate(None, options)
 

@@ -69,69 +69,103 @@ def draw_paths(
     rng: np.random.Generator,
 ) -> Paths:
     """Return ``count`` random feasible paths of a ``kind``; ``bound`` û on ‖J⁻¹‖_F (1/m and 1)."""
-    parts: list[Paths] = []
-    while sum(len(part.q) for part in parts) < count:
-        parts.append(_feasible_paths(chain, law, kind, bound, rng))
-    return Paths(
-        *(np.concatenate(column)[:count] for column in zip(*parts, strict=True))
-    )
+    q, steps = [], []
+    while sum(map(len, q)) < count:
+        feasible = _feasible_paths(chain, law, kind, bound, rng)
+        q.append(feasible.q)
+        steps.append(feasible.step)
+    return Paths(np.concatenate(q)[:count], np.concatenate(steps)[:count])
+
+
+@dataclass
+class Candidates:
+    """C paths start + size·shape, a line or a loop, in the joints or the task."""
+
+    chain: PlanarChain
+    loop: bool
+    start: np.ndarray  # (C, 3) joint angles in rad, or task coordinates
+    axes: np.ndarray  # (C, 2, 3) direction, and the ellipse's other axis
+    in_task: np.ndarray  # (C,) True for a path of the task
+    elbow: np.ndarray  # (C,) sign of det J
+    share: np.ndarray  # (C, steps+1) of the path that is completed at each pose
+    rate: float  # poses a second
+    size: np.ndarray  # (C,)
+
+    def angles(self, chosen: np.ndarray, stride: int) -> np.ndarray:
+        """Return the joint angles (c, L, 3) in rad of the paths ``chosen`` (c,) at every
+        ``stride``-th pose, NaN out of reach.
+        """
+        share = self.share[chosen, ::stride, None]
+        along = self.axes[chosen, None, 0]
+        across = self.axes[chosen, None, 1]
+        shape = share * along
+        if self.loop:
+            turn = 2 * np.pi * share
+            shape = (np.sin(turn) * along + (1 - np.cos(turn)) * across) / (2 * np.pi)
+        q = self.start[chosen, None] + self.size[chosen, None, None] * shape
+        in_task = self.in_task[chosen]
+        if np.any(in_task):
+            elbow = self.elbow[chosen][in_task, None]
+            q[in_task] = joint_angles(self.chain, q[in_task], elbow)
+        return q
+
+    def peak_speed(self, q: np.ndarray, stride: int) -> np.ndarray:
+        """Return the greatest speed of a joint (c,) as a share of its limit on :meth:`angles`."""
+        relative = np.abs(np.diff(q, axis=1)) / self.chain.max_speed
+        return relative.max(axis=(1, 2)) * self.rate / stride
 
 
 def _feasible_paths(
     chain: PlanarChain, law: TimeLaw, kind: str, bound: float, rng: np.random.Generator
 ) -> Paths:
-    """Draw BATCH paths start + size·shape, in the joints or the task; return feasible ones."""
+    """Draw BATCH candidates and return the feasible ones."""
     q = rng.uniform(chain.lower, chain.upper, (BATCH, 3))
     q = q[~chain.singular(q)]
     q = q[frobenius(chain.inverse_jacobian(q)) < bound]
     count = len(q)
-    # direction, and the ellipse's other axis
-    first, other = rng.standard_normal((2, count, 3))
-    first /= np.linalg.norm(first, axis=1, keepdims=True)
-    other -= np.vecdot(other, first)[:, None] * first
-    other *= (rng.uniform(0, 1, count) / np.linalg.norm(other, axis=1))[:, None]
-    axes = np.stack([first, other], axis=1) * chain.max_speed
+    jacobian = chain.jacobian(q)
+    axes = _random_axes(count, rng) * chain.max_speed
     coin, loop = rng.uniform(size=count) < 0.5, kind == "loop"
-    task = coin if loop else np.full(count, kind == "task line")
-    axes[task] = np.einsum("pij,psj->psi", chain.jacobian(q)[task], axes[task])
-    start = np.where(task[:, None], chain.coordinates(q), q)
-    elbow = np.sign(np.linalg.det(chain.jacobian(q)))
+    in_task = coin if loop else np.full(count, kind == "task line")
+    axes[in_task] = np.einsum("pij,psj->psi", jacobian[in_task], axes[in_task])
+    start = np.where(in_task[:, None], chain.coordinates(q), q)
+    elbow = np.sign(np.linalg.det(jacobian))
     share = law.draw(coin & (not loop), rng)
     once = rng.uniform(*law.once, count)
-    peak, size = once * rng.uniform(*law.peak, count), np.ones(count)
-
-    def angles(chosen: np.ndarray, stride: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return (C, L, 3) rad at every ``stride``-th pose of the paths ``chosen`` (C,), and the
-        greatest speed of a joint (C,) as a share of its limit.
-        """
-        shape, of_task = share[chosen, ::stride, None], task[chosen]
-        along, across = np.moveaxis(axes[chosen, None], 2, 0)
-        turn = 2 * np.pi * shape
-        ellipse = (np.sin(turn) * along + (1 - np.cos(turn)) * across) / (2 * np.pi)
-        q = start[chosen, None] + size[chosen, None, None] * (
-            ellipse if loop else shape * along
-        )
-        if np.any(of_task):
-            q[of_task] = joint_angles(chain, q[of_task], elbow[chosen][of_task, None])
-        speed = (np.abs(np.diff(q, axis=1)) / chain.max_speed).max(axis=(1, 2))
-        return q, speed * law.rate / stride
+    peak = once * rng.uniform(*law.peak, count)
+    size = np.ones(count)
+    candidates = Candidates(
+        chain, loop, start, axes, in_task, elbow, share, law.rate, size
+    )
 
     chosen = np.arange(count)
-    for _ in range(SCALINGS if task.any() else 1):
-        ratio = peak / angles(chosen, COARSE)[1]
-        size *= np.where(
-            np.isfinite(ratio), ratio, 0.5
-        )  # shorter if it leaves the reach
-    for stride in (COARSE, 1):
-        q, speed = angles(chosen, stride)
-        kept = chain.within_limits(q).all(axis=1) & ~chain.singular(q).any(axis=1)
-        kept &= np.abs(speed / peak[chosen] - 1) < SPEED_TOLERANCE * (
-            5 if stride > 1 else 1
-        )
-        chosen, q = chosen[kept], q[kept]
-        kept = (frobenius(chain.inverse_jacobian(q)) < bound).all(axis=1)
-        chosen, q = chosen[kept], q[kept]
+    for _ in range(SCALINGS if in_task.any() else 1):
+        q = candidates.angles(chosen, COARSE)
+        ratio = peak / candidates.peak_speed(q, COARSE)
+        # shorter if it leaves the reach
+        candidates.size *= np.where(np.isfinite(ratio), ratio, 0.5)
+
+    for stride, tolerance in ((COARSE, 5 * SPEED_TOLERANCE), (1, SPEED_TOLERANCE)):
+        q = candidates.angles(chosen, stride)
+        speed = candidates.peak_speed(q, stride)
+        within = chain.within_limits(q).all(axis=1) & ~chain.singular(q).any(axis=1)
+        within &= np.abs(speed / peak[chosen] - 1) < tolerance
+        chosen, q = chosen[within], q[within]
+        bounded = (frobenius(chain.inverse_jacobian(q)) < bound).all(axis=1)
+        chosen, q = chosen[bounded], q[bounded]
     return Paths(q[:, :-1], np.diff(q, axis=1) / once[chosen, None, None])
+
+
+def _random_axes(count: int, rng: np.random.Generator) -> np.ndarray:
+    """Draw isotropic directions of length 1, each with an axis across of uniform length below 1:
+    (count, 2, 3).
+    """
+    along, across = rng.standard_normal((2, count, 3))
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    across -= np.vecdot(across, along)[:, None] * along
+    length = np.linalg.norm(across, axis=1)
+    across *= (rng.uniform(0, 1, count) / length)[:, None]
+    return np.stack([along, across], axis=1)
 
 
 def joint_angles(chain: PlanarChain, pose: np.ndarray, elbow: np.ndarray) -> np.ndarray:
@@ -139,13 +173,17 @@ def joint_angles(chain: PlanarChain, pose: np.ndarray, elbow: np.ndarray) -> np.
     reach; ``elbow`` (...), the sign of det J, selects one of the two solutions.
     """
     first, second, tool = chain.lengths
-    heading = np.arctan2(chain.links[2, 0], chain.links[2, 1]) + pose[..., 2]
+    tool_x, tool_z = chain.links[2]
+    heading = np.arctan2(tool_x, tool_z) + pose[..., 2]
+    direction = np.stack([np.sin(heading), np.cos(heading)], axis=-1)
     wrist = pose[..., :2] - chain.origin
-    wrist = wrist - tool * np.stack([np.sin(heading), np.cos(heading)], axis=-1)
+    wrist = wrist - tool * direction
     square = np.vecdot(wrist, wrist)
+    cosine = (square - first**2 - second**2) / (2 * first * second)
     with np.errstate(invalid="ignore"):
-        bend = np.arccos((square - first**2 - second**2) / (2 * first * second))
+        bend = np.arccos(cosine)
     bend = -np.prod(chain.signs) * elbow * bend
-    upper = np.arctan2(wrist[..., 0], wrist[..., 1])
-    upper = upper - np.arctan2(second * np.sin(bend), first + second * np.cos(bend))
-    return chain.joints_from_segments(np.stack([upper, upper + bend, heading], axis=-1))
+    across, along = second * np.sin(bend), first + second * np.cos(bend)
+    upper = np.arctan2(wrist[..., 0], wrist[..., 1]) - np.arctan2(across, along)
+    segments = np.stack([upper, upper + bend, heading], axis=-1)
+    return chain.joints_from_segments(segments)

@@ -1,16 +1,16 @@
 """which_decomposition: decompositions of the Jacobian that agree with the paper's numbers."""
 
+from collections.abc import Mapping
 from dataclasses import replace
-from itertools import product
 from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from scipy.spatial.transform import Rotation
 
-from pipeline.arm.chain import Chain, PlanarChain
-from pipeline.arm.model import arm_of, chain_of
+from pipeline.arm.chain import PlanarChain
+from pipeline.arm.model import arm_of
 from pipeline.core import rng
 from pipeline.core.options.dataset import Robot
 from pipeline.figures import style
@@ -22,8 +22,8 @@ from pipeline.verdicts.claims import read_claims
 
 STEPS, RATE = 320, 100.0  # M and steps a second of the paper
 RAMPED, FULL_SPEED = "ramps and rest", "constant full speed"
-PAPER_ARM, SPACE_ARM = "youbot", "ur5"  # independent of the run's dataset
-GENERAL = (laws.PIVOTED, laws.QR, laws.QR_TRANSPOSED)  # readings for a task of any size
+PAPER_ARM = "youbot"  # independent of the run's dataset
+WIDEST = 30.0  # greatest ratio on the axis of the widths
 NAMES = {
     laws.PIVOTED: "LU, pivoted",
     **{
@@ -52,42 +52,43 @@ SHOWN = (
 def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
     """Return the study's tables."""
     stated = laws.published_values(read_claims())
-    common = {
-        "chain": arm_of(dataset_option(Robot, PAPER_ARM, "robot")).chain,
-        "options": options,
-    }
-    common |= {"stated": stated, "seed": settings.seed}
-    label = "which_decomposition: paths"
-    chunks = trials(settings, label, widths_of_chunk, range(options.chunks), **common)
-    drawn = {
-        name: np.concatenate([chunk[name] for chunk in chunks]) for name in chunks[0]
-    }
-    ramped = drawn[RAMPED]
-    near = f"greatest ‖J⁻¹‖ above {options.least_norm:g}"
-    priors = {
-        RAMPED: ramped,
-        **{f"{kind}s alone": ramped[ramped["kind"] == kind] for kind in KINDS},
-    }
-    priors |= {
-        near: ramped[ramped["norm"] > options.least_norm],
-        FULL_SPEED: drawn[FULL_SPEED],
-    }
-    likelihoods = [
-        laws.evidence_rows(part, stated, options.tolerances, options.span).assign(
-            prior=name
-        )
-        for name, part in priors.items()
-    ]
-    q = np.linspace(options.start, options.end, options.poses)
-    space = chain_of(dataset_option(Robot, SPACE_ARM, "robot"))
+    chunks = trials(
+        settings,
+        "which_decomposition: paths",
+        widths_of_chunk,
+        range(options.chunks),
+        chain=arm_of(dataset_option(Robot, PAPER_ARM, "robot")).chain,
+        options=options,
+        stated=stated,
+        seed=settings.seed,
+    )
+    drawn = {}
+    for time_law in chunks[0]:
+        drawn[time_law] = np.concatenate([chunk[time_law] for chunk in chunks])
+
+    widths, evidence = [], []
+    for time_law, paths in drawn.items():
+        widths.append(laws.width_rows(paths, stated).assign(prior=time_law))
+    for prior, paths in priors(drawn, options.least_norm).items():
+        rows = laws.evidence_rows(paths, stated, options.tolerances, options.span)
+        evidence.append(rows.assign(prior=prior))
     return {
-        "evidence": concatenate(likelihoods),
-        "widths": concatenate(
-            laws.width_rows(x, stated).assign(prior=n) for n, x in drawn.items()
-        ),
-        "unsquared": laws.unsquared_rows(ramped, stated, options.tolerances),
-        "units": unit_rows(space, q, options.turns, stated.sigma_b),
+        "evidence": concatenate(evidence),
+        "widths": concatenate(widths),
+        "unsquared": laws.unsquared_rows(drawn[RAMPED], stated, options.tolerances),
     }
+
+
+def priors(drawn: Mapping[str, np.ndarray], least_norm: float) -> dict[str, np.ndarray]:
+    """Return by prior the widths of its paths, which are ``drawn`` by time law."""
+    ramped = drawn[RAMPED]
+    result = {RAMPED: ramped}
+    for kind in KINDS:
+        result[f"{kind}s only"] = ramped[ramped["kind"] == kind]
+    near = f"greatest ‖J⁻¹‖ above {least_norm:g}"
+    result[near] = ramped[ramped["norm"] > least_norm]
+    result[FULL_SPEED] = drawn[FULL_SPEED]
+    return result
 
 
 def widths_of_chunk(
@@ -98,7 +99,7 @@ def widths_of_chunk(
     seed: int,
 ) -> dict[str, np.ndarray]:
     """Return the widths by time law, on paths of the arm with a last link of random length."""
-    stream, parts = rng.stream(seed, "which_decomposition", chunk), {}
+    stream = rng.stream(seed, "which_decomposition", chunk)
     links, still = chain.links.copy(), (0.0, 0.0)
     links[-1] *= stream.uniform(*options.tool) / chain.lengths[-1]
     chain = replace(chain, links=links)
@@ -108,80 +109,56 @@ def widths_of_chunk(
         RAMPED: (ramped, options.paths),
         FULL_SPEED: (full, options.full_speed_paths),
     }
+    widths = {}
     for name, (law, count) in timed.items():
-        drawn = {
-            kind: draw_paths(chain, law, kind, stated.u, count, stream)
-            for kind in KINDS
-        }
-        widths = [
-            laws.widths(chain, paths, stated, kind) for kind, paths in drawn.items()
-        ]
-        parts[name] = np.concatenate(widths)
-    return parts
-
-
-def unit_rows(
-    chain: Chain, q: np.ndarray, turns: list[float], sigma_b: float
-) -> pd.DataFrame:
-    """Return the table ``units`` at equally spaced poses ``q`` (K, n) of an arm in space: noise in
-    other units, and in axes turned about z by ``turns`` in degrees.
-    """
-    jacobian, step = chain.jacobian(q), q[1] - q[0]
-    cases = [("m", 0.0, np.eye(6)), ("mm", 0.0, np.diag([1000.0] * 3 + [1.0] * 3))]
-    for degrees in turns:
-        turn = Rotation.from_euler("z", -degrees, degrees=True).as_matrix()
-        cases.append(("m", degrees, np.kron(np.eye(2), turn)))
-    nominal, rows = np.matvec(chain.inverse_jacobian(q), np.matvec(jacobian, step)), []
-    for (unit, degrees, change), reading in product(cases, GENERAL):
-        v = np.matvec(change @ jacobian, step)
-        variance = laws.wishart_variance(reading, change @ jacobian, v, sigma_b)
-        rows.append(
-            (reading, unit, degrees, np.sqrt(variance.sum() / np.sum(nominal**2)))
-        )
-    return pd.DataFrame(rows, columns=["reading", "unit", "turn", "noise"])
+        paths = {}
+        for kind in KINDS:
+            paths[kind] = draw_paths(chain, law, kind, stated.u, count, stream)
+        of_kinds = [laws.widths(chain, paths[kind], stated, kind) for kind in KINDS]
+        widths[name] = np.concatenate(of_kinds)
+    return widths
 
 
 def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
     """Return the fields of the page."""
-    evidence, widths, units = tables["evidence"], tables["widths"], tables["units"]
-    integrated = evidence[evidence["tolerance"] == 0]
-    rows, best, choices = rows_of_first(integrated, "size"), {}, []
+    evidence, widths = tables["evidence"], tables["widths"]
+    integrated = evidence[evidence["tolerance"] == laws.INTEGRATED]
+    rows = rows_of_first(integrated, "size")
     later = rows[rows["reading"].isin(PHI_LATER)]
+    best = {}
     for name, words in QUANTITIES.items():
-        part = rows_of_first(later[later["quantities"] == name], "prior")
-        best[words] = part.loc[part["likelihood"].idxmax()]
-    for size, part in integrated.groupby("size", sort=False):
-        sets = rows_of_first(part, "prior").groupby("quantities")
-        first, last = (
-            odds(sets.get_group(x), PHI_LATER) for x in ("sigma_b", "small_difference")
-        )
+        on_ramps = rows_of_first(later[later["quantities"] == name], "prior")
+        best[words] = on_ramps.loc[on_ramps["likelihood"].idxmax()]
+
+    choices = []
+    for size, of_size in integrated.groupby("size", sort=False):
+        sets = rows_of_first(of_size, "prior").groupby("quantities")
+        first = odds(sets.get_group("sigma_b"), PHI_LATER)
+        last = odds(sets.get_group("small_difference"), PHI_LATER)
         choices.append(f"{size} {first}, with all quantities {last}")
-    by, sizes = widths.set_index(["reading", "prior"]), rows_of_first(evidence, "size")
-    ramped, constant = (
-        f"{100 * share:.2g} %" for share in by.loc[laws.GAUSSIAN, "reached"]
-    )
-    below, above = later["likelihood"].min() < 1, later["likelihood"].max() > 1
-    still = units[units["turn"] == 0].pivot(
-        index="reading", columns="unit", values="noise"
-    )
-    return (still["mm"] / still["m"]).to_dict() | {
-        "verb": "do not determine" if below and above else "favour one side of",
+
+    by_reading = widths.set_index(["reading", "prior"])
+    reached = by_reading.loc[laws.GAUSSIAN, "reached"]
+    ramped, constant = (f"{100 * share:.2g} %" for share in reached)
+    undecided = later["likelihood"].min() < 1 < later["likelihood"].max()
+    sizes = rows_of_first(evidence, "size")
+    counts = widths.groupby("prior", sort=False)["paths"].first()
+    return {
+        "verb": "do not determine" if undecided else "favour one side of",
         "later": odds(later, PHI_LATER),
         "best": best,
         "names": NAMES,
         "odds": odds(rows, [laws.QR]),
         "control": odds(rows, [laws.QR_TRANSPOSED]),
-        "widest": number(by.loc[laws.QR_TRANSPOSED, "best"].iloc[0]),
-        "counts": [
-            number(n) for n in widths.groupby("prior", sort=False)["paths"].first()
-        ],
+        "widest": number(by_reading.loc[laws.QR_TRANSPOSED, "best"].iloc[0]),
+        "counts": [number(count) for count in counts],
         "tolerances": sorted({*evidence["tolerance"]} - {laws.INTEGRATED}),
         "shown": {name: sizes[sizes["reading"] == name] for name in SHOWN},
         "quantities": QUANTITIES,
         "choices": "; ".join(choices),
         "ramped": ramped,
         "constant": constant,
-        "least": number(by.loc[laws.PIVOTED, "least_ratio"].min()),
+        "least": number(by_reading.loc[laws.PIVOTED, "least_ratio"].min()),
         "post": tables["unsquared"].iloc[-1],
     }
 
@@ -201,49 +178,21 @@ def odds(rows: pd.DataFrame, readings: list[str]) -> str:
 
 def draw(widths: pd.DataFrame, evidence: pd.DataFrame) -> Figure:
     """Draw the figure of the page."""
-    main, limits = rows_of_first(widths, "prior").set_index("reading"), (0.02, 30)
-    place = {reading: height for height, reading in enumerate(main.index)}
-    layout = {"columns": 2, "sharey": True, "width_ratios": (1, 1.25)}
+    of_first_prior = rows_of_first(widths, "prior").set_index("reading")
+    place = {reading: height for height, reading in enumerate(of_first_prior.index)}
     figure, (both,) = style.panels(
-        style.TWO_COLUMNS, 0.27 * len(place) + 0.95, **layout
+        style.TWO_COLUMNS,
+        0.27 * len(place) + 0.95,
+        columns=2,
+        sharey=True,
+        width_ratios=(1, 1.25),
     )
-    (left, right), dot = both, {"color": style.BLACK, "marker": "o", "markersize": 4}
-    for height, row in enumerate(main.itertuples()):
-        left.hlines(
-            height, row.low, min(row.high, limits[1]), color=style.BLACK, linewidth=1.2
-        )
-        left.plot(row.median, height, **dot)
-        if row.high > limits[1]:
-            left.plot(limits[1], height, **dot | {"marker": ">"}, clip_on=False)
-    rows = rows_of_first(evidence[evidence["tolerance"] == 0], "size")
-    labels = {
-        "sigma_b": r"$\Sigma_\omega$ and $\sigma_B$",
-        "alpha_u": r"with ($\alpha$, $u$)",
-    }
-    looks = (("o", style.BLUE), ("s", style.ORANGE), ("D", style.VERMILLION))
-    for shift, name, (marker, color) in zip(
-        (-0.22, 0, 0.22), QUANTITIES, looks, strict=True
-    ):
-        part = rows[rows["quantities"] == name]
-        heights = part["reading"].map(place) + shift
-        ends = part.groupby(heights.round(6))["likelihood"].agg(["min", "max"])
-        right.hlines(ends.index, ends["min"], ends["max"], color=color, linewidth=1.2)
-        here = rows_of_first(part, "prior")
-        look = {
-            "marker": marker,
-            "color": color,
-            "label": labels.get(name, QUANTITIES[name]),
-        }
-        right.plot(
-            here["likelihood"], heights[here.index], linestyle="", markersize=4, **look
-        )
-    left.plot([], [], **dot, label="median, 90 % of the paths")
-    left.plot([], [], color=style.GREY, label="printed value; pivoted LU")
+    left, right = both
+    draw_widths(left, of_first_prior)
+    integrated = evidence[evidence["tolerance"] == laws.INTEGRATED]
+    draw_likelihoods(right, rows_of_first(integrated, "size"), place)
     names = NAMES | {laws.QR_TRANSPOSED: r"QR of J$^\mathsf{T}$"}
     left.set_yticks(list(place.values()), [names[reading] for reading in place])
-    left.set(xlim=limits, ylim=(len(place) - 0.5, -0.6))
-    left.set_xlabel("standard deviation over printed one (1)")
-    right.set(xlim=(1e-3, 1e3), xlabel="likelihood over pivoted LU's (1)")
     style.letters(both)
     for axes in both:
         axes.set_xscale("log")
@@ -253,3 +202,46 @@ def draw(widths: pd.DataFrame, evidence: pd.DataFrame) -> Figure:
         loc="outside lower center", ncols=5, columnspacing=1.2, handlelength=1.4
     )
     return figure
+
+
+def draw_widths(axes: Axes, widths: pd.DataFrame) -> None:
+    """Draw median and interval of the widths of each reading, with an arrow beyond WIDEST."""
+    black = {"color": style.BLACK}
+    dot = black | {"marker": "o", "markersize": 4}
+    for height, row in enumerate(widths.itertuples()):
+        axes.hlines(height, row.low, min(row.high, WIDEST), linewidth=1.2, **black)
+        axes.plot(row.median, height, **dot)
+        if row.high > WIDEST:
+            axes.plot(WIDEST, height, **dot | {"marker": ">"}, clip_on=False)
+    axes.plot([], [], **dot, label="median, 90 % of the paths")
+    axes.plot([], [], color=style.GREY, label="printed value; pivoted LU")
+    axes.set(xlim=(0.02, WIDEST), ylim=(len(widths) - 0.5, -0.6))
+    axes.set_xlabel("standard deviation over printed one (1)")
+
+
+def draw_likelihoods(
+    axes: Axes, evidence: pd.DataFrame, place: Mapping[str, int]
+) -> None:
+    """Draw the likelihoods at the height ``place`` of each reading: a mark for the first prior, a
+    line over all priors, for each set of quantities.
+    """
+    labels = {
+        "sigma_b": r"$\Sigma_\omega$ and $\sigma_B$",
+        "alpha_u": r"with ($\alpha$, $u$)",
+    }
+    looks = {
+        "sigma_b": (-0.22, {"marker": "o", "color": style.BLUE}),
+        "alpha_u": (0.0, {"marker": "s", "color": style.ORANGE}),
+        "small_difference": (0.22, {"marker": "D", "color": style.VERMILLION}),
+    }
+    for name, (shift, look) in looks.items():
+        rows = evidence[evidence["quantities"] == name]
+        heights = rows["reading"].map(place) + shift
+        ends = rows.groupby(heights.round(6))["likelihood"].agg(["min", "max"])
+        line = {"color": look["color"], "linewidth": 1.2}
+        axes.hlines(ends.index, ends["min"], ends["max"], **line)
+        first = rows_of_first(rows, "prior")
+        label = labels.get(name, QUANTITIES[name])
+        marks = look | {"label": label, "linestyle": "", "markersize": 4}
+        axes.plot(first["likelihood"], heights[first.index], **marks)
+    axes.set(xlim=(1e-3, 1e3), xlabel="likelihood over pivoted LU's (1)")
