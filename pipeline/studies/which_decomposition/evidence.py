@@ -62,14 +62,10 @@ def wishart_variance(
     reading: str, jacobian: np.ndarray, v: np.ndarray, sigma_b: float
 ) -> np.ndarray:
     """Return the joints' variances (..., n) in rad² of a Wishart step at J (..., m, n) for the task
-    step v (..., m). LU without pivoting, PJ = LU, is the pivoted LU of DPJ with decreasing scales
-    D, by L = D⁻¹L'D and U = D⁻¹U'.
+    step v (..., m).
     """
-    if order := PLAIN.get(reading):
-        rows, scale = list(order), PIVOT_SCALES
-        scaled = scale[:, None] * jacobian[..., rows, :], scale * v[..., rows]
-        a, back, _ = split(*scaled, Decomposition(PIVOTED))
-        a, back = a / scale, back * scale
+    if reading in PLAIN:
+        a, back = plain_split(list(PLAIN[reading]), jacobian, v)
     else:
         a, back, _ = split(jacobian, v, Decomposition(reading))
     m = a.shape[-1]
@@ -77,6 +73,20 @@ def wishart_variance(
     nominal = np.matvec(back, a) ** 2
     total = np.vecdot(a, a)[..., None] * np.vecdot(back, back)
     return across * (total - nominal) + along * nominal
+
+
+def plain_split(
+    rows: list[int], jacobian: np.ndarray, v: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return J₁⁻¹v and J₂⁺ of LU without pivoting, with the task ``rows`` in this order.
+
+    PJ = LU is the pivoted LU of DPJ with decreasing scales D, by L = D⁻¹L'D and U = D⁻¹U'.
+    """
+    scale = PIVOT_SCALES
+    scaled_rows = scale[:, None] * jacobian[..., rows, :]
+    scaled_step = scale * v[..., rows]
+    a, back, _ = split(scaled_rows, scaled_step, Decomposition(PIVOTED))
+    return a / scale, back * scale
 
 
 class Published(NamedTuple):
@@ -91,14 +101,19 @@ class Published(NamedTuple):
 def published_values(claims: Sequence[Claim]) -> Published:
     """Return the published values of ``claims``."""
     stated = {claim.id: claim for claim in claims}
-    entries = [
-        [int(x) - 1 for x in case["entry"]] for case in stated["sigma-omega"].cases()
-    ]
-    matrix = np.full((1 + np.max(entries),) * 2, np.nan)
-    for (i, j), value in zip(entries, stated["sigma-omega"].published, strict=True):
+    covariance = stated["sigma-omega"]
+    entries = []
+    for case in covariance.cases():
+        entries.append([int(number) - 1 for number in case["entry"]])
+    joints = 1 + np.max(entries)
+    matrix = np.full((joints, joints), np.nan)
+    for (i, j), value in zip(entries, covariance.published, strict=True):
         matrix[i, j] = matrix[j, i] = value
     return Published(
-        *(stated[name].published for name in ("sigma-b", "alpha", "u")), matrix
+        stated["sigma-b"].published,
+        stated["alpha"].published,
+        stated["u"].published,
+        matrix,
     )
 
 
@@ -106,27 +121,26 @@ def widths(
     chain: PlanarChain, paths: Paths, stated: Published, kind: str = ""
 ) -> np.ndarray:
     """Return the WIDTHS (P,) of both models at the printed parameters ``stated`` on ``paths``."""
-    result, n = np.zeros(len(paths.q), WIDTHS), paths.q.shape[-1]
+    result = np.zeros(len(paths.q), WIDTHS)
     for start in range(0, len(paths.q), BLOCK):
         block = slice(start, start + BLOCK)
-        q, step = (part[block] for part in paths)
-        jacobian, norm = chain.jacobian(q), frobenius(chain.inverse_jacobian(q))
-        v = np.matvec(jacobian, step)
-        gaussian = (
-            stated.alpha**2
-            * (stated.u**2 - norm**2)
-            * np.vecdot(v, v)
-            / (n * v.shape[-1])
-        )
-        wishart = [
-            wishart_variance(name, jacobian, v, stated.sigma_b) for name in READINGS
-        ]
-        part = result[block]
-        part["kind"], part["norm"] = kind, norm.max(axis=-1)
-        part["gaussian"] = np.sqrt(gaussian.mean(axis=-1))
-        part["wishart"] = np.sqrt(
-            np.stack([each.mean(axis=1) for each in wishart], axis=1)
-        )
+        q = paths.q[block]
+        jacobian = chain.jacobian(q)
+        norm = frobenius(chain.inverse_jacobian(q))
+        v = np.matvec(jacobian, paths.step[block])
+        entries = q.shape[-1] * v.shape[-1]
+        variance = stated.alpha**2 * (stated.u**2 - norm**2)
+        gaussian = variance * np.vecdot(v, v) / entries
+        wishart = []
+        for reading in READINGS:
+            variances = wishart_variance(reading, jacobian, v, stated.sigma_b)
+            wishart.append(variances.mean(axis=1))
+
+        rows = result[block]
+        rows["kind"] = kind
+        rows["norm"] = norm.max(axis=-1)
+        rows["gaussian"] = np.sqrt(gaussian.mean(axis=-1))
+        rows["wishart"] = np.sqrt(np.stack(wishart, axis=1))
     return result
 
 
@@ -136,29 +150,28 @@ def log_quantities(
     """Return the logarithm (R, P) or (P,) of each quantity of the WIDTHS ``drawn``; 0 equals the
     printed numbers. ``widening`` is added to the logarithm of the Gaussian model's width.
     """
-    printed, total = (
-        np.diag(stated.covariance),
-        np.linalg.norm(drawn["wishart"], axis=-1).T,
-    )
-    joints = np.moveaxis(drawn["wishart"], 0, -1) / np.sqrt(printed)[:, None]
+    printed = np.sqrt(np.diag(stated.covariance))
+    printed_total = np.sqrt(np.trace(stated.covariance))
+    total = np.linalg.norm(drawn["wishart"], axis=-1).T
     gaussian = np.exp(widening) * np.sqrt(len(printed)) * drawn["gaussian"]
-    quantities = {
-        f"joint {j}": joints[:, j - 1] for j in range(1, len(printed) + 1)
-    } | {
-        "trace": total / np.sqrt(np.trace(stated.covariance)),
-        "gaussian": gaussian / np.sqrt(np.trace(stated.covariance)),
+    ratios = {
+        "trace": total / printed_total,
+        "gaussian": gaussian / printed_total,
         "difference": total / gaussian,
     }
-    return {name: np.log(values) for name, values in quantities.items()}
+    for joint, std in enumerate(printed):
+        ratios[f"joint {joint + 1}"] = drawn["wishart"][..., joint].T / std
+    return {name: np.log(ratio) for name, ratio in ratios.items()}
 
 
 def densities(
     quantities: Mapping[str, np.ndarray], names: Sequence[str], tolerance: float
 ) -> np.ndarray:
     """Return the density (R, P) of the printed numbers for the ``tolerance`` f > 1."""
-    deviation = np.log(tolerance)
-    squares = sum((quantities[name] / deviation) ** 2 for name in names)
-    return np.exp(-squares / 2) / (np.sqrt(2 * np.pi) * deviation) ** len(names)
+    std = np.log(tolerance)
+    squares = sum((quantities[name] / std) ** 2 for name in names)
+    normaliser = (np.sqrt(2 * np.pi) * std) ** len(names)
+    return np.exp(-squares / 2) / normaliser
 
 
 def evidence_rows(
@@ -170,58 +183,71 @@ def evidence_rows(
     """Return rows of ``evidence`` for the prior of the paths ``drawn``, for each tolerance f and
     for the integral over f in ``span``, uniform in ln ln f.
     """
-    quantities, pivoted = log_quantities(drawn, stated), READINGS.index(PIVOTED)
-    grid, rows = np.exp(np.geomspace(*np.log(span), SPAN)), []
-    for (size, first), (name, further) in product(SIZES.items(), SETS.items()):
+    quantities = log_quantities(drawn, stated)
+    grid = np.exp(np.geomspace(*np.log(span), SPAN))
+    tables = []
+    for (size, first), (set_name, further) in product(SIZES.items(), SETS.items()):
         density_at = partial(densities, quantities, (*first, *further))
-        cases = {f: density_at(f) for f in tolerances}
+        cases = {tolerance: density_at(tolerance) for tolerance in tolerances}
         cases[INTEGRATED] = np.mean([density_at(f) for f in grid], axis=0)
         for tolerance, density in cases.items():
-            mean = density.mean(axis=1)
-            share, ratio = density / mean[:, None], mean / mean[pivoted]
-            error = (share - share[pivoted]).std(axis=1, ddof=1) / np.sqrt(
-                density.shape[1]
-            )
-            low, high = (ratio * np.exp(x * NORMAL_QUANTILE * error) for x in (-1, 1))
-            columns = {
-                "reading": READINGS,
-                "likelihood": ratio,
-                "low": low,
-                "high": high,
-            }
-            place = {"size": size, "quantities": name, "tolerance": tolerance}
-            rows.append(pd.DataFrame(columns).assign(**place))
-    return pd.concat(rows, ignore_index=True)
+            rows = likelihood_rows(density)
+            place = {"size": size, "quantities": set_name, "tolerance": tolerance}
+            tables.append(rows.assign(**place))
+    return pd.concat(tables, ignore_index=True)
+
+
+def likelihood_rows(density: np.ndarray) -> pd.DataFrame:
+    """Return the likelihood of each reading over pivoted LU's, the mean ``density`` (R, P) over the
+    paths, with its interval by the number of paths.
+    """
+    pivoted = READINGS.index(PIVOTED)
+    mean = density.mean(axis=1)
+    likelihood = mean / mean[pivoted]
+    share = density / mean[:, None]
+    deviation = (share - share[pivoted]).std(axis=1, ddof=1)
+    error = deviation / np.sqrt(density.shape[1])
+    columns = {
+        "reading": READINGS,
+        "likelihood": likelihood,
+        "low": likelihood * np.exp(-NORMAL_QUANTILE * error),
+        "high": likelihood * np.exp(NORMAL_QUANTILE * error),
+    }
+    return pd.DataFrame(columns)
 
 
 def width_rows(drawn: np.ndarray, stated: Published) -> pd.DataFrame:
     """Return rows of the table ``widths`` for the prior of the paths ``drawn``."""
     quantities = log_quantities(drawn, stated)
     width = np.exp([*quantities["trace"], quantities["gaussian"]])
-    least = [*np.exp(quantities["difference"]).min(axis=1), 1.0]
+    least = np.exp(quantities["difference"]).min(axis=1)
     columns = {
         "reading": (*READINGS, GAUSSIAN),
         "paths": len(drawn),
-        "least_ratio": least,
+        "least_ratio": [*least, 1.0],
+        "low": np.quantile(width, 0.05, axis=1),
+        "median": np.quantile(width, 0.5, axis=1),
+        "high": np.quantile(width, 0.95, axis=1),
+        "best": np.quantile(width, 0.99, axis=1),
+        "reached": np.mean(width >= 1, axis=1),
     }
-    levels = {"low": 0.05, "median": 0.5, "high": 0.95, "best": 0.99}
-    columns |= {
-        name: np.quantile(width, level, axis=1) for name, level in levels.items()
-    }
-    return pd.DataFrame(columns | {"reached": np.mean(width >= 1, axis=1)})
+    return pd.DataFrame(columns)
 
 
-def unsquared_rows(drawn: np.ndarray, stated: Published, tolerances: Sequence[float]):
+def unsquared_rows(
+    drawn: np.ndarray, stated: Published, tolerances: Sequence[float]
+) -> pd.DataFrame:
     """Return the table ``unsquared``: pivoted LU and Σ_k = α(u² − ‖J⁻¹‖²)/n² over α² for α."""
-    names, pivoted = (
-        (*SIZES["joints 1 and 2"], *SETS["small_difference"]),
-        READINGS.index(PIVOTED),
-    )
-    widenings = -np.log(stated.alpha) / 2, 0.0
-    both = other, _ = [log_quantities(drawn, stated, each) for each in widenings]
-    means = [
-        [densities(each, names, f)[pivoted].mean() for f in tolerances] for each in both
-    ]
-    low, high = np.exp(np.quantile(other["difference"][pivoted], [0.05, 0.95]))
-    columns = {"tolerance": tolerances, "likelihood": np.divide(*means)}
-    return pd.DataFrame(columns | {"low_ratio": low, "high_ratio": high})
+    names = (*SIZES["joints 1 and 2"], *SETS["small_difference"])
+    pivoted = READINGS.index(PIVOTED)
+    squared = log_quantities(drawn, stated)
+    unsquared = log_quantities(drawn, stated, -np.log(stated.alpha) / 2)
+    likelihoods = []
+    for tolerance in tolerances:
+        with_alpha = densities(unsquared, names, tolerance)[pivoted].mean()
+        likelihoods.append(
+            with_alpha / densities(squared, names, tolerance)[pivoted].mean()
+        )
+    low, high = np.exp(np.quantile(unsquared["difference"][pivoted], [0.05, 0.95]))
+    columns = {"tolerance": tolerances, "likelihood": likelihoods}
+    return pd.DataFrame(columns).assign(low_ratio=low, high_ratio=high)
