@@ -30,14 +30,13 @@ def run() -> None:
             print(f"articulate: {warning}")
         noise = leave_one_out(errors, window=o.noise_window)
         contracts.write(noise, "kinect_noise", folder)
-        views = [
-            _view(name, angles, takes[0], arm_of(robot))
-            for name in ("initial", "extended")
-        ]
-        for name, tables in zip(
-            ("cloud", "skeleton"), zip(*views, strict=True), strict=True
-        ):
-            contracts.write(pd.concat(tables, ignore_index=True), name, folder)
+        clouds, skeletons = [], []
+        for name in ("initial", "extended"):
+            cloud, skeleton = _view(name, angles, takes[0], arm_of(robot))
+            clouds.append(cloud)
+            skeletons.append(skeleton)
+        contracts.write(pd.concat(clouds, ignore_index=True), "cloud", folder)
+        contracts.write(pd.concat(skeletons, ignore_index=True), "skeleton", folder)
 
 
 def _view(
@@ -48,13 +47,12 @@ def _view(
     origin = arm.chain.origin
     reach = np.hypot(take["xe"] - origin[0], take["ze"] - origin[1])
     shown = take.iloc[0 if name == "initial" else int(reach.argmax())]
-    clouds = dict(
-        zip(rows["frame"], depth_takes.arm_points(rows, depth_takes.DEPTH), strict=True)
-    )
-    points = clouds[int(shown["frame"])]
-    nodes = np.vstack(
-        [origin, *([shown[f"x{node}"], shown[f"z{node}"]] for node in "23e")]
-    )
+    clouds = depth_takes.arm_points(rows, depth_takes.DEPTH)
+    points = dict(zip(rows["frame"], clouds, strict=True))[int(shown["frame"])]
     cloud = pd.DataFrame({"view": name, "x": points[:, 0], "z": points[:, 1]})
-    x, z = nodes.astype(float).T
-    return cloud, pd.DataFrame({"view": name, "node": np.arange(4), "x": x, "z": z})
+    nodes = [origin]
+    for node in "23e":
+        nodes.append([shown[f"x{node}"], shown[f"z{node}"]])
+    x, z = np.vstack(nodes).astype(float).T
+    skeleton = pd.DataFrame({"view": name, "node": np.arange(4), "x": x, "z": z})
+    return cloud, skeleton

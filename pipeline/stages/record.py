@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 from scipy.spatial.transform import Rotation
 
+from pipeline.arm.chain import Chain
 from pipeline.arm.model import Arm, arm_of, chain_of, link_chains
 from pipeline.configuration import config
 from pipeline.core import contracts, rng
@@ -22,13 +23,19 @@ from pipeline.formats.motion.motive import write_motive
 from pipeline.formats.motion.take import MotionTake, RigidBody
 from pipeline.formats.trajectory import write_trajectory
 from pipeline.laboratory import dynamics, mocap
-from pipeline.laboratory.dynamics import Session, desired_path, desired_trajectory
+from pipeline.laboratory.dynamics import (
+    DepthFrames,
+    Session,
+    desired_path,
+    desired_trajectory,
+)
 from pipeline.laboratory.force import record_force
 from pipeline.laboratory.kinect import DepthCamera, draw_bias
 
 RAW = Path("data/raw")
 # start of a capture in Motive's spelling; fixed, so that recordings do not depend on the time
 CAPTURE_START = "2017-05-02 10.00.00.000 AM"
+PARTS = {"train": "training", "test": "test"}  # by kind of a take
 
 
 def run(name: str) -> None:
@@ -68,38 +75,51 @@ def _record_takes(settings, folder: Path, truth: Path) -> None:
     nominal = chain_of(replace(dataset.robot, task=None))
     stream = rng.stream(settings.seed, "record.session")
     session = dynamics.open_session(nominal, dataset.laboratory["dynamics"], stream)
-    for place in ("optitrack", "kinect" if dataset.robot.plane else "joints"):
-        (folder / place).mkdir()
-    instruments = (_in_plane if dataset.robot.plane else _in_space)(
-        session, dataset, stream
-    )
-    known = {"session": session, "instruments": instruments, "settings": settings}
-    record = partial(_record_take, folder=folder, **known)
-    options, rate = dataset.laboratory["trajectory"], dataset.motion.rate
-    path = desired_path(nominal, options)
-    command = pd.DataFrame({"t": np.arange(len(path)) / rate})
+    (folder / "optitrack").mkdir()
     if dataset.robot.plane:
-        command = desired_trajectory(nominal, options)
+        (folder / "kinect").mkdir()
+        instruments = _in_plane(session, dataset, stream)
         k = dataset.laboratory["kinect"]
         camera = Intrinsics(k.fx, k.fy, k.cx, k.cy, k.width, k.height)
         write_intrinsics(folder / "kinect" / "intrinsics.yaml", camera)
-    command = command.assign(**spread("q", dataset.robot.joints, path))
+    else:
+        (folder / "joints").mkdir()
+        instruments = _in_space(session, dataset, stream)
+    command = _command(nominal, dataset)
     write_trajectory(folder / "trajectory.csv", command)
-    rows = list(
-        run_trials(record, takes, compute=settings.compute, label="record: takes")
+
+    record = partial(
+        _record_take,
+        session=session,
+        instruments=instruments,
+        settings=settings,
+        folder=folder,
     )
+    workers = {"compute": settings.compute, "label": "record: takes"}
+    rows = list(run_trials(record, takes, **workers))
     joints = rows[scale.test_takes :] + rows[: scale.test_takes]
     contracts.write(pd.concat(joints, ignore_index=True), "true_joints", truth)
 
 
+def _command(nominal: Chain, dataset) -> pd.DataFrame:
+    """Return the commanded trajectory of the ``nominal`` arm."""
+    options, rate = dataset.laboratory["trajectory"], dataset.motion.rate
+    path = desired_path(nominal, options)
+    if dataset.robot.plane:
+        command = desired_trajectory(nominal, options)
+    else:
+        command = pd.DataFrame({"t": np.arange(len(path)) / rate})
+    return command.assign(**spread("q", dataset.robot.joints, path))
+
+
 def _in_plane(session: Session, dataset, stream) -> tuple[Arm, np.ndarray, np.ndarray]:
     """Return a planar arm, random places of its markers, and the depth camera's bias."""
-    template = np.array(
-        [list(link.values()) for link in dataset.mocap.markers.values()]
-    )
+    links = dataset.mocap.markers.values()
+    template = np.array([list(link.values()) for link in links])
     markers = mocap.place_markers(template, dataset.laboratory["mocap"], stream)
     bias = draw_bias(dataset.laboratory["kinect"], stream)
-    return replace(arm_of(dataset.robot), chain=session.chain), markers, bias
+    arm = replace(arm_of(dataset.robot), chain=session.chain)
+    return arm, markers, bias
 
 
 def _in_space(session: Session, dataset, stream) -> dict[str, mocap.MarkerCluster]:
@@ -125,57 +145,66 @@ def _record_take(
     take: tuple[str, int], session: Session, instruments, settings, folder: Path
 ) -> pd.DataFrame:
     """Write the files of one take; return its true joint angles."""
-    (kind, number), dataset, laboratory = (
-        take,
-        settings.dataset,
-        settings.dataset.laboratory,
-    )
-    name, part = f"{kind}_{number + 1:03d}", "training" if kind == "train" else "test"
+    kind, number = take
+    dataset, laboratory = settings.dataset, settings.dataset.laboratory
+    name = f"{kind}_{number + 1:03d}"
     stream = rng.stream(settings.seed, f"record.{kind}", number)
-    trajectory, options, base = (
-        laboratory["trajectory"],
-        laboratory["mocap"],
-        dataset.mocap.base,
-    )
+    trajectory, base = laboratory["trajectory"], dataset.mocap.base
     motion = dynamics.perform(session, trajectory, laboratory["dynamics"], stream)
+    captured, options = motion.motion_capture, laboratory["mocap"]
     world = Rotation.from_euler("xyz", base.rpy).as_matrix(), np.array(base.position)
     markers, bodies = {}, {}
     if dataset.robot.plane:
         arm, placed, bias = instruments
         clock = laboratory["clock"]
         frames = dynamics.depth_frames(motion.swing, trajectory.duration, clock, stream)
-        markers = mocap.capture(
-            arm, motion.motion_capture, placed, world, options, stream
-        )
-        if part == "test":
+        markers = mocap.capture(arm, captured, placed, world, options, stream)
+        if kind == "test":
             camera = DepthCamera(arm, laboratory["kinect"], bias)
-            images = folder / "kinect" / name
-            (images / "depth").mkdir(parents=True, exist_ok=True)
-            files = tuple(f"depth/{i:04d}.png" for i in range(len(frames.times)))
-            for file, q in zip(files, frames.joints, strict=True):
-                write_depth(images / file, camera.observe(q, stream))
-            write_index(images / "depth.txt", frames.times, files)
+            _write_images(folder / "kinect" / name, camera, frames, stream)
     else:
-        captured = motion.motion_capture
         poses = mocap.capture_bodies(instruments, captured, world, options, stream)
         bodies = {body: RigidBody(*pose) for body, pose in poses.items()}
         log = dynamics.log_joints(motion.swing, trajectory, laboratory["encoders"])
         write_joint_table(folder / "joints" / f"{name}.csv", *log, dataset.robot.joints)
+
     k, rate = np.arange(len(motion.truth)), dataset.motion.rate
     recorded = MotionTake(name, "1.23", rate, k, k / rate, markers, bodies, {})
     write_motive(folder / "optitrack" / f"{name}.csv", recorded, start=CAPTURE_START)
-    step = {"take": name, "part": part, "k": k, "t": k / rate}
+    step = {"take": name, "part": PARTS[kind], "k": k, "t": k / rate}
     return pd.DataFrame(step | spread("q", dataset.robot.joints, motion.truth))
+
+
+def _write_images(
+    folder: Path, camera: DepthCamera, frames: DepthFrames, stream: np.random.Generator
+) -> None:
+    """Write the depth images of one take and their index."""
+    (folder / "depth").mkdir(parents=True, exist_ok=True)
+    files = tuple(f"depth/{i:04d}.png" for i in range(len(frames.times)))
+    for file, q in zip(files, frames.joints, strict=True):
+        write_depth(folder / file, camera.observe(q, stream))
+    write_index(folder / "depth.txt", frames.times, files)
 
 
 def _record_forces(folder: Path, settings) -> None:
     """Write the force records in the format of the transducer's program."""
     laboratory, force = settings.dataset.laboratory, settings.dataset.force
     transducer, seconds = laboratory["transducer"], settings.scale.force_seconds
-    for number, c in enumerate(force.configurations.values()):
-        robots = laboratory["robots"].first(len(c.tension))
+    for number, arrangement in enumerate(force.configurations.values()):
+        robots = laboratory["robots"].first(len(arrangement.tension))
         stream = rng.stream(settings.seed, "record.force", number)
-        felt = record_force(c, robots, transducer, force.tare, seconds, stream)
-        wrench, rate = (felt.time, felt.force, felt.torque), transducer.rate
-        (file := folder / c.file).parent.mkdir(parents=True, exist_ok=True)
-        write_daqft(file, ForceRecord(*wrench, rate, "FT00001", CAPTURE_START, {}))
+        felt = record_force(
+            arrangement, robots, transducer, force.tare, seconds, stream
+        )
+        record = ForceRecord(
+            felt.time,
+            felt.force,
+            felt.torque,
+            transducer.rate,
+            "FT00001",
+            CAPTURE_START,
+            {},
+        )
+        file = folder / arrangement.file
+        file.parent.mkdir(parents=True, exist_ok=True)
+        write_daqft(file, record)

@@ -62,9 +62,8 @@ Scored = tuple[dict[str, float], Tables]  # numbers, and tables of the report
 def run() -> None:
     """Compare every model with the recordings, in mean, in standard deviation and in the filter."""
     settings = config.sections("score")
-    dataset, robot = settings.dataset, settings.dataset.robot
     with contracts.replacing(OUT) as folder:
-        if robot is None:
+        if settings.dataset.robot is None:
             print("score: the dataset has no robot; only its forces are scored")
             scored = {
                 "motion": ({}, {}),
@@ -74,55 +73,75 @@ def run() -> None:
         else:
             scored = _score_robot(settings, folder)
         metrics = {stem: numbers for stem, (numbers, _) in scored.items()}
-        files = {"wrench": WRENCH / "wrench.json"}
-        for stage, place in {"fit": FIT, "filter": FILTER}.items():
-            files |= {
-                f"{stage}_{n}": place / n / f"{stage}.json" for n in settings.models
-            }
-        metrics |= {stem: json.loads(file.read_text()) for stem, file in files.items()}
-        wrench = _read_all(WRENCH)
-        evidence = [own.pop(EVIDENCE) for _, own in scored.values() if EVIDENCE in own]
-        tables = {
-            name: table for _, own in scored.values() for name, table in own.items()
-        }
-        tables |= _read_all(READINGS) | _read_all(PREDICT)
-        tables.pop(ONLY_DRAWN, None)
-        tables |= {name: wrench[name] for name in OF_WRENCH if name in wrench}
-        if listed := [pd.read_csv(file) for file in sorted(FILES.glob("*.csv"))]:
-            tables["raw_files"] = by_place(pd.concat(listed))
-        tables["wrench_study"] = wrench_summary(
-            wrench["wrench_errors"], wrench["wrench_spread"]
-        )
-        if contracts.exists(FLOORS, folder):
-            tables[FLOORS] = contracts.read(FLOORS, folder)
-        if "prediction_pairs" in tables:
-            pairs = tables["prediction_pairs"]
-            evidence.append(prediction_evidence(tables["predictions"], pairs))
-        tables[EVIDENCE] = pd.concat(
-            [*evidence, wrench_evidence(wrench)], ignore_index=True
-        )
+        metrics |= _metrics_of_stages(list(settings.models))
+        tables = _tables(scored, folder)
         contracts.write(tables[EVIDENCE], EVIDENCE, folder)
         for stem, numbers in metrics.items():
             contracts.write_metrics(numbers, folder / f"metrics/{stem}.json")
         for name, table in tables.items():
-            contracts.write_text(
-                table.to_csv(index=False), folder / f"tables/{name}.csv"
-            )
-        own = Run(
-            dataset=dataset.name,
-            scale=settings.scale.name,
-            synthetic=truth_of(
-                dataset
-            ).is_dir(),  # only a synthetic dataset has a truth
-            joints=robot.joints if robot else [],
-            task=members(contracts.read("trajectory", MOTION), "v") if robot else [],
-            models={name: options.kind for name, options in settings.models.items()},
-            metrics=metrics,
-            tables=tables,
-            cause=(dataset.laboratory or {}).get("cause") or "",
-            version=project_version(),
-        )
-        contracts.write_text(own.to_json(), folder / "evidence.json")
+            text = table.to_csv(index=False)
+            contracts.write_text(text, folder / f"tables/{name}.csv")
+        result = _result(settings, metrics, tables)
+        contracts.write_text(result.to_json(), folder / "evidence.json")
+
+
+def _metrics_of_stages(models: Sequence[str]) -> dict[str, dict[str, float]]:
+    """Return the numbers that the stages wrench, fit and filter wrote."""
+    files = {"wrench": WRENCH / "wrench.json"}
+    files |= {f"fit_{model}": FIT / model / "fit.json" for model in models}
+    files |= {f"filter_{model}": FILTER / model / "filter.json" for model in models}
+    return {stem: json.loads(file.read_text()) for stem, file in files.items()}
+
+
+def _tables(scored: dict[str, Scored], folder: Path) -> Tables:
+    """Return the tables of the report: those ``scored``, and tables of the earlier stages."""
+    tables: Tables = {}
+    evidence = []
+    for _, more in scored.values():
+        evidence += [table for name, table in more.items() if name == EVIDENCE]
+        tables |= {name: table for name, table in more.items() if name != EVIDENCE}
+    tables |= _read_all(READINGS) | _read_all(PREDICT)
+    tables.pop(ONLY_DRAWN, None)
+    wrench = _read_all(WRENCH)
+    tables |= {name: wrench[name] for name in OF_WRENCH if name in wrench}
+    if listed := _listed_files():
+        tables["raw_files"] = by_place(pd.concat(listed))
+    errors, repeats = wrench["wrench_errors"], wrench["wrench_spread"]
+    tables["wrench_study"] = wrench_summary(errors, repeats)
+    if contracts.exists(FLOORS, folder):
+        tables[FLOORS] = contracts.read(FLOORS, folder)
+    if "prediction_pairs" in tables:
+        pairs = tables["prediction_pairs"]
+        evidence.append(prediction_evidence(tables["predictions"], pairs))
+    evidence.append(wrench_evidence(wrench))
+    tables[EVIDENCE] = pd.concat(evidence, ignore_index=True)
+    return tables
+
+
+def _result(settings, metrics: dict[str, dict], tables: Tables) -> Run:
+    """Return the result of the run, which the report compares with other datasets."""
+    dataset = settings.dataset
+    joints, task = [], []
+    if dataset.robot is not None:
+        joints = dataset.robot.joints
+        task = members(contracts.read("trajectory", MOTION), "v")
+    return Run(
+        dataset=dataset.name,
+        scale=settings.scale.name,
+        synthetic=truth_of(dataset).is_dir(),  # only a synthetic dataset has a truth
+        joints=joints,
+        task=task,
+        models={name: options.kind for name, options in settings.models.items()},
+        metrics=metrics,
+        tables=tables,
+        cause=(dataset.laboratory or {}).get("cause") or "",
+        version=project_version(),
+    )
+
+
+def _listed_files() -> list[pd.DataFrame]:
+    """Return the lists of raw files by part."""
+    return [pd.read_csv(file) for file in sorted(FILES.glob("*.csv"))]
 
 
 def _score_robot(settings, folder: Path) -> dict[str, Scored]:
@@ -264,14 +283,16 @@ def _filter_errors(
 
 def _true_speeds(takes: Takes, dataset: Dataset) -> dict[str, float]:
     """Return scores of the speeds of the truth; {} for a dataset without a truth."""
-    if not contracts.exists("true_joints", truth_of(dataset)):
+    truth = truth_of(dataset)
+    if not contracts.exists("true_joints", truth):
         return {}
     recorded, rate = takes.training, dataset.motion.rate
-    _, q = contracts.stacked(contracts.read("true_joints", truth_of(dataset)), "q")
-    nominal = recorded.chain.nominal_step(q[:, :-1], recorded.v)
-    steps, still = np.diff(q, axis=1), ~np.any(recorded.v, axis=-1)
-    limits = recorded.chain.max_speed
-    metrics = speed_scores(steps, nominal, limits, rate, recorded.joints)
+    chain = recorded.chain
+    _, q = contracts.stacked(contracts.read("true_joints", truth), "q")
+    nominal = chain.nominal_step(q[:, :-1], recorded.v)
+    steps = np.diff(q, axis=1)
+    metrics = speed_scores(steps, nominal, chain.max_speed, rate, recorded.joints)
+    still = ~np.any(recorded.v, axis=-1)
     if still.any():
         variances = steps[:, still].var(axis=0, ddof=1).mean(axis=0)
         metrics["true_motion_at_rest_rms_rad"] = float(np.sqrt(variances.sum()))
@@ -295,10 +316,9 @@ def _camera_errors(takes: Takes, rate: float) -> tuple[float, pd.DataFrame]:
 def _recording_tables() -> Tables:
     """Return the tables of losses and repairs, of the takes and of what is left out."""
     takes, counts = contracts.read("takes", TRACK), contracts.read("quality", MOTION)
-    listed = [pd.read_csv(file) for file in sorted(FILES.glob("*.csv"))]
     return _quality() | {
         "takes": quality.side_by_side(takes),
-        "kept": quality.account(listed, counts, takes),
+        "kept": quality.account(_listed_files(), counts, takes),
     }
 
 
@@ -310,10 +330,9 @@ def _read_all(folder: Path) -> Tables:
 
 def _quality() -> Tables:
     """Return the table of the losses and repairs of the instruments, summed over the takes."""
-    folders = [*sorted(INGEST.iterdir()), TRACK]
-    records = [
-        contracts.read("quality", p) for p in folders if contracts.exists("quality", p)
-    ]
-    return {
-        "recording_quality": quality.summarise(pd.concat(records, ignore_index=True))
-    }
+    records = []
+    for folder in [*sorted(INGEST.iterdir()), TRACK]:
+        if contracts.exists("quality", folder):
+            records.append(contracts.read("quality", folder))
+    together = pd.concat(records, ignore_index=True)
+    return {"recording_quality": quality.summarise(together)}

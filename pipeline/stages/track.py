@@ -14,7 +14,7 @@ from pipeline.core.columns import columns, spread, values
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import SingularJacobianError
 from pipeline.models.steps import process_noise
-from pipeline.perception.markers import follower
+from pipeline.perception.markers import JointTrack, follower
 from pipeline.recordings import commands
 from pipeline.recordings.depth_takes import on_motion_clock, with_markers
 from pipeline.recordings.paths import take_paths
@@ -43,62 +43,79 @@ def run() -> None:
                 paths = contracts.read("take_paths", MOTION)
                 contracts.write(paths, "take_paths", folder)
             return
-        # the quality of force records does not belong to takes
-        parts = ["motion", "depth"] if dataset.depth is not None else ["motion"]
-        quality = pd.concat(
-            [contracts.read("quality", INGEST / part) for part in parts]
-        )
-        repairs, source = [], "motion capture"
+        quality = _quality_of_ingest(dataset)
+        repairs: list[dict] = []
         disturbed = pd.DataFrame()
         if dataset.mocap is None:
-            joints = contracts.read("joint_log", MOTION).assign(residual=np.nan)
+            source = "joint log"
             print(
                 "track: no motion capture; the joint angles are from the controller's log"
             )
-            source = "joint log"
+            joints = contracts.read("joint_log", MOTION).assign(residual=np.nan)
             disturbed = contracts.read("disturbed_log", MOTION).assign(residual=np.nan)
         else:
+            source = "motion capture"
             joints, repairs = _track(dataset)
             quality = quality[quality["instrument"] != "joint log"]
             if dataset.depth is not None:
                 repairs += _write_frames(settings, joints, folder)
+
         takes = pd.concat([quality, pd.DataFrame(repairs)], ignore_index=True)
         takes = beside_limits(takes, vars(dataset.limits))
         _print_lags_and_copies(takes)
         require_enough(takes)
-        if left_out := reasons(takes):
-            number = takes["take"].nunique()
-            print(
-                f"track: {len(left_out)} of {number} takes left out: {'; '.join(left_out)}"
+        _print_left_out(takes)
+        for row in takes.drop_duplicates("take").itertuples():
+            left_out = row.left_out
+            repairs.append(
+                quality_row(row.take, row.part, source, "left_out", left_out)
             )
-        repairs += [
-            quality_row(row.take, row.part, source, "left_out", row.left_out)
-            for row in takes.drop_duplicates("take").itertuples()
-        ]
-        paths = take_paths(
-            pd.concat([joints, disturbed]), takes, chain_of(dataset.robot)
-        )
-        contracts.write(paths, "take_paths", folder)
+        recorded = pd.concat([joints, disturbed])
+        paths = take_paths(recorded, takes, chain_of(dataset.robot))
         joints = joints[~joints["take"].isin(takes.loc[takes["left_out"], "take"])]
         if dataset.mocap is not None:
             _cross_check(joints, dataset)
-        tables = {"takes": takes, "quality": pd.DataFrame(repairs), "joints": joints}
-        for name, table in (
-            tables | {"process_noise": _process_noise(joints, dataset)}
-        ).items():
+        tables = {
+            "take_paths": paths,
+            "takes": takes,
+            "quality": pd.DataFrame(repairs),
+            "joints": joints,
+            "process_noise": _process_noise(joints, dataset),
+        }
+        for name, table in tables.items():
             contracts.write(table, name, folder)
+
+
+def _quality_of_ingest(dataset) -> pd.DataFrame:
+    """Return the losses and repairs of the takes; those of force records belong to no take."""
+    tables = [contracts.read("quality", MOTION)]
+    if dataset.depth is not None:
+        tables.append(contracts.read("quality", INGEST / "depth"))
+    return pd.concat(tables)
+
+
+def _print_left_out(takes: pd.DataFrame) -> None:
+    """Print which takes are left out, and why."""
+    if left_out := reasons(takes):
+        count = takes["take"].nunique()
+        print(
+            f"track: {len(left_out)} of {count} takes left out: {'; '.join(left_out)}"
+        )
 
 
 def _write_frames(settings, joints: pd.DataFrame, folder: Path) -> list[dict]:
     """Write the table ``frames`` on the motion's clock; return quality rows of the clocks."""
-    dataset, frames = settings.dataset, contracts.read("frames", INGEST / "depth")
+    dataset = settings.dataset
+    frames = contracts.read("frames", INGEST / "depth")
     takes = with_markers(frames, contracts.read("markers", MOTION), joints)
     align = partial(on_motion_clock, depth=dataset.depth, arm=arm_of(dataset.robot))
-    rows = list(
-        run_trials(align, takes, compute=settings.compute, label="track: clocks")
-    )
-    contracts.write(pd.concat([table for table, _ in rows]), "frames", folder)
-    return [row for _, more in rows for row in more]
+    workers = {"compute": settings.compute, "label": "track: clocks"}
+    tables, rows = [], []
+    for table, of_take in run_trials(align, takes, **workers):
+        tables.append(table)
+        rows += of_take
+    contracts.write(pd.concat(tables), "frames", folder)
+    return rows
 
 
 def _track(dataset) -> tuple[pd.DataFrame, list[dict]]:
@@ -107,31 +124,39 @@ def _track(dataset) -> tuple[pd.DataFrame, list[dict]]:
     if dataset.limits.longest_gap is not None:
         # a take with a longer gap is left out later, and the gap's length is reported
         mocap = replace(mocap, max_gap=dataset.motion.steps)
-    takes = contracts.read("markers", MOTION).groupby(["take", "part"], sort=False)
-    follow, joints, repairs = follower(dataset.robot, mocap), [], []
-    for (take, part), markers in takes:
+    follow = follower(dataset.robot, mocap)
+    markers_by_take = contracts.read("markers", MOTION).groupby(
+        ["take", "part"], sort=False
+    )
+    joints, repairs = [], []
+    for (take, part_of_take), markers in markers_by_take:
         track = follow(markers, take=take)
         k = np.arange(len(track.q))
-        step = {"take": take, "part": part, "k": k, "t": k / dataset.motion.rate}
-        step |= spread("q", dataset.robot.joints, track.q) | {
-            "residual": track.residual
-        }
-        joints.append(pd.DataFrame(step))
-        solved, counts = np.flatnonzero(np.isfinite(track.residual)), track.counts
-        gap = int(np.diff(solved, prepend=-1, append=len(k)).max()) - 1
-        residual = float(np.sqrt(np.nanmean(track.residual**2)))
-        rows = [
-            *counts.items(),
-            ("missing_share", counts["missing"] / track.samples, "share"),
-        ]
-        rows += [("longest_gap", gap, "frames"), ("residual_rms", residual, "m")]
-        if "relabelled" in counts:
-            rows.append(
-                ("relabelled_share", counts["relabelled"] / track.samples, "share")
-            )
-        repairs += [quality_row(take, part, "motion capture", *row) for row in rows]
+        place = {"take": take, "part": part_of_take, "k": k}
+        place["t"] = k / dataset.motion.rate
+        angles = spread("q", dataset.robot.joints, track.q)
+        joints.append(pd.DataFrame(place | angles | {"residual": track.residual}))
+        for row in _losses(track):
+            repairs.append(quality_row(take, part_of_take, "motion capture", *row))
     table = pd.concat(joints, ignore_index=True)
     return table, repairs + _beside_others(table, dataset)
+
+
+def _losses(track: JointTrack) -> list[tuple]:
+    """Return quantity, value and unit of each loss and repair of a take."""
+    counts = track.counts
+    solved = np.flatnonzero(np.isfinite(track.residual))
+    distances = np.diff(solved, prepend=-1, append=len(track.residual))
+    rows = [
+        *counts.items(),
+        ("missing_share", counts["missing"] / track.samples, "share"),
+        ("longest_gap", int(distances.max()) - 1, "frames"),
+        ("residual_rms", float(np.sqrt(np.nanmean(track.residual**2))), "m"),
+    ]
+    if "relabelled" in counts:
+        share = counts["relabelled"] / track.samples
+        rows.append(("relabelled_share", share, "share"))
+    return rows
 
 
 def _beside_others(joints: pd.DataFrame, dataset) -> list[dict]:
@@ -142,12 +167,13 @@ def _beside_others(joints: pd.DataFrame, dataset) -> list[dict]:
     path = values(contracts.read("trajectory", MOTION), "x")
     late = [lag_of_take(path, chain.coordinates(take), rate) for take in q]
     measures["lag_behind_command"] = np.array(late), "s"
-    parts = joints.drop_duplicates("take")["part"]
+    take_parts = joints.drop_duplicates("take")["part"]
     rows = []
     for quantity, (of_takes, unit) in measures.items():
-        for take, part, value in zip(names, parts, of_takes, strict=True):
-            row = take, part, "motion capture", quantity, value, unit
-            rows.append(quality_row(*row))
+        for row in zip(names, take_parts, of_takes, strict=True):
+            take, part_of_take, value = row
+            measured = ("motion capture", quantity, value, unit)
+            rows.append(quality_row(take, part_of_take, *measured))
     return rows
 
 
@@ -169,14 +195,11 @@ def _print_lags_and_copies(takes: pd.DataFrame) -> None:
 def _cross_check(joints: pd.DataFrame, dataset) -> None:
     """Raise RecordingError where tracked ``joints`` contradict the command or the encoders."""
     names, chain = dataset.robot.joints, chain_of(dataset.robot)
-    trajectory, tracked = (
-        contracts.read("trajectory", MOTION),
-        dict(list(joints.groupby("take"))),
-    )
+    trajectory = contracts.read("trajectory", MOTION)
+    tracked = dict(list(joints.groupby("take")))
     for take, rows in tracked.items():
-        commands.require_commanded(
-            rows[columns("q", names)].to_numpy(), trajectory, chain, take
-        )
+        q = rows[columns("q", names)].to_numpy()
+        commands.require_commanded(q, trajectory, chain, take)
     if contracts.exists("encoders", MOTION):
         for take, rows in contracts.read("encoders", MOTION).groupby("take"):
             if take in tracked:
@@ -187,9 +210,8 @@ def _process_noise(joints: pd.DataFrame, dataset) -> pd.DataFrame:
     """Return the table ``process_noise`` of the training takes."""
     training = joints[joints.part == "training"]
     names, q = contracts.stacked(training, "q")
-    v = commands.commanded_steps(
-        contracts.read("trajectory", MOTION), dataset.motion.rate
-    )
+    trajectory = contracts.read("trajectory", MOTION)
+    v = commands.commanded_steps(trajectory, dataset.motion.rate)
     try:
         noise = process_noise(chain_of(dataset.robot), q, v)
     except SingularJacobianError as error:

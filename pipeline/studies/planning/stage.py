@@ -108,7 +108,7 @@ def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
         cases += [(arm, cause) for cause in choices["causes"]]
     common = {"models": config.model_options(options.models), "seed": settings.seed}
     parts = trials(settings, "planning", tables_of, cases, options=options, **common)
-    return {name: concatenate(part[name] for part in parts) for name in parts[0]}
+    return {name: concatenate(case[name] for case in parts) for name in parts[0]}
 
 
 def tables_of(
@@ -121,17 +121,20 @@ def tables_of(
     arm, cause = case
     bench = bench_of(arm, cause, options, seed)
     candidates = feasible_motions(bench.task, options.starts)
-    motions = compared_motions(bench, candidates, options.compared)
     training = bench.recorded_steps(bench.recorded, "training")
-    laws = {}
+    laws, plans = {}, {}
     for name, model_options in models.items():
         try:
             law = kinds.estimate(training, model_options).model
-            motions[PLAN + name] = least_uncertain(law, bench.task, candidates)
+            plans[PLAN + name] = least_uncertain(law, bench.task, candidates)
             laws[name] = law
         except (ModelDomainError, SolverError) as error:
             print(f"planning: {arm}, {cause}: {name} has no plan: {error.message}")
 
+    # a plan is counted before an equal motion of the others
+    (recorded_start,) = motions_from(bench.task, bench.recorded[:1])
+    motions = {RECORDED_START: recorded_start} | plans
+    motions |= motions_by_conditioning(bench.task, candidates, options.compared)
     tables = {
         "planning": realised_rows(bench, motions),
         "planning_predictions": predicted_rows(bench.task, motions, laws),
@@ -139,15 +142,15 @@ def tables_of(
     return {name: rows.assign(arm=arm, cause=cause) for name, rows in tables.items()}
 
 
-def compared_motions(bench: Bench, candidates: np.ndarray, count: int) -> Motions:
-    """Return the motion from the recorded start, and ``count`` of the ``candidates`` (S, M+1, n)
-    from the worst to the best conditioned one, named by their rank in the mean least singular
-    value of J.
+def motions_by_conditioning(
+    task: PathTask, candidates: np.ndarray, count: int
+) -> Motions:
+    """Return ``count`` of the ``candidates`` (S, M+1, n) from the worst to the best conditioned,
+    named by their rank in the mean least singular value of J.
     """
-    (of_start,) = motions_from(bench.task, bench.recorded[:1])
-    motions = {RECORDED_START: of_start}
-    clearance = bench.task.chain.least_singular_value(candidates).mean(axis=1)
+    clearance = task.chain.least_singular_value(candidates).mean(axis=1)
     ranked = candidates[np.argsort(clearance, kind="stable")]
+    motions = {}
     for share in np.linspace(0.0, 1.0, count):
         rank = round(share * (len(ranked) - 1))
         motions[f"conditioning {share:.0%}"] = ranked[rank]
@@ -242,7 +245,9 @@ def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
     both = compared(planning, tables["planning_predictions"])
     for (*_, model), rows in both.groupby([*CASE, "model"], sort=False):
         taus.setdefault(model, []).append(agreement(rows))
-    medians = [f"{number(np.nanmedian(of))} ({name})" for name, of in taus.items()]
+    medians = []
+    for name, of_cases in taus.items():
+        medians.append(f"{number(np.nanmedian(of_cases))} ({name})")
 
     sure, cells = 0, []
     for case, rows in planning.groupby(CASE, sort=False):
