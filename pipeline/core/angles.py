@@ -45,42 +45,54 @@ def unwrap(
     """
     steps = np.diff(angles, axis=0)
     turns = np.where(circular, np.rint(steps / TURN), 0.0)
-    motion, seconds = steps - TURN * turns, np.diff(time)[:, None]
+    motion = steps - TURN * turns
+    seconds = np.diff(time)[:, None]
     spikes = _spikes(motion, seconds, circular if signal == "actual" else False)
     if not turns.any() and not spikes.any():
         return angles, 0
-    reach, speed = min(BESIDE, len(steps) - 1), np.abs(motion) / seconds
-    around = np.pad(
-        np.stack([speed, np.where(turns, 0.0, speed)]), SIDES * reach, mode="reflect"
-    )
-    jumping, others = sliding_window_view(around, 2 * reach + 1, axis=1)
-    fastest = np.maximum(np.median(jumping, axis=-1), others.max(axis=-1))
-    allowed = np.minimum(FASTEST * fastest * seconds + TURN_NOISE, TURN / 4)
-    after = np.pad(turns, ((0, reach), (0, 0)))
-    later = sliding_window_view(after, reach + 1, axis=0)
-    returns = (later == -turns[..., None]).any(axis=-1)
-    outside = np.ptp(angles, axis=0) > TURN * np.abs(turns) + TURN_NOISE
-    unlike = (
-        (np.abs(motion) > allowed) | (np.abs(turns) > MOST_TURNS) | (returns & outside)
-    )
-    if (wrong := ((turns != 0) & unlike) | spikes).any():
-        row, joint = np.argwhere(wrong)[0].tolist()
+    faulty = spikes | ((turns != 0) & _unlike_turns(angles, turns, motion, seconds))
+    if faulty.any():
+        row, joint = np.argwhere(faulty)[0].tolist()
         name = names[joint] if len(names) == angles.shape[1] else f"joint {joint + 1}"
-        faulty = row + bool(
-            row or wrong[1:2, joint].any()
-        )  # after one step alone, the first row
+        if len(lines):
+            # after a step to the second row only, the first row is damaged
+            first_row_only = row == 0 and not faulty[1:2, joint].any()
+            evidence = {"line": lines[row if first_row_only else row + 1]} | evidence
         raise RecordingError(
             f"{name} ({signal}) jumps by {steps[row, joint]:.4g} rad at "
             f"{time[row + 1] - time[0]:.6g} s from the start, which is neither a motion nor whole "
             "turns of 2π = 6.283 rad; a lost sign, rows before the first measurement, an encoder "
             "that was set anew? Check angle_unit, or leave this part of the log out",
-            **({"line": lines[faulty]} if len(lines) else {}),
             **evidence,
         )
     removed = np.cumsum(turns, axis=0)
-    return angles - TURN * np.vstack([np.zeros_like(removed[:1]), removed]), int(
-        (turns != 0).sum()
-    )
+    before = np.zeros_like(removed[:1])
+    unwrapped = angles - TURN * np.vstack([before, removed])
+    return unwrapped, int((turns != 0).sum())
+
+
+def _unlike_turns(
+    angles: np.ndarray, turns: np.ndarray, motion: np.ndarray, seconds: np.ndarray
+) -> np.ndarray:
+    """Return the mask (N − 1, joints) of steps of ``angles`` (N, joints) in rad that are not whole
+    ``turns``: the rest ``motion`` is too fast, the turns are too many, or the angles soon return
+    from outside a wrapped angle's window.
+    """
+    reach = min(BESIDE, len(motion) - 1)
+    speed = np.abs(motion) / seconds
+    without_turns = np.where(turns, 0.0, speed)
+    both = np.stack([speed, without_turns])
+    around = np.pad(both, SIDES * reach, mode="reflect")
+    windows = sliding_window_view(around, 2 * reach + 1, axis=1)
+    fastest = np.maximum(np.median(windows[0], axis=-1), windows[1].max(axis=-1))
+    allowed = np.minimum(FASTEST * fastest * seconds + TURN_NOISE, TURN / 4)
+    after = np.pad(turns, ((0, reach), (0, 0)))
+    later = sliding_window_view(after, reach + 1, axis=0)
+    returns = (later == -turns[..., None]).any(axis=-1)
+    outside = np.ptp(angles, axis=0) > TURN * np.abs(turns) + TURN_NOISE
+    too_fast = np.abs(motion) > allowed
+    too_many = np.abs(turns) > MOST_TURNS
+    return too_fast | too_many | (returns & outside)
 
 
 def _spikes(
@@ -90,19 +102,20 @@ def _spikes(
     at most FEW steps of a ``measured`` angle far beyond all other steps; a command may step. A step
     over missing rows counts as the mean step in them.
     """
-    spikes, size = np.zeros(motion.shape, dtype=bool), np.abs(motion)
+    size = np.abs(motion)
     if len(motion) < 2 * BESIDE:
-        return spikes
+        return np.zeros(motion.shape, dtype=bool)
     mean = size / np.maximum(seconds / np.median(seconds), 1)
     most = np.partition(mean, -FEW - 1, axis=0)[-FEW - 1]
-    spikes |= np.where(measured, mean, 0.0) > np.maximum(SPIKE, SHARPER * most)
+    spikes = np.where(measured, mean, 0.0) > np.maximum(SPIKE, SHARPER * most)
+
     beside = np.pad(size, SIDES[1:] * BESIDE)
-    around = sliding_window_view(
-        beside, 2 * BESIDE + 2, axis=0
-    )  # of the steps k and k + 1
+    # of the steps k and k + 1
+    around = sliding_window_view(beside, 2 * BESIDE + 2, axis=0)
     usual = np.sort(around, axis=-1)[..., -3]  # the greatest but for the two of a spike
-    there = np.minimum(size[:-1], size[1:]) > np.maximum(SPIKE, SHARPER * usual)
-    spikes[:-1] |= there & (motion[:-1] * motion[1:] < 0)
+    smaller = np.minimum(size[:-1], size[1:])
+    back_and_forth = motion[:-1] * motion[1:] < 0
+    spikes[:-1] |= back_and_forth & (smaller > np.maximum(SPIKE, SHARPER * usual))
     return spikes
 
 
@@ -124,6 +137,8 @@ def whole_turns(
     a: np.ndarray, b: np.ndarray, circular: np.ndarray | bool = True
 ) -> np.ndarray:
     """Return median whole turns (joints,) of ``a`` − ``b`` (N, joints) rad; 0 if beyond ALIKE."""
-    turns = np.rint(np.median(a - b, axis=0) / TURN)
-    turns[np.median(np.abs(a - b - TURN * turns), axis=0) > ALIKE] = 0
+    difference = a - b
+    turns = np.rint(np.median(difference, axis=0) / TURN)
+    distance = np.median(np.abs(difference - TURN * turns), axis=0)
+    turns[distance > ALIKE] = 0
     return turns * circular

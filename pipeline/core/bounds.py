@@ -100,11 +100,11 @@ def require_content(content: bytes, file: Path) -> bytes:
     such as a pointer of Git LFS.
     """
     file = Path(file)
-    own = {"a web page": (".html", ".htm"), "a pointer of DVC": (".dvc",)}
+    suffixes = {"a web page": (".html", ".htm"), "a pointer of DVC": (".dvc",)}
     for mark, name, remedy in STAND_INS:
-        if file.suffix.lower() not in own.get(name, ()) and re.match(
-            mark, content[:1024]
-        ):
+        if file.suffix.lower() in suffixes.get(name, ()):
+            continue
+        if re.match(mark, content[:1024]):
             raise RecordingError(f"{name} in place of the file: {remedy}", file=file)
     if LINK.fullmatch(content) and (file.parent / content.decode("latin-1")).exists():
         message = f"the text of a link to {content.decode('latin-1')} in place of the file: name "
@@ -156,12 +156,12 @@ class Sandbox:
                 faulthandler.cancel_dump_traceback_later()
         else:
             if self._process is None:
-                self._connection, other = Pipe()
+                self._connection, far_end = Pipe()
                 # a fork has all imports at once; no library with threads has run here
-                ends = other, self._connection
+                ends = far_end, self._connection
                 self._process = get_context("fork").Process(target=_serve, args=ends)
                 self._process.start()
-                other.close()
+                far_end.close()
             self._connection.send_bytes(pickle.dumps((function, arguments)))
             if not self._connection.poll(bounds().seconds):
                 self.__exit__()
@@ -186,14 +186,13 @@ class Sandbox:
         return outcome
 
 
-def _serve(connection: Connection, other: Connection) -> None:
+def _serve(connection: Connection, callers_end: Connection) -> None:
     """Run calls until the caller ends, with an address space of at most ``memory_mib`` more."""
-    other.close()  # else the end of the caller would not be noticed
-    taken = (
-        int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
-    )
+    callers_end.close()  # else the end of the caller would not be noticed
+    pages = int(Path("/proc/self/statm").read_text().split()[0])
+    in_use = pages * resource.getpagesize()
     _, hard = resource.getrlimit(resource.RLIMIT_AS)
-    most = taken + bounds().memory_mib * MIB
+    most = in_use + bounds().memory_mib * MIB
     most = most if hard == resource.RLIM_INFINITY else min(most, hard)
     resource.setrlimit(resource.RLIMIT_AS, (most, hard))
     while True:

@@ -37,9 +37,12 @@ def pairs(family: str, names: Sequence[str]) -> list[str]:
 
 def members(table: "pd.DataFrame", family: str) -> tuple[str, ...]:
     """Names for which ``table`` has a column of ``family``, in the order of the columns."""
-    split = (str(column).split(":") for column in table.columns)
-    found = [parts[1] for parts in split if len(parts) == 2 and parts[0] == family]
-    return tuple(name.replace("%3A", ":").replace("%25", "%") for name in found)
+    names = []
+    for label in table.columns:
+        first, *escaped = str(label).split(":")
+        if first == family and len(escaped) == 1:
+            names.append(escaped[0].replace("%3A", ":").replace("%25", "%"))
+    return tuple(names)
 
 
 def values(table: "pd.DataFrame", family: str) -> np.ndarray:
@@ -50,10 +53,10 @@ def values(table: "pd.DataFrame", family: str) -> np.ndarray:
 def matrices(table: "pd.DataFrame", family: str, names: Sequence[str]) -> np.ndarray:
     """Symmetric matrices (rows, n, n) over ``names``, from the columns of ``family``."""
     first, second = np.triu_indices(len(names))
+    entries = table[pairs(family, names)].to_numpy()
     full = np.empty((len(table), len(names), len(names)))
-    full[:, first, second] = full[:, second, first] = table[
-        pairs(family, names)
-    ].to_numpy()
+    full[:, first, second] = entries
+    full[:, second, first] = entries
     return full
 
 
@@ -70,5 +73,6 @@ def triangle(
 ) -> dict[str, np.ndarray]:
     """Columns of ``family`` by name, from the upper triangles of ``array`` (..., n, n)."""
     first, second = np.triu_indices(len(names))
-    flat = np.reshape(array, (-1, len(names), len(names)))[:, first, second]
-    return dict(zip(pairs(family, names), flat.T, strict=True))
+    flat = np.reshape(array, (-1, len(names), len(names)))
+    entries = flat[:, first, second]
+    return dict(zip(pairs(family, names), entries.T, strict=True))

@@ -30,12 +30,11 @@ def compiled_sources() -> list[Path]:
     """Return the files with compiled functions and the files that they import, which define every
     function and constant in machine code. An import within a function defines none.
     """
-    texts = {
-        name: file.read_text(encoding="utf-8") for name, file in module_files().items()
-    }
-    return imported_sources(
-        [name for name, text in texts.items() if COMPILED.search(text)]
-    )
+    modules = []
+    for name, file in module_files().items():
+        if COMPILED.search(file.read_text(encoding="utf-8")):
+            modules.append(name)
+    return imported_sources(modules)
 
 
 def cache_folder() -> Path:
@@ -55,17 +54,21 @@ def cache_folder() -> Path:
         try:
             if not folder.is_dir():
                 folder.mkdir(parents=True)
-                earlier = {*base.glob("pipeline-*")} - {folder}
-                with suppress(OSError):  # another process may remove them meanwhile
-                    for old in sorted(earlier, key=lambda one: one.stat().st_mtime)[
-                        :-KEPT
-                    ]:
-                        shutil.rmtree(old, ignore_errors=True)
+                _remove_old(base, folder)
             with tempfile.TemporaryFile(dir=folder):
                 return folder
         except OSError:
             continue
     return Path(tempfile.mkdtemp(prefix=f"{name}-"))
+
+
+def _remove_old(base: Path, folder: Path) -> None:
+    """Remove the cache folders in ``base`` except ``folder`` and the newest KEPT others."""
+    earlier = {*base.glob("pipeline-*")} - {folder}
+    with suppress(OSError):  # another process may remove them meanwhile
+        by_age = sorted(earlier, key=lambda place: place.stat().st_mtime)
+        for old in by_age[:-KEPT]:
+            shutil.rmtree(old, ignore_errors=True)
 
 
 # numba reads the variable when it is imported, and again whenever it sees a changed environment

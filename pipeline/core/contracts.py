@@ -44,47 +44,53 @@ class Column(NamedTuple):
         """Return the column that ``text`` declares."""
         if (parts := DECLARATION.fullmatch(text)) is None:
             raise ValueError(f"not the declaration of a column: {text!r}")
-        kind, among = (
-            parts["kind"],
-            tuple(re.findall("[^, ][^,]*", parts["among"] or "")),
+        kind = parts["kind"]
+        least = 0 if kind == "count" else -np.inf
+        return cls(
+            kind=kind,
+            low=float(parts["low"] or least),
+            high=float(parts["high"] or np.inf),
+            among=tuple(re.findall("[^, ][^,]*", parts["among"] or "")),
+            gaps=kind == "log" or parts["gaps"] is not None,
+            optional=parts["optional"] is not None,
         )
-        low = float(parts["low"] or (0 if kind == "count" else -np.inf))
-        gaps, optional = kind == "log" or bool(parts["gaps"]), bool(parts["optional"])
-        return cls(kind, low, float(parts["high"] or np.inf), among, gaps, optional)
 
     def fault(self, values: pd.Series) -> str | None:
         """Return the first rule that ``values`` break, with the first value that breaks it."""
         if self.kind == "text":
             if pd.api.types.infer_dtype(values) not in {"string", "empty"}:
                 return "must be text"
-            other = ~values.isin(self.among) & bool(self.among)
-            rules = {
-                "must have no gaps": values.isna(),
-                f"must be one of {', '.join(self.among)}": other,
-            }
+            rules = {"must have no gaps": values.isna()}
+            if self.among:
+                rule = f"must be one of {', '.join(self.among)}"
+                rules[rule] = ~values.isin(self.among)
         elif str(values.dtype) != TYPES[self.kind]:
             return f"must be {TYPES[self.kind]}, not {values.dtype}"
         else:
             numbers = values.to_numpy()
-            rules = {
-                "must have no gaps": np.isnan(numbers) & (not self.gaps),
-                "must be finite": np.isinf(numbers) & (self.kind == "real"),
-                "must not be plus infinity": numbers == np.inf,
-                f"must be at least {self.low:g}": numbers < self.low,
-                f"must be at most {self.high:g}": numbers > self.high,
-            }
-        broken = next((rule for rule, bad in rules.items() if np.any(bad)), None)
-        return broken and f"{broken}, not {values.to_numpy()[np.argmax(rules[broken])]}"
+            rules = {}
+            if not self.gaps:
+                rules["must have no gaps"] = np.isnan(numbers)
+            if self.kind == "real":
+                rules["must be finite"] = np.isinf(numbers)
+            rules["must not be plus infinity"] = numbers == np.inf
+            rules[f"must be at least {self.low:g}"] = numbers < self.low
+            rules[f"must be at most {self.high:g}"] = numbers > self.high
+        for rule, broken in rules.items():
+            if np.any(broken):
+                return f"{rule}, not {values.to_numpy()[np.argmax(broken)]}"
+        return None
 
 
 @cache
 def read_declarations(file: Path = TABLES) -> dict[str, dict[str, Column]]:
     """Return the columns by name of every table of ``file``; ``*`` names a family."""
-    return {
-        name: {column: Column.parse(text) for column, text in lines.items()}
-        for name, lines in read_yaml(file).items()
-        if name[0] != "."
-    }
+    tables = {}
+    for name, lines in read_yaml(file).items():
+        if not name.startswith("."):
+            columns = {column: Column.parse(text) for column, text in lines.items()}
+            tables[name] = columns
+    return tables
 
 
 def expand_families(
@@ -94,8 +100,10 @@ def expand_families(
     columns = {}
     for name, column in declaration.items():
         pattern = re.escape(name).replace(r"\*", "[^:]+")
-        family = [c for c in present if re.fullmatch(pattern, str(c))]
-        columns |= dict.fromkeys(family or [name] * (not column.optional), column)
+        family = [label for label in present if re.fullmatch(pattern, str(label))]
+        if not family and not column.optional:
+            family = [name]
+        columns |= dict.fromkeys(family, column)
     return columns
 
 
@@ -123,10 +131,10 @@ def write(
     columns = expand_families(
         read_declarations(declarations)[name], list(table.columns)
     )
-    unknown = [column for column in table.columns if column not in columns]
-    known = [column for column in columns if column in table.columns]
-    table = table[known + unknown].reset_index(drop=True)
-    for column in known:
+    undeclared = [column for column in table.columns if column not in columns]
+    present = [column for column in columns if column in table.columns]
+    table = table[present + undeclared].reset_index(drop=True)
+    for column in present:
         # integers of any width; numbers that would be rounded are refused below
         if columns[column].kind == "count" and pd.api.types.is_integer_dtype(
             table[column]
@@ -166,9 +174,8 @@ def write_metrics(metrics: dict, file: Path) -> None:
     """Write numbers as JSON in full precision; ContractError for one that is not finite."""
     if broken := [name for name, value in metrics.items() if not math.isfinite(value)]:
         raise ContractError(f"{', '.join(broken)} not finite", file=file)
-    write_text(
-        json.dumps(metrics, indent=2, default=lambda number: number.item()) + "\n", file
-    )
+    text = json.dumps(metrics, indent=2, default=lambda number: number.item())
+    write_text(f"{text}\n", file)
 
 
 def write_text(text: str, file: Path) -> None:
@@ -221,8 +228,12 @@ def _partial(place: Path) -> Path:
     """Path of this process's unfinished ``place``; removes what ended processes have left."""
     for left in place.parent.glob(f".{place.name}.*.partial"):
         process = left.name.split(".")[-2]
-        if process == str(os.getpid()) or not Path("/proc", process).exists():
-            shutil.rmtree(left) if left.is_dir() else left.unlink(missing_ok=True)
+        if process != str(os.getpid()) and Path("/proc", process).exists():
+            continue
+        if left.is_dir():
+            shutil.rmtree(left)
+        else:
+            left.unlink(missing_ok=True)
     return place.with_name(f".{place.name}.{os.getpid()}.partial")
 
 
@@ -237,9 +248,9 @@ def stacked(
         columns = family_columns(columns, members(table, columns))
     codes, names = pd.factorize(table["take"])
     count = len(names)
-    if not count or not np.array_equal(
-        codes, np.repeat(np.arange(count), len(table) // count)
-    ):
+    rows_of_take = len(table) // max(count, 1)
+    consecutive = np.repeat(np.arange(count), rows_of_take)
+    if not count or not np.array_equal(codes, consecutive):
         lengths = table["take"].value_counts().to_dict()
         message = "every take must have the same number of consecutive rows"
         raise ContractError(message, lengths=lengths)

@@ -9,17 +9,19 @@ def delayed_angles(angles: np.ndarray, rows: np.ndarray) -> np.ndarray:
     continues.
     """
     result = np.empty_like(angles, dtype=float)
-    near, last = (-1, 0, 1, 2), len(angles) - 1
-    for j, late in enumerate(rows):
-        place = np.arange(len(angles)) - late
+    nodes, last = (-1, 0, 1, 2), len(angles) - 1
+    for joint, delay in enumerate(rows):
+        column = angles[:, joint]
+        place = np.arange(len(angles)) - delay
         row = np.floor(place).astype(int)
-        part = place - row
-        final_step = angles[last, j] - angles[max(last - 1, 0), j]
-        column = np.zeros(len(angles))
-        for i in near:
-            weight = np.prod([(part - k) / (i - k) for k in near if k != i], axis=0)
-            beyond = np.maximum(row + i - last, 0)
-            value = angles[np.clip(row + i, 0, last), j] + beyond * final_step
-            column += weight * value
-        result[:, j] = column
+        share = place - row  # of the way to the next row
+        final_step = column[last] - column[max(last - 1, 0)]
+        delayed = np.zeros(len(angles))
+        for node in nodes:
+            further = [k for k in nodes if k != node]
+            weight = np.prod([(share - k) / (node - k) for k in further], axis=0)
+            beyond = np.maximum(row + node - last, 0)
+            value = column[np.clip(row + node, 0, last)] + beyond * final_step
+            delayed += weight * value
+        result[:, joint] = delayed
     return result

@@ -15,12 +15,12 @@ AT_IMPORT, ANYWHERE = (
 
 def module_files() -> dict[str, Path]:
     """Return the files of all modules of the pipeline by name, sorted."""
+    files = []
     # os.walk, unlike glob, accepts that another process removes a cache meanwhile
-    places = ((Path(place), names) for place, _, names in os.walk(SOURCES))
+    for place, _, names in os.walk(SOURCES):
+        files += [Path(place, name) for name in names if name.endswith(".py")]
     modules = {}
-    for file in sorted(
-        place / n for place, names in places for n in names if n[-3:] == ".py"
-    ):
+    for file in sorted(files):
         parts = ("pipeline", *file.relative_to(SOURCES).with_suffix("").parts)
         modules[".".join(parts).removesuffix(".__init__")] = file
     return modules
@@ -32,17 +32,17 @@ def imported_sources(
     """Return the files of ``modules`` and of all modules that they import, by ``statements`` at the
     top of a module or ANYWHERE, sorted.
     """
-    files, found, waiting = module_files(), set(), [*modules]
+    files = module_files()
+    visited, waiting = set(), [*modules]
     while waiting:
-        found.add(name := waiting.pop())
-        for module, names in statements.findall(
-            files[name].read_text(encoding="utf-8")
-        ):
-            members = {
-                f"{module}.{part}" for part in re.findall(r"\w+", names)
-            } & files.keys()
-            waiting += ((members or {module}) & files.keys()) - found
-    return sorted(files[name] for name in found)
+        name = waiting.pop()
+        visited.add(name)
+        text = files[name].read_text(encoding="utf-8")
+        for module, names in statements.findall(text):
+            members = {f"{module}.{member}" for member in re.findall(r"\w+", names)}
+            imported = (members & files.keys()) or ({module} & files.keys())
+            waiting += imported - visited
+    return sorted(files[name] for name in visited)
 
 
 def sources_hash(files: Iterable[Path] | None = None) -> str:

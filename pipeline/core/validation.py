@@ -46,9 +46,8 @@ def options(**arguments: Any) -> Callable[[type[T]], type[T]]:
             try:
                 construct(self, *values, **named)
             except ValidationError as error:
-                raise joined_faults(
-                    [_fault(one, made, "") for one in error.errors()]
-                ) from None
+                faults = [_fault(fault, made, "") for fault in error.errors()]
+                raise joined_faults(faults) from None
 
         made.__init__ = init
         return made
@@ -60,10 +59,10 @@ def validated(
     structure: type[T], values: Any, section: str = "", file: Path | None = None
 ) -> T:
     """Return the object of ``values``; raises ConfigError with every fault and its key."""
-    found, faults = all_faults(structure, values, section)
+    result, faults = all_faults(structure, values, section)
     if faults:
         raise joined_faults(faults, file)
-    return found
+    return result
 
 
 def all_faults(
@@ -73,7 +72,8 @@ def all_faults(
     try:
         return adapter(structure).validate_python(values), []
     except ValidationError as error:
-        return None, [_fault(one, structure, section) for one in error.errors()]
+        faults = [_fault(fault, structure, section) for fault in error.errors()]
+        return None, faults
     except ConfigError as error:  # from a check within the type
         key = f"{section}.{error.evidence.get('key', '')}".strip(".")
         return None, [ConfigError(error.message, **error.evidence | {"key": key})]
@@ -81,52 +81,55 @@ def all_faults(
 
 def joined_faults(faults: list[ConfigError], file: Path | None = None) -> ConfigError:
     """Return one ConfigError with a line for each of the ``faults``."""
-    message = faults[0].message
-    if len(faults) > 1:
-        message = f"{len(faults)} faults:\n"
-        for fault in faults:
-            key = str(fault.evidence.get("key"))
-            message += f"  {key}: {fault.message.removeprefix(key.rpartition('.')[2] + ': ')}\n"
-        message += " "
-    return ConfigError(message, **{"file": file} | faults[0].evidence)
+    first, *further = faults
+    evidence = {"file": file} | first.evidence
+    if not further:
+        return ConfigError(first.message, **evidence)
+    lines = [f"{len(faults)} faults:"]
+    for fault in faults:
+        key = str(fault.evidence.get("key"))
+        last = key.rpartition(".")[2]
+        lines.append(f"  {key}: {fault.message.removeprefix(f'{last}: ')}")
+    return ConfigError("\n".join([*lines, " "]), **evidence)
 
 
 def _fault(error: Any, structure: type, section: str) -> ConfigError:
     """Return pydantic's ``error`` with key, value, allowed values and the nearest of them."""
-    place, kind, given = [*error["loc"]], error["type"], error["input"]
-    if (
-        kind != "invalid_key"
-        and place
-        and isinstance(place[0], int)
-        and is_dataclass(structure)
-    ):
-        place[0] = fields(structure)[place[0]].name  # an argument by position
-    place, context, known = [str(part) for part in place], error.get("ctx", {}), []
-    if isinstance(cause := context.get("error"), Fault):
+    kind, value = error["type"], error["input"]
+    place = _names_of(error, structure)
+    context = error.get("ctx", {})
+    cause = context.get("error")
+    if isinstance(cause, Fault):
         place.append(cause.key)
     key = ".".join(filter(None, [section, *place]))
+    allowed: list[str] = []
     if isinstance(cause, Fault):
         message = str(cause)
     elif kind in ("unexpected_keyword_argument", "extra_forbidden"):
-        given, known = place[-1], _keys_at(structure, place[:-1])
-        message = f"unknown key '{given}'; there are {', '.join(known)}"
+        value, allowed = place[-1], _keys_at(structure, place[:-1])
+        message = f"unknown key '{value}'; there are {', '.join(allowed)}"
     elif kind == "missing":
         return ConfigError(f"{MISSING}{key}", key=key)
     elif kind in ("dataclass_type", "dict_type"):
         message = "must contain keys and values"
     else:
-        message = f"{error['msg'][0].lower()}{error['msg'][1:]}, got {given!r}"
-        known = (
-            str(context.get("expected", ""))
-            .replace(" or ", ", ")
-            .replace("'", "")
-            .split(", ")
-        )
-    if isinstance(given, str) and (near := get_close_matches(given, known, n=1)):
+        message = f"{error['msg'][0].lower()}{error['msg'][1:]}, got {value!r}"
+        expected = str(context.get("expected", ""))
+        allowed = expected.replace(" or ", ", ").replace("'", "").split(", ")
+    if isinstance(value, str) and (near := get_close_matches(value, allowed, n=1)):
         message += f"; did you mean {near[0]}?"
     if place and place[-1] not in message:
         message = f"{place[-1]}: {message}"
     return ConfigError(message, key=key)
+
+
+def _names_of(error: Any, structure: type) -> list[str]:
+    """Return the keys from the top of ``structure`` to the place of pydantic's ``error``."""
+    place = list(error["loc"])
+    by_position = place and isinstance(place[0], int) and is_dataclass(structure)
+    if by_position and error["type"] != "invalid_key":
+        place[0] = fields(structure)[place[0]].name
+    return [str(key) for key in place]
 
 
 def _keys_at(structure: Any, place: list[str]) -> list[str]:
@@ -135,10 +138,10 @@ def _keys_at(structure: Any, place: list[str]) -> list[str]:
     def section(hint: Any) -> Any:
         return next(filter(is_dataclass, (hint, *get_args(hint))), None)
 
-    for part in place:
+    for key in place:
         if get_origin(structure) in (dict, list, tuple):
             structure = get_args(structure)[-1]
         elif section(structure) is not None:
-            structure = get_type_hints(section(structure)).get(part)
+            structure = get_type_hints(section(structure)).get(key)
     here = section(structure)
-    return [] if here is None else [one.name for one in fields(here)]
+    return [] if here is None else [field.name for field in fields(here)]

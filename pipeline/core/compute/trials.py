@@ -61,12 +61,15 @@ def _results(
     pace = (
         0.0  # s per trial: first trial without loading, then the mean of later trials
     )
-    for taken, trial in enumerate(trials):
+    for done, trial in enumerate(trials):
         begin = time.perf_counter()
         result = call_pickled(function, pickle.dumps(trial))
         took = time.perf_counter() - begin
         yield pickle.loads(result)
-        pace = pace + (took - pace) / taken if taken else max(took - LOADING, 0.0)
+        if done:
+            pace += (took - pace) / done
+        else:
+            pace = max(took - LOADING, 0.0)
         left -= 1
         workers = min(workers, left)
         if workers > 1 and pace * left * (1 - 1 / workers) > START:

@@ -311,8 +311,8 @@ class Robot:
         if len({*self.joints}) < len(self.joints):
             raise Fault("joints", "must name each joint once")
         if len(task) > len(self.joints):
-            found = f"{len(task)} rows are more than {len(self.joints)} joints can move"
-            raise Fault("task", f"{found}; leave rows out")
+            rows = f"{len(task)} rows are more than {len(self.joints)} joints can move"
+            raise Fault("task", f"{rows}; leave rows out")
         return self
 
 
@@ -436,11 +436,9 @@ class Dataset:
             return self
         arm, log = self.robot.joints, self.joint_log
         if absent := [name for name in arm if name not in log.joints]:
-            found = f"{', '.join(absent)} of robot.joints is not logged"
-            raise Fault(
-                "joint_log.joints", f"{found}; the log has {', '.join(log.joints)}"
-            )
+            message = f"{', '.join(absent)} of robot.joints is not logged; the log has "
+            raise Fault("joint_log.joints", message + ", ".join(log.joints))
         if len(log.start) != len(arm):
-            found = f"must have {len(arm)} values, one for each of robot.joints"
-            raise Fault("joint_log.start", f"{found}, got {len(log.start)}")
+            message = f"must have {len(arm)} values, one for each of robot.joints, got "
+            raise Fault("joint_log.start", f"{message}{len(log.start)}")
         return self
