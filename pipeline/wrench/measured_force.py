@@ -8,13 +8,14 @@ after a table returns the rows of one ``configuration`` in the table.
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 from numpy import ndarray
 
 from pipeline.core.errors import RecordingError
-from pipeline.core.options.dataset import Force
+from pipeline.core.options.dataset import Arrangement, Force
 from pipeline.statistics import densities
 from pipeline.wrench import models
 
@@ -42,9 +43,8 @@ def measured_wrenches(
 ) -> ndarray:
     """Return the rows (N, n) in N of ``record`` that ``system`` has; moments over ``length`` m."""
     rows = rows_of(system)
-    return record[list(rows)].to_numpy() / [
-        1.0 if row[0] == "f" else length for row in rows
-    ]
+    units = [1.0 if row.startswith("f") else length for row in rows]
+    return record[list(rows)].to_numpy() / units
 
 
 def require_own_configuration(record: pd.DataFrame, force: Force) -> None:
@@ -52,54 +52,90 @@ def require_own_configuration(record: pd.DataFrame, force: Force) -> None:
     nominal law of another one (Kullback-Leibler divergence of normal laws, in nats), or where their
     mean is more than MOST_OFF standard deviations of the nominal law off the desired force.
     """
-    kappa, laws = float(np.sqrt(np.prod(force.kappa_bounds))), {}
+    laws = {}
     for name, robots in force.configurations.items():
-        system = replace(models.nominal_system(force, robots), attachment=None)
-        system = replace(
-            system, concentration=np.full_like(system.concentration, kappa)
-        )
-        laws[name] = models.wrench_mean(system), models.wrench_covariance(system)
+        laws[name] = _nominal_law(force, robots)
     for name, rows in record.groupby("configuration"):
-        desired, covariance = laws[name]
-        samples = rows[["fx", "fy", "fz"][: len(desired)]].to_numpy()
-        mean, scatter = samples.mean(axis=0), np.cov(samples.T)
-        far = {}
-        for other, law in laws.items():
-            if len(law[0]) == len(desired):
-                far[other] = _divergence(mean, scatter, *law)
-        nearest = min(far, key=far.__getitem__)
-        off = float(np.sqrt(_square_over(mean - desired, covariance)))
-        means = f"the mean force of {name} is {mean.round(2).tolist()} N, desired "
-        means += f"{desired.round(2).tolist()}"
-        if far[name] > MISSED and far[nearest] < NEARER * far[name]:
-            message = f"{means}; with its covariance it is {far[name]:.2g} nats from {name} and "
-            message += f"{far[nearest]:.2g} from {nearest} ({laws[nearest][0].round(2).tolist()} "
-            message += "N): are the logs exchanged?"
-            key = f"dataset.force.configurations.{name}.file"
-        elif off > MOST_OFF:
-            ratio = np.linalg.norm(mean) / np.linalg.norm(desired)
-            message = (
-                f"{means}: {off:.2g} standard deviations of the desired force off, more than "
-                f"{MOST_OFF:g} ({ratio:.3g} times as great). Check the unit of the log (1 lbf is "
-                "4.448 N), signs and order of its axes, that the tare interval is unloaded, and "
-                "direction and tension of the cables"
-            )
-            key = f"dataset.force.configurations.{name}"
-        else:
-            continue
-        file = force.configurations[name].file
-        raise RecordingError(message, file=file, key=key)
+        samples = rows[["fx", "fy", "fz"][: len(laws[name].mean)]].to_numpy()
+        measured = NormalLaw(samples.mean(axis=0), np.cov(samples.T))
+        if fault := _mistaken(name, measured, laws) or _off(name, measured, laws[name]):
+            key, message = fault
+            file = force.configurations[name].file
+            place = f"dataset.force.configurations.{name}{key}"
+            raise RecordingError(message, file=file, key=place)
 
 
-def _divergence(mean: ndarray, cov: ndarray, desired: ndarray, by: ndarray) -> float:
-    ratio = np.linalg.solve(by, cov)
-    log = np.linalg.slogdet(ratio)[1] if np.linalg.det(cov) > 0 else -np.inf
-    off = _square_over(mean - desired, by)
-    return float(0.5 * (np.trace(ratio) - len(mean) - log + off))
+class NormalLaw(NamedTuple):
+    """Normal law of the force of one configuration."""
+
+    mean: ndarray  # (p,) N
+    covariance: ndarray  # (p, p) N²
+
+    def divergence_from(self, law: "NormalLaw") -> float:
+        """Return the Kullback-Leibler divergence of this law from ``law`` in nats."""
+        ratio = np.linalg.solve(law.covariance, self.covariance)
+        log = -np.inf
+        if np.linalg.det(self.covariance) > 0:
+            log = np.linalg.slogdet(ratio)[1]
+        off = law.square_over(self.mean)
+        return float(0.5 * (np.trace(ratio) - len(self.mean) - log + off))
+
+    def square_over(self, force: ndarray) -> float:
+        """Return the square of the distance of ``force`` (p,) from the mean, in covariances."""
+        deviation = force - self.mean
+        return float(deviation @ np.linalg.solve(self.covariance, deviation))
 
 
-def _square_over(deviation: ndarray, covariance: ndarray) -> float:
-    return float(deviation @ np.linalg.solve(covariance, deviation))
+def _nominal_law(force: Force, robots: Arrangement) -> NormalLaw:
+    """Return the law of the force of ``robots`` at the middle of the bounds of κ."""
+    kappa = float(np.sqrt(np.prod(force.kappa_bounds)))
+    system = models.nominal_system(force, robots)
+    concentration = np.full_like(system.concentration, kappa)
+    system = replace(system, attachment=None, concentration=concentration)
+    return NormalLaw(models.wrench_mean(system), models.wrench_covariance(system))
+
+
+def _mistaken(
+    name: str, measured: NormalLaw, laws: Mapping[str, NormalLaw]
+) -> tuple[str, str] | None:
+    """Return key and message where ``measured`` is nearer to another of the ``laws`` than to that
+    of its configuration ``name``, else None.
+    """
+    distances = {}
+    for configuration, law in laws.items():
+        if len(law.mean) == len(measured.mean):
+            distances[configuration] = measured.divergence_from(law)
+    nearest = min(distances, key=distances.__getitem__)
+    missed = distances[name]
+    if missed <= MISSED or distances[nearest] >= NEARER * missed:
+        return None
+    other_mean = laws[nearest].mean.round(2).tolist()
+    message = (
+        f"{_means(name, measured, laws[name])}; with its covariance it is {missed:.2g} nats from "
+        f"{name} and {distances[nearest]:.2g} from {nearest} ({other_mean} N): are the logs "
+        "exchanged?"
+    )
+    return ".file", message
+
+
+def _off(name: str, measured: NormalLaw, law: NormalLaw) -> tuple[str, str] | None:
+    """Return key and message where the mean force is far off the desired force, else None."""
+    off = float(np.sqrt(law.square_over(measured.mean)))
+    if off <= MOST_OFF:
+        return None
+    ratio = np.linalg.norm(measured.mean) / np.linalg.norm(law.mean)
+    message = (
+        f"{_means(name, measured, law)}: {off:.2g} standard deviations of the desired force off, "
+        f"more than {MOST_OFF:g} ({ratio:.3g} times as great). Check the unit of the log (1 lbf is "
+        "4.448 N), signs and order of its axes, that the tare interval is unloaded, and "
+        "direction and tension of the cables"
+    )
+    return "", message
+
+
+def _means(name: str, measured: NormalLaw, law: NormalLaw) -> str:
+    mean, desired = measured.mean.round(2).tolist(), law.mean.round(2).tolist()
+    return f"the mean force of {name} is {mean} N, desired {desired}"
 
 
 def force_moments(
@@ -108,12 +144,13 @@ def force_moments(
     """Return the table ``force_moments``."""
     table = []
     for source, sample in wrenches.items():
-        covariance, row = np.cov(sample, rowvar=False), {"configuration": configuration}
-        row |= {"source": source} | dict(zip(rows, sample.mean(axis=0), strict=True))
-        row |= dict(
-            zip([f"var_{name}" for name in rows], np.diag(covariance), strict=True)
-        )
-        table.append(row | {"cov": covariance[0, 1], "samples": len(sample)})
+        covariance = np.cov(sample, rowvar=False)
+        variances = [f"var_{name}" for name in rows]
+        row = {"configuration": configuration, "source": source}
+        row |= dict(zip(rows, sample.mean(axis=0), strict=True))
+        row |= dict(zip(variances, np.diag(covariance), strict=True))
+        row |= {"cov": covariance[0, 1], "samples": len(sample)}
+        table.append(row)
     return pd.DataFrame(table)
 
 
@@ -122,20 +159,28 @@ def common_grid(samples: Sequence[ndarray], points: int) -> ndarray:
     standard deviation below the least mean to as much above the greatest mean.
     """
     centres = np.array([sample.mean(axis=0) for sample in samples])
-    reach = GRID_REACH * np.max([sample.std(axis=0) for sample in samples], axis=0)
-    return np.linspace(centres.min(axis=0) - reach, centres.max(axis=0) + reach, points)
+    deviations = np.array([sample.std(axis=0) for sample in samples])
+    reach = GRID_REACH * deviations.max(axis=0)
+    first, last = centres.min(axis=0) - reach, centres.max(axis=0) + reach
+    return np.linspace(first, last, points)
 
 
 def force_density(configuration: str, wrenches: Wrenches, points: int) -> pd.DataFrame:
     """Return the table ``force_density`` of samples (N, 2) on a grid ``points`` × ``points``."""
     x, y = common_grid([*wrenches.values()], points).T
-    fx, fy = (axis.ravel() for axis in np.meshgrid(x, y, indexing="ij"))
+    fx, fy = np.meshgrid(x, y, indexing="ij")
     tables = []
     for source, sample in wrenches.items():
         bandwidth = densities.normal_reference_bandwidth(sample)
-        density = densities.kernel_density(sample, x, y, bandwidth).ravel()
-        columns = {"configuration": configuration, "source": source}
-        tables.append(pd.DataFrame(columns | {"fx": fx, "fy": fy, "density": density}))
+        density = densities.kernel_density(sample, x, y, bandwidth)
+        columns = {
+            "configuration": configuration,
+            "source": source,
+            "fx": fx.ravel(),
+            "fy": fy.ravel(),
+            "density": density.ravel(),
+        }
+        tables.append(pd.DataFrame(columns))
     return pd.concat(tables, ignore_index=True)
 
 
@@ -143,12 +188,18 @@ def wrench_marginals(
     configuration: str, wrenches: Wrenches, rows: Sequence[str], points: int
 ) -> pd.DataFrame:
     """Return the table ``wrench_marginals``: density of each row at ``points`` common values."""
-    tables, grid = [], common_grid([*wrenches.values()], points)
+    grid = common_grid([*wrenches.values()], points)
+    tables = []
     for (i, row), (source, sample) in product(enumerate(rows), wrenches.items()):
-        columns = {"configuration": configuration, "source": source, "row": row}
-        columns |= {"value": grid[:, i]}
-        density = densities.marginal_density(sample[:, i], grid[:, i])
-        tables.append(pd.DataFrame(columns | {"density": density}))
+        values = grid[:, i]
+        columns = {
+            "configuration": configuration,
+            "source": source,
+            "row": row,
+            "value": values,
+            "density": densities.marginal_density(sample[:, i], values),
+        }
+        tables.append(pd.DataFrame(columns))
     return pd.concat(tables, ignore_index=True)
 
 
@@ -166,16 +217,17 @@ def force_test(
     autocorrelation time; and the share of each variance that Σ_S causes, which limits the power.
     """
     model = models.matrix_model(system)
-    shares = 1 - np.diag(model.actuation_part()) / np.diag(model.covariance(sigma_s))
+    total = np.diag(model.covariance(sigma_s))
+    shares = 1 - np.diag(model.actuation_part()) / total
     independent = densities.thin_record(measured)
     modelled = models.sample_wrenches(model, sigma_s, DRAWS * len(independent), rng)
     distance, p_value = densities.energy_test(independent, modelled, rng)
-    return {
+    result = {
         "energy_distance": distance,
         "two_sample_p_value": p_value,
         "effective_samples": len(measured) / densities.autocorrelation_time(measured),
         "tested_samples": len(independent),
-    } | {
-        f"matrix_share_{row}": share
-        for row, share in zip(rows_of(system), shares, strict=True)
     }
+    for row, share in zip(rows_of(system), shares, strict=True):
+        result[f"matrix_share_{row}"] = share
+    return result

@@ -15,6 +15,7 @@ known T, determine Σ_S and Ψ_S up to one factor.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy import ndarray
@@ -87,17 +88,21 @@ def mean_resultant_length(concentration: ndarray, dimension: int) -> ndarray:
 def wrench_map(attachment: ndarray) -> ndarray:
     """Return G = [I; (r)×] (..., n, p) of a force at ``attachment`` r (..., p) in m."""
     p = attachment.shape[-1]
-    place = attachment if p == 3 else np.insert(attachment, 2, 0.0, axis=-1)
-    moment = np.swapaxes(np.cross(place[..., None, :], np.eye(3)), -1, -2)
     force = np.broadcast_to(np.eye(p), (*attachment.shape, p))
-    return np.concatenate([force, moment if p == 3 else moment[..., 2:, :2]], axis=-2)
+    place = attachment
+    if p == 2:
+        place = np.insert(attachment, 2, 0.0, axis=-1)
+    columns = np.cross(place[..., None, :], np.eye(3))
+    moment = np.swapaxes(columns, -1, -2)
+    if p == 2:  # only the moment about the plane's normal
+        moment = moment[..., 2:, :2]
+    return np.concatenate([force, moment], axis=-2)
 
 
 def wrench_mean(system: CableSystem) -> ndarray:
     """Return E[W] = Σᵢ A(κᵢ)·T̲ᵢ·Gᵢe̲ᵢ (..., n) in N and N·m, shorter than the nominal S̲T̲."""
-    pull = (
-        mean_resultant_length(system.concentration, system.dimension) * system.tension
-    )
+    length = mean_resultant_length(system.concentration, system.dimension)
+    pull = length * system.tension
     return np.einsum("...nm,...m->...n", system.jacobian(), pull)
 
 
@@ -113,9 +118,11 @@ def wrench_covariance(system: CableSystem) -> ndarray:
     second_moment = system.tension**2 + system.tension_sd**2
     isotropic = second_moment * length / system.concentration
     along = second_moment - (length * system.tension) ** 2 - p * isotropic
-    g, columns = system.maps(), system.jacobian()
-    covariance = np.einsum("...mip,...m,...mjp->...ij", g, isotropic, g)
-    return covariance + (columns * along[..., None, :]) @ np.swapaxes(columns, -1, -2)
+    maps = system.maps()
+    of_isotropic = np.einsum("...mip,...m,...mjp->...ij", maps, isotropic, maps)
+    columns = system.jacobian()
+    weighted = columns * along[..., None, :]
+    return of_isotropic + weighted @ np.swapaxes(columns, -1, -2)
 
 
 @dataclass(frozen=True)
@@ -134,15 +141,16 @@ class Bounds:
 
     def __post_init__(self) -> None:
         for name, bounds in vars(self).items():
-            (low, high), (least, most) = (
-                bounds or (0, 0),
-                LIMITS.get(name, (-np.inf, np.inf)),
-            )
+            if not bounds:
+                continue
+            low, high = bounds
+            least, most = LIMITS.get(name, (-np.inf, np.inf))
             if not (least <= low <= high <= most and np.isfinite(high - low)):
-                limits = f"{least:.3g} ≤ low ≤ high ≤ {most:.3g}, got {low}, {high}"
-                raise ConfigError(
-                    f"wrench bounds: {name} must be finite and {limits}", key=name
+                message = (
+                    f"wrench bounds: {name} must be finite and {least:.3g} ≤ low ≤ high"
                 )
+                message += f" ≤ {most:.3g}, got {low}, {high}"
+                raise ConfigError(message, key=name)
 
     @property
     def dimension(self) -> int:
@@ -152,7 +160,8 @@ class Bounds:
     @property
     def coordinates(self) -> int:
         """Number of random values of a cable."""
-        return self.dimension + 2 + (0 if self.attachment is None else self.dimension)
+        of_attachment = 0 if self.attachment is None else self.dimension
+        return self.dimension + 2 + of_attachment
 
     def directions(self, angle: ndarray, height: ndarray | None = None) -> ndarray:
         """Return unit vectors (..., p) at shares ``angle`` and, in space, ``height`` of bounds."""
@@ -160,8 +169,10 @@ class Bounds:
         plane = np.stack([np.cos(theta), np.sin(theta)], axis=-1)
         if self.elevation is None:
             return plane
-        up = interpolate(np.sin(self.elevation), height)[..., None]
-        return np.concatenate([np.sqrt(1 - up**2) * plane, up], axis=-1)
+        # uniform heights: uniform on the sphere
+        sine = interpolate(np.sin(self.elevation), height)[..., None]
+        cosine = np.sqrt(1 - sine**2)
+        return np.concatenate([cosine * plane, sine], axis=-1)
 
 
 def interpolate(bounds: Sequence[float], share: ndarray) -> ndarray:
@@ -174,14 +185,18 @@ def systems_at(bounds: Bounds, points: ndarray) -> CableSystem:
     """Return the systems at ``points`` (coordinates, ..., m) of the unit cube: shares of the ranges
     of T̲, θ̲, σ_T, κ, in space the height, and the p coordinates of the attachment.
     """
-    tension, angle, tension_sd, concentration, *rest = points
-    height = rest.pop(0) if bounds.elevation else None
+    tension, angle, tension_sd, concentration, *further = points
+    height = further.pop(0) if bounds.elevation else None
+    attachment = None
+    if bounds.attachment is not None:
+        place = np.stack(further, axis=-1)
+        attachment = interpolate(bounds.attachment, place)
     return CableSystem(
         interpolate(bounds.tension, tension),
         bounds.directions(angle, height),
         interpolate(bounds.tension_sd, tension_sd),
         interpolate(bounds.concentration, concentration),
-        bounds.attachment and interpolate(bounds.attachment, np.stack(rest, axis=-1)),
+        attachment,
     )
 
 
@@ -201,11 +216,17 @@ def study_bounds(options: Wrench) -> Bounds:
 
 def configuration_bounds(force: Force, robots: Arrangement) -> Bounds:
     """Return the bounds of a configuration; attachments over the characteristic length."""
-    place = robots.attachment_bounds and [
-        end / force.length for end in robots.attachment_bounds
-    ]
-    tensions = force.tension_bounds, robots.direction_bounds, force.tension_std_bounds
-    return Bounds(*tensions, force.kappa_bounds, robots.elevation_bounds, place)
+    attachment = None
+    if robots.attachment_bounds is not None:
+        attachment = [end / force.length for end in robots.attachment_bounds]
+    return Bounds(
+        force.tension_bounds,
+        robots.direction_bounds,
+        force.tension_std_bounds,
+        force.kappa_bounds,
+        robots.elevation_bounds,
+        attachment,
+    )
 
 
 def nominal_system(force: Force, robots: Arrangement) -> CableSystem:
@@ -213,22 +234,27 @@ def nominal_system(force: Force, robots: Arrangement) -> CableSystem:
     length; the matrix model does not use the concentration. Raises ConfigError if a robot has no
     standard deviation of its tension.
     """
-    agents, azimuth = len(robots.tension), np.array(robots.direction)
+    agents = len(robots.tension)
     if len(force.tension_std) < agents:
+        count = len(force.tension_std)
         message = (
-            f"{len(force.tension_std)} values for the {agents} robots of {robots.file}"
+            f"tension_std: {count} values for the {agents} robots of {robots.file}"
         )
-        raise ConfigError(f"tension_std: {message}", key="dataset.force.tension_std")
+        raise ConfigError(message, key="dataset.force.tension_std")
+    azimuth = np.array(robots.direction)
     direction = np.stack([np.cos(azimuth), np.sin(azimuth)], axis=-1)
     if robots.elevation is not None:
-        up = np.array(robots.elevation)[:, None]
-        direction = np.concatenate([np.cos(up) * direction, np.sin(up)], axis=-1)
-    values = (
+        elevation = np.array(robots.elevation)[:, None]
+        along = np.cos(elevation) * direction
+        direction = np.concatenate([along, np.sin(elevation)], axis=-1)
+    system = CableSystem(
+        robots.tension,
+        direction,
         force.tension_std[:agents],
         np.full(agents, force.kappa_bounds[0]),
         robots.attachment,
     )
-    return CableSystem(robots.tension, direction, *values).in_units_of(force.length)
+    return system.in_units_of(force.length)
 
 
 @dataclass(frozen=True)
@@ -248,10 +274,9 @@ class MatrixModel:
         """Return the factor of Σ_S in Cov(W), tr{(Σ_T + T̲T̲ᵀ)Ψ_S} = E[TᵀΨ_ST] in N² (...), by
         Theorem 5, Eq. (TorqCovRHS1) and E[TTᵀ] = Σ_T + T̲T̲ᵀ of Eq. (MeanOfDynParTrns).
         """
-        noise = np.einsum("...ij,...ji->...", self.actuation_cov, self.psi)
-        return noise + np.einsum(
-            "...i,...ij,...j->...", self.actuation, self.psi, self.actuation
-        )
+        mean, psi = self.actuation, self.psi
+        of_noise = np.einsum("...ij,...ji->...", self.actuation_cov, psi)
+        return of_noise + np.einsum("...i,...ij,...j->...", mean, psi, mean)
 
     def actuation_part(self) -> ndarray:
         """Return S̲Σ_TS̲ᵀ (..., n, n), the covariance that the actuation alone causes."""
@@ -278,10 +303,9 @@ def unbounded_sigma_s(system: CableSystem) -> ndarray:
     models have equal covariances. Eigenvalues may be negative, because S̲Σ_TS̲ᵀ overstates the
     variance that the tensions cause along a cable.
     """
-    model, covariance = matrix_model(system), wrench_covariance(system)
-    return (covariance - model.actuation_part()) / model.sigma_s_factor()[
-        ..., None, None
-    ]
+    model = matrix_model(system)
+    of_matrix = wrench_covariance(system) - model.actuation_part()
+    return of_matrix / model.sigma_s_factor()[..., None, None]
 
 
 def optimal_sigma_s(unbounded: ndarray, form: str) -> tuple[ndarray, ndarray]:
@@ -294,12 +318,14 @@ def optimal_sigma_s(unbounded: ndarray, form: str) -> tuple[ndarray, ndarray]:
     negative eigenvalues to 0 (Higham 1988). If it does, "full" depends on the characteristic
     length.
     """
-    target = unbounded if form == "full" else unbounded * np.eye(unbounded.shape[-1])
+    target = unbounded
+    if form == "diagonal":
+        target = unbounded * np.eye(unbounded.shape[-1])
     values, vectors = np.linalg.eigh(target)
     clipped = np.sum(values < 0, axis=-1)
-    projected = (vectors * np.maximum(values, 0.0)[..., None, :]) @ np.swapaxes(
-        vectors, -1, -2
-    )
+    bounded = np.maximum(values, 0.0)
+    scaled = vectors * bounded[..., None, :]
+    projected = scaled @ np.swapaxes(vectors, -1, -2)
     return np.where(clipped[..., None, None] > 0, projected, target), clipped
 
 
@@ -309,8 +335,8 @@ def sample_wrenches(
     """Draw independent wrenches W = S·T (samples, n) of one system, Eq. (wrench). Given T, S·T is
     N(S̲T, (TᵀΨ_ST)·Σ_S); ``sigma_s`` Σ_S (n, n) is positive semidefinite.
     """
-    normal = rng.multivariate_normal
-    actuation = normal(model.actuation, model.actuation_cov, samples, method="eigh")
-    noise = normal(np.zeros(len(sigma_s)), sigma_s, samples, method="eigh")
+    draw = partial(rng.multivariate_normal, size=samples, method="eigh")
+    actuation = draw(model.actuation, model.actuation_cov)
+    noise = draw(np.zeros(len(sigma_s)), sigma_s)
     scale = np.sqrt(np.einsum("ki,ij,kj->k", actuation, model.psi, actuation))
     return actuation @ model.jacobian.T + scale[:, None] * noise

@@ -5,7 +5,6 @@
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -43,14 +42,21 @@ def averaged_sigma_s(systems: models.CableSystem) -> dict[str, SigmaS]:
     """Return the mean of the optimal Σ_S of ``systems`` (s, m) by form; raises ConfigError for
     fewer than two systems.
     """
-    if (count := len(systems.tension)) < 2:
+    count = len(systems.tension)
+    if count < 2:
         raise ConfigError("the average of Σ_S needs at least 2 systems", systems=count)
-    unbounded, estimates = models.unbounded_sigma_s(systems), {}
+    unbounded = models.unbounded_sigma_s(systems)
+    estimates = {}
     for form in models.FORMS:
         optimal, clipped = models.optimal_sigma_s(unbounded, form)
         deviation = optimal.std(axis=0, ddof=1)
-        moments = optimal.mean(axis=0), deviation / np.sqrt(count), deviation
-        estimates[form] = SigmaS(*moments, count, int(clipped.sum()))
+        estimates[form] = SigmaS(
+            mean=optimal.mean(axis=0),
+            standard_error=deviation / np.sqrt(count),
+            deviation=deviation,
+            systems=count,
+            clipped=int(clipped.sum()),
+        )
     return estimates
 
 
@@ -64,13 +70,12 @@ def _at_attachments(matrix: ndarray, bounds: models.Bounds) -> ndarray:
     if bounds.attachment is None:
         return matrix
     low, high = bounds.attachment
-    g = models.wrench_map(np.full(bounds.dimension, (low + high) / 2))
+    middle = models.wrench_map(np.full(bounds.dimension, (low + high) / 2))
     still = models.wrench_map(np.zeros(bounds.dimension))
     slopes = models.wrench_map(np.eye(bounds.dimension)) - still
-    variance = (
-        np.einsum("kip,pq,kjq->ij", slopes, matrix, slopes) * (high - low) ** 2 / 12
-    )
-    return g @ matrix @ g.T + variance
+    of_slopes = np.einsum("kip,pq,kjq->ij", slopes, matrix, slopes)
+    variance = of_slopes * (high - low) ** 2 / 12
+    return middle @ matrix @ middle.T + variance
 
 
 def expected_unbounded_sigma_s(bounds: models.Bounds, agents: int) -> ndarray:
@@ -81,40 +86,49 @@ def expected_unbounded_sigma_s(bounds: models.Bounds, agents: int) -> ndarray:
     ∫exp(−sD)ds, h = E[ΣT̲ᵢ²/D] = ∫m·E[T̲²e^(−sT̲²)]·E[e^(−sT̲²)]^(m−1)·E[e^(−sσ_T²)]^m ds. Raises
     SolverError if the integral h does not converge.
     """
-    from scipy.integrate import quad
-
     p = bounds.dimension
-    length, kappa = (
-        partial(models.mean_resultant_length, dimension=p),
-        bounds.concentration,
-    )
-    squared_length = _uniform_mean(lambda k: length(k) ** 2, kappa)
-    ratio = _uniform_mean(lambda k: length(k) / k, kappa)
-    nodes = bounds.directions(*np.meshgrid(*[(NODES + 1) / 2] * (p - 1))).reshape(-1, p)
-    weights = np.prod(np.meshgrid(*[WEIGHTS / 2] * (p - 1)), axis=0).ravel()
-    along = np.einsum("k,ki,kj->ij", weights, nodes, nodes)  # E[e̲e̲ᵀ]
+    length = partial(models.mean_resultant_length, dimension=p)
+    squared_length = _uniform_mean(lambda k: length(k) ** 2, bounds.concentration)
+    ratio = _uniform_mean(lambda k: length(k) / k, bounds.concentration)
+    along = _mean_projection(bounds)
     v = _at_attachments(ratio * (np.eye(p) - p * along), bounds)
     u = v + _at_attachments((1 - squared_length) * along, bounds)
-    ranges = (bounds.tension, bounds.tension_sd)
-    scale = agents * sum(float(_uniform_mean(np.square, bound)) for bound in ranges)
+    share = _tension_share(bounds, agents)
+    return u * share + v * (1 - share)
+
+
+def _mean_projection(bounds: models.Bounds) -> ndarray:
+    """Return E[e̲e̲ᵀ] (p, p) of a cable's direction e̲ within ``bounds``."""
+    p = bounds.dimension
+    shares = np.meshgrid(*[(NODES + 1) / 2] * (p - 1))
+    nodes = bounds.directions(*shares).reshape(-1, p)
+    weights = np.prod(np.meshgrid(*[WEIGHTS / 2] * (p - 1)), axis=0).ravel()
+    return np.einsum("k,ki,kj->ij", weights, nodes, nodes)
+
+
+def _tension_share(bounds: models.Bounds, agents: int) -> float:
+    """Return h = E[ΣT̲ᵢ²/D] of :func:`expected_unbounded_sigma_s` by quadrature over r = s·E[D]."""
+    from scipy.integrate import quad
+
+    tensions, deviations = bounds.tension, bounds.tension_sd
+    squares = [float(_uniform_mean(np.square, b)) for b in (tensions, deviations)]
+    scale = agents * sum(squares)
 
     def integrand(r: float) -> float:
         s = r / scale
-        noise = _uniform_mean(lambda v: np.exp(-s * v**2), bounds.tension_sd)
-        tension = _uniform_mean(lambda t: np.exp(-s * t**2), bounds.tension)
-        weighted = _uniform_mean(lambda t: t**2 * np.exp(-s * t**2), bounds.tension)
-        return float(
-            agents * weighted * tension ** (agents - 1) * noise**agents / scale
-        )
+        noise = _uniform_mean(lambda v: np.exp(-s * v**2), deviations)
+        tension = _uniform_mean(lambda t: np.exp(-s * t**2), tensions)
+        weighted = _uniform_mean(lambda t: t**2 * np.exp(-s * t**2), tensions)
+        density = agents * weighted * tension ** (agents - 1) * noise**agents
+        return float(density / scale)
 
-    tolerance = {"epsabs": SHARE_TOLERANCE, "epsrel": 0.0}
     share, error, _, *warning = quad(
-        integrand, 0, np.inf, **tolerance, full_output=True
+        integrand, 0, np.inf, epsabs=SHARE_TOLERANCE, epsrel=0.0, full_output=True
     )
     if warning or error > SHARE_TOLERANCE:
         message = "the integral for E[Σ_S] did not converge: narrow the bounds of the tensions"
         raise SolverError(message, error=error)
-    return u * share + v * (1 - share)
+    return share
 
 
 def expected_sigma_s(
@@ -127,34 +141,34 @@ def expected_sigma_s(
 
     exact = expected_unbounded_sigma_s(bounds, agents)
     masks = {"diagonal": np.eye(len(exact)), "full": np.ones_like(exact)}
-    parts, by_form = {form: [] for form in models.FORMS}, {}
+    corrections = {form: [] for form in masks}
+    squares = {form: [] for form in masks}
     for scramble in rng.spawn(SCRAMBLES):
-        points = qmc.Sobol(bounds.coordinates * agents, rng=scramble).random_base2(
-            LOG2_POINTS
-        )
+        sequence = qmc.Sobol(bounds.coordinates * agents, rng=scramble)
+        points = sequence.random_base2(LOG2_POINTS)
         shares = points.reshape(len(points), bounds.coordinates, agents)
-        unbounded = models.unbounded_sigma_s(
-            models.systems_at(bounds, np.moveaxis(shares, 1, 0))
-        )
+        systems = models.systems_at(bounds, np.moveaxis(shares, 1, 0))
+        unbounded = models.unbounded_sigma_s(systems)
         for form, mask in masks.items():
             sigma_s, _ = models.optimal_sigma_s(unbounded, form)
-            correction = np.mean(sigma_s - unbounded * mask, axis=0)
-            parts[form].append((correction, np.mean(sigma_s**2, axis=0)))
+            corrections[form].append(np.mean(sigma_s - unbounded * mask, axis=0))
+            squares[form].append(np.mean(sigma_s**2, axis=0))
+
+    by_form = {}
     for form, mask in masks.items():
-        corrections, squares = map(np.array, zip(*parts[form], strict=True))
-        mean = exact * mask + corrections.mean(axis=0)
-        deviation = np.sqrt(np.maximum(squares.mean(axis=0) - mean**2, 0.0))
-        error = corrections.std(axis=0, ddof=1) / np.sqrt(SCRAMBLES)
-        by_form[form] = SigmaS(mean, error, deviation)
+        correction = np.array(corrections[form])
+        mean = exact * mask + correction.mean(axis=0)
+        variance = np.array(squares[form]).mean(axis=0) - mean**2
+        error = correction.std(axis=0, ddof=1) / np.sqrt(SCRAMBLES)
+        by_form[form] = SigmaS(mean, error, np.sqrt(np.maximum(variance, 0.0)))
     return by_form
 
 
 def variance_errors(modelled: ndarray, covariance: ndarray) -> ndarray:
     """Return the paper's error ‖diag Cov(W) − Var‖/‖Var‖ (...) of the ``modelled`` covariance."""
-    true, model = (
-        np.diagonal(matrix, axis1=-2, axis2=-1) for matrix in (covariance, modelled)
-    )
-    return np.linalg.norm(model - true, axis=-1) / np.linalg.norm(true, axis=-1)
+    variances = np.diagonal(covariance, axis1=-2, axis2=-1)
+    off = np.diagonal(modelled, axis1=-2, axis2=-1) - variances
+    return np.linalg.norm(off, axis=-1) / np.linalg.norm(variances, axis=-1)
 
 
 def covariance_errors(modelled: ndarray, covariance: ndarray) -> ndarray:
@@ -172,9 +186,8 @@ def sigma_s_rows(
     """Return the rows of the table ``sigma_s`` of one class of systems, one for each entry."""
     tables = []
     for form, average in estimates.items():
-        limit, (i, j) = expected[form], np.triu_indices(len(average.mean))
-        row = {"system_class": system_class, "agents": agents, "form": form}
-        row |= {"entry": [f"{a}{b}" for a, b in zip(i + 1, j + 1, strict=True)]}
+        limit = expected[form]
+        i, j = np.triu_indices(len(average.mean))
         columns = {
             "mean": average.mean,
             "standard_error": average.standard_error,
@@ -182,7 +195,9 @@ def sigma_s_rows(
             "expectation_error": limit.standard_error,
             "expected_standard_error": limit.deviation / np.sqrt(average.systems),
         }
-        row |= {name: values[i, j] for name, values in columns.items()}
+        row = {"system_class": system_class, "agents": agents, "form": form}
+        row["entry"] = [f"{a}{b}" for a, b in zip(i + 1, j + 1, strict=True)]
+        row |= {name: matrix[i, j] for name, matrix in columns.items()}
         tables.append(pd.DataFrame(row).assign(clipped=average.clipped))
     return pd.concat(tables, ignore_index=True)
 
@@ -198,45 +213,59 @@ def run_study(
     the covariance error.
     """
     repeats = list(enumerate(rng.spawn(options.repeats)))
-    by_table = zip(*run(partial(_repeat, options), repeats), strict=True)
-    return tuple(
-        pd.concat(chain.from_iterable(tables), ignore_index=True) for tables in by_table
+    trial = partial(_repeat, options)
+    sigma_rows, errors, spread = [], [], []
+    for of_repeat in run(trial, repeats):
+        sigma_rows += of_repeat.sigma_s
+        errors += of_repeat.errors
+        spread += of_repeat.spread
+    return (
+        pd.concat(sigma_rows, ignore_index=True),
+        pd.concat(errors, ignore_index=True),
+        pd.concat(spread, ignore_index=True),
     )
 
 
-def _repeat(options: Wrench, trial: tuple[int, Generator]) -> tuple[list, list, list]:
-    """Return the rows of the three tables of one ``trial`` (number of the repeat, stream)."""
-    (repeat, rng), tests, bounds = (
-        trial,
-        options.test_systems,
-        models.study_bounds(options),
-    )
-    sigma_rows, errors, maxima = [], [], []
+class Repeat(NamedTuple):
+    """Rows of the three tables of one repeat, a table for each number of cables."""
+
+    sigma_s: list[pd.DataFrame]
+    errors: list[pd.DataFrame]
+    spread: list[pd.DataFrame]
+
+
+def _repeat(options: Wrench, trial: tuple[int, Generator]) -> Repeat:
+    """Return the rows of one ``trial`` (number of the repeat, stream)."""
+    number, rng = trial
+    bounds = models.study_bounds(options)
+    rows = Repeat([], [], [])
     for m, m_rng in zip(options.agents, rng.spawn(len(options.agents)), strict=True):
-        estimates = averaged_sigma_s(
-            models.draw_systems(bounds, options.systems, m, m_rng)
-        )
-        fresh = models.draw_systems(bounds, tests, m, m_rng)
-        model, covariance = models.matrix_model(fresh), models.wrench_covariance(fresh)
-        error = variance_errors(
-            model.covariance(estimates["diagonal"].mean), covariance
-        )
+        drawn = models.draw_systems(bounds, options.systems, m, m_rng)
+        estimates = averaged_sigma_s(drawn)
+        fresh = models.draw_systems(bounds, options.test_systems, m, m_rng)
+        model = models.matrix_model(fresh)
+        covariance = models.wrench_covariance(fresh)
+        modelled = {
+            form: model.covariance(estimate.mean)
+            for form, estimate in estimates.items()
+        }
+        error = variance_errors(modelled["diagonal"], covariance)
         # the control: the actuation is the only cause of variance
         without = variance_errors(model.actuation_part(), covariance)
         row = {
             "agents": m,
-            "repeat": repeat,
+            "repeat": number,
             "mean": error.mean(),
             "maximum": error.max(),
             "mean_without_matrix": without.mean(),
         }
-        maxima.append(pd.DataFrame([row]))
-        if repeat == 0:
-            expected = expected_sigma_s(bounds, m, m_rng.spawn(1)[0])
-            sigma_rows.append(sigma_s_rows("study", m, estimates, expected))
-            table = {"agents": m, "system": np.arange(tests), "error": error}
-            for form, estimate in estimates.items():
-                whole = covariance_errors(model.covariance(estimate.mean), covariance)
-                table[f"covariance_error_{form}"] = whole
-            errors.append(pd.DataFrame(table))
-    return sigma_rows, errors, maxima
+        rows.spread.append(pd.DataFrame([row]))
+        if number > 0:
+            continue
+        expected = expected_sigma_s(bounds, m, m_rng.spawn(1)[0])
+        rows.sigma_s.append(sigma_s_rows("study", m, estimates, expected))
+        table = {"agents": m, "system": np.arange(len(error)), "error": error}
+        for form, matrix in modelled.items():
+            table[f"covariance_error_{form}"] = covariance_errors(matrix, covariance)
+        rows.errors.append(pd.DataFrame(table))
+    return rows
