@@ -101,22 +101,42 @@ def test_a_trial_of_a_study_leaves_an_earlier_page_as_it_is(project):
     assert "No answer" in Path("reports/trials/studies/recovery.md").read_text()
 
 
+def pose_tables(
+    tmp_path, monkeypatch, effects: pd.DataFrame
+) -> dict[str, pd.DataFrame]:
+    """Tables of the study of the pose, of a dataset with the table ``pose_effect``."""
+    effects = effects.assign(quantity=pose.NORM, windows=40, groups=8)
+    effects = effects.assign(spread=0.1, needed=0.2)
+    run = Run("ur5", "paper", False, ["a"], ["x"], {}, {}, {"pose_effect": effects})
+    (tmp_path / "ur5.json").write_text(run.to_json())
+    monkeypatch.setattr(pose, "DATASETS", tmp_path)
+    return pose.evaluate(None, None)
+
+
 def test_the_answer_on_the_pose_follows_from_interval_and_power(tmp_path, monkeypatch):
     numbers = [(1.0, 0.6, 1.4, 0.1), (-1.0, -1.4, -0.6, 0.9), (0.1, -0.2, 0.4, 0.9)]
     numbers += [(0.1, -0.2, 0.6, 0.9), (0.1, -0.2, 0.4, 0.7)]
-    table = pd.DataFrame(numbers, columns=["exponent", "low", "high", "power"])
-    table = table.assign(
-        noise=pose.ALL, quantity=pose.NORM, windows=40, groups=8, spread=0.1, needed=0.2
-    )
-    run = Run("ur5", "paper", False, ["a"], ["x"], {}, {}, {"pose_effect": table})
-    (tmp_path / "ur5.json").write_text(run.to_json())
-    monkeypatch.setattr(pose, "DATASETS", tmp_path)
-    tables = pose.evaluate(None, None)
+    effects = pd.DataFrame(numbers, columns=["exponent", "low", "high", "power"])
+    tables = pose_tables(tmp_path, monkeypatch, effects.assign(noise=pose.ALL))
     answers = [pose.YES, pose.FALLS, pose.NO, pose.UNKNOWN, pose.UNKNOWN]
-    assert tables["pose"]["answer"].tolist() == answers and {*answers} == {
-        *pose.ANSWERS
-    }
+    assert tables["pose"]["answer"].tolist() == answers
+    assert {*answers} == {*pose.ANSWERS}
     assert [row.answer for row in pose.facts(tables, None)["norm"]] == answers
+
+
+def test_of_repeated_motions_the_differing_noise_answers_and_the_repeated_stands_beside(
+    tmp_path, monkeypatch
+):
+    parts = [pose.ALL, pose.DIFFERING, pose.REPEATED]
+    effects = pd.DataFrame({"noise": parts, "exponent": [0.4, 0.1, 0.5]})
+    effects = effects.assign(low=-0.2, high=0.6, power=0.9)
+    tables = pose_tables(tmp_path, monkeypatch, effects)
+    facts = pose.facts(tables, None)
+    (row,) = facts["norm"]
+    assert row.noise == pose.DIFFERING
+    assert row.exponent == "+0.1 [-0.2, +0.6]"
+    assert row.repeated == "+0.5 [-0.2, +0.6]"
+    assert [cells[1] for cells in facts["cells"]] == parts
 
 
 def test_a_study_leaves_the_tables_and_page_of_an_earlier_run_where_a_part_of_it_fails(

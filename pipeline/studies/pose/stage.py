@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from pipeline.figures import style
 from pipeline.statistics.curves import POWER
-from pipeline.statistics.pose_effect import ALL, DIFFERING, NORM
+from pipeline.statistics.pose_effect import ALL, DIFFERING, NORM, REPEATED
 from pipeline.studies.frame import NoAnswerError, Tables, concatenate, interval, number
 from pipeline.verdicts.run import read_run
 
@@ -42,59 +42,65 @@ def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
     above zero; FALLS if it is below zero; NO if it contains zero and no value above one half, and
     has the power to tell one from zero; else UNKNOWN.
     """
-    rows = [
-        run.tables["pose_effect"].assign(
-            dataset=run.dataset, recordings="synthetic" if run.synthetic else "real"
-        )
-        for run in map(read_run, sorted(DATASETS.glob("*.json")))
-        if len(run.tables.get("pose_effect", ()))
-    ]
-    if not rows:
+    tables = []
+    for file in sorted(DATASETS.glob("*.json")):
+        run = read_run(file)
+        effects = run.tables.get("pose_effect")
+        if effects is not None and len(effects):
+            recordings = "synthetic" if run.synthetic else "real"
+            tables.append(effects.assign(dataset=run.dataset, recordings=recordings))
+    if not tables:
         raise NoAnswerError("no dataset has a task and enough steps of moving joints")
-    found = concatenate(rows).assign(answer=UNKNOWN)
-    found.loc[(found["power"] >= POWER) & (found["high"] < 0.5), "answer"] = NO
-    found.loc[found["high"] < 0, "answer"] = FALLS
-    found.loc[found["low"] > 0, "answer"] = YES
-    return {"pose": found}
+    pose = concatenate(tables).assign(answer=UNKNOWN)
+    pose.loc[(pose["power"] >= POWER) & (pose["high"] < 0.5), "answer"] = NO
+    pose.loc[pose["high"] < 0, "answer"] = FALLS
+    pose.loc[pose["low"] > 0, "answer"] = YES
+    return {"pose": pose}
 
 
 def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
-    """Return the rows on the norm, the answers in words, and the cells of the table."""
-    found, shown = tables["pose"], ["power", "spread", "needed"]
-    text = map(interval, found["exponent"], found["low"], found["high"])
-    found = found.assign(exponent=[*text], **found[shown].map(number))
-    of_norm = found[found["quantity"] == NORM]
-    answered = of_norm[of_norm["noise"] == of_norm["dataset"].map(_decisive(of_norm))]
-    columns = ["dataset", "noise", "quantity", "exponent", *shown, "answer"]
+    """Return the rows on the norm that answer the question, each with the exponent of the error
+    that repeats if there is one; the answers in words; and the cells of the table.
+    """
+    pose = tables["pose"]
+    texts = map(interval, pose["exponent"], pose["low"], pose["high"])
+    numbers = ["power", "spread", "needed"]
+    pose = pose.assign(exponent=list(texts), **pose[numbers].map(number))
+    norm = pose[pose["quantity"] == NORM]
+    repeated = norm[norm["noise"] == REPEATED].set_index("dataset")["exponent"]
+    norm = norm.assign(repeated=norm["dataset"].map(repeated).fillna(""))
+    columns = ["dataset", "noise", "quantity", "exponent", *numbers, "answer"]
     return {
-        "norm": [*answered.itertuples()],
+        "norm": list(norm[is_decisive(norm)].itertuples()),
         "answers": ANSWERS,
-        "cells": found[columns].to_numpy(),
+        "cells": pose[columns].to_numpy(),
     }
 
 
-def _decisive(rows: pd.DataFrame) -> dict[str, str]:
-    """Return the part of the noise that answers the question by dataset: what differs between
-    repetitions, else all noise.
+def is_decisive(rows: pd.DataFrame) -> pd.Series:
+    """Return True for the part of the noise that answers the question for its dataset: what differs
+    between repetitions, else all noise.
     """
-    parts = dict.fromkeys(rows["dataset"], ALL)
-    differing = rows.loc[rows["noise"] == DIFFERING, "dataset"]
-    return parts | dict.fromkeys(differing, DIFFERING)
+    repeating = rows.loc[rows["noise"] == DIFFERING, "dataset"]
+    decisive = rows["dataset"].isin(repeating).map({True: DIFFERING, False: ALL})
+    return rows["noise"] == decisive
 
 
 def draw(pose: pd.DataFrame) -> Figure:
     """Draw the exponents in the decisive part of the noise with their intervals by dataset."""
-    pose = pose[pose["noise"] == pose["dataset"].map(_decisive(pose))]
-    names = list(dict.fromkeys(pose["dataset"]))
+    pose = pose[is_decisive(pose)]
+    names = list(pose["dataset"].unique())
     figure, ((axes,),) = style.panels(style.TWO_COLUMNS, 1.2 + 0.45 * len(names))
     for shift, (quantity, look) in zip((-0.2, 0.0, 0.2), LOOKS.items(), strict=True):
         rows = pose[pose["quantity"] == quantity]
         heights = [names.index(name) + shift for name in rows["dataset"]]
-        ends = [rows["exponent"] - rows["low"], rows["high"] - rows["exponent"]]
+        below = rows["exponent"] - rows["low"]
+        above = rows["high"] - rows["exponent"]
+        ends = [below, above]
         axes.errorbar(rows["exponent"], heights, xerr=ends, markersize=4, **look)
     for value in (0.0, 1.0):
         axes.axvline(value, color=style.GREY, linewidth=0.8, zorder=0)
     axes.set_yticks(range(len(names)), names)
-    axes.set_xlabel("exponent of the pose quantity (0: speed alone, 1: proportional)")
+    axes.set_xlabel("exponent of the pose quantity (0: speed only, 1: proportional)")
     figure.legend(loc="outside lower center", ncols=3)
     return figure
