@@ -47,34 +47,32 @@ class KnownLaw(NamedTuple):
 def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
     """Return the table ``recovery``; NoAnswerError if the measurement noise is unknown."""
     recorded = training_steps(settings.dataset.robot, settings.dataset.motion)
-    chosen, every, count = (
-        slice(options.takes),
-        slice(None, None, options.stride),
-        options.datasets,
-    )
-    try:  # some takes and steps of the recordings with the measurement noise of all
-        part = replace(
+    # some takes and steps of the recordings with the measurement noise of all
+    takes, steps = slice(options.takes), slice(None, None, options.stride)
+    try:
+        thinned = replace(
             recorded,
-            q=recorded.q[chosen, every],
-            v=recorded.v[..., every, :],
-            noise=recorded.noise[chosen, every],
+            q=recorded.q[takes, steps],
+            v=recorded.v[..., steps, :],
+            noise=recorded.noise[takes, steps],
             known_measurement=recorded.measurement,
         )
     except ModelDomainError as reason:
         raise NoAnswerError(reason.message) from None
-    cases = list(known_laws(part, options))
+    cases = list(known_laws(thinned, options))
+    count = options.datasets
     data = [(case, i) for case in cases for i in range(count)]
-    common = {"recorded": part, "seed": settings.seed}
+    common = {"recorded": thinned, "seed": settings.seed}
     pairs = trials(settings, "recovery: data sets", recover, data, **common)
-    rows = [
-        {"model": case.model, "estimator": name, "parameter": parameter}
-        | recovery_row(
-            parameter, truth, [pair[name] for pair in pairs[n * count :][:count]]
-        )
-        for n, case in enumerate(cases)
-        for name in case.estimators
-        for parameter, truth in case.truth.values.items()
-    ]
+    rows = []
+    for n, case in enumerate(cases):
+        of_case = pairs[n * count :][:count]
+        for name in case.estimators:
+            of_estimator = [pair[name] for pair in of_case]
+            place = {"model": case.model, "estimator": name}
+            for parameter, truth in case.truth.values.items():
+                row = recovery_row(parameter, truth, of_estimator)
+                rows.append(place | {"parameter": parameter} | row)
     return {"recovery": pd.DataFrame(rows)}
 
 
@@ -82,9 +80,9 @@ def known_laws(recorded: Recorded, options: SimpleNamespace) -> Iterator[KnownLa
     """Yield the laws of the data, with the recorded variance or a stated σ_B."""
     for name, model in config.model_options(options.estimators).items():
         names = options.estimators[name]
-        estimators = {each: replace(model, estimator=each) for each in names} or {
-            "–": model
-        }
+        estimators = {"–": model}
+        if names:
+            estimators = {x: replace(model, estimator=x) for x in names}
         for truth in truths(recorded, model, options.dispersions):
             yield KnownLaw(name, truth, estimators)
 
@@ -97,10 +95,10 @@ def draw_data(
     """
     q, v = recorded.q, recorded.v
     step, _ = draw_steps(truth, recorded.chain, q, v, rng)
-    measured = rng.multivariate_normal(
-        np.zeros(q.shape[-1]), recorded.measurement, q.shape[:-1]
-    )
-    noise = step - (q + recorded.chain.nominal_step(q, v)) + measured
+    zero = np.zeros(q.shape[-1])
+    measured = rng.multivariate_normal(zero, recorded.measurement, q.shape[:-1])
+    expected = q + recorded.chain.nominal_step(q, v)
+    noise = step - expected + measured
     return replace(recorded, noise=noise, known_measurement=recorded.measurement)
 
 
@@ -129,16 +127,21 @@ def recovery_row(
     parameter: str, truth: float, pairs: Sequence[Pair | None]
 ) -> dict[str, float]:
     """Return mean, error and coverage of a ``parameter`` over two or more data sets."""
-    given = [pair for pair in pairs if pair and all(parameter in part for part in pair)]
-    row = {"truth": truth, "datasets": len(given), "lost": len(pairs) - len(given)}
-    if len(given) < 2:
+    estimates, again = [], []
+    for pair in pairs:
+        if pair and all(parameter in values for values in pair):
+            estimates.append(pair[0][parameter])
+            again.append(pair[1][parameter])
+    count = len(estimates)
+    row = {"truth": truth, "datasets": count, "lost": len(pairs) - count}
+    if count < 2:
         return row
-    estimates, again = np.array(
-        [[part[parameter] for part in pair] for pair in given]
-    ).T
-    error, mean, std = estimates - truth, estimates.mean(), estimates.std(ddof=1)
-    half = NORMAL_QUANTILE * std / np.sqrt(len(estimates))
+    estimates, again = np.array(estimates), np.array(again)
+    mean, std = estimates.mean(), estimates.std(ddof=1)
+    half = NORMAL_QUANTILE * std / np.sqrt(count)
+    error = estimates - truth
     low, high = percentile_interval(again - estimates)
+    covered = (error + low <= 0) & (0 <= error + high)
     return row | {
         "mean": mean,
         "mean_low": mean - half,
@@ -147,39 +150,36 @@ def recovery_row(
         "greatest": estimates.max(),
         "standard_deviation": std,
         "bootstrap_standard_error": (again - estimates).std(ddof=1),
-        "coverage": np.mean((error + low <= 0) & (0 <= error + high)),
+        "coverage": np.mean(covered),
     }
 
 
 def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
     """Return the fields of the page: bias in percent and coverage of each estimator of σ_B."""
     rows = tables["recovery"]
-    ends = [100 * (rows[end] / rows["truth"] - 1) for end in ("mean_low", "mean_high")]
-    rows = rows.assign(
-        label=rows["estimator"].map(lambda name: LOOKS.get(name, {}).get("label")),
-        bias=[*map("{:+.2g} to {:+.2g} % at {:g}".format, *ends, rows["truth"])],
-    )
-    wishart, others = (
-        rows[rows["parameter"] == "sigma_b"],
-        rows[rows["parameter"] != "sigma_b"],
-    )
-    columns = ["truth", "mean", "mean_low", "mean_high", "standard_deviation"]
-    columns += ["bootstrap_standard_error", "coverage", "lost"]
-    cells = [
-        (name, truth, f"{mean} ({low} to {high})", *further)
-        for name, truth, mean, low, high, *further in (
-            wishart.set_index("label")[columns].map(number).itertuples()
-        )
-    ]
-    others = others.dropna(subset="mean")
-    parts = wishart.groupby("label", sort=False)
+    low = 100 * (rows["mean_low"] / rows["truth"] - 1)
+    high = 100 * (rows["mean_high"] / rows["truth"] - 1)
+    biases = map("{:+.2g} to {:+.2g} % at {:g}".format, low, high, rows["truth"])
+    labels = {estimator: look["label"] for estimator, look in LOOKS.items()}
+    rows = rows.assign(label=rows["estimator"].map(labels.get), bias=list(biases))
+    of_sigma_b = rows["parameter"] == "sigma_b"
+    wishart = rows[of_sigma_b]
+    cells = []
+    for row in wishart.itertuples():
+        mean = f"{number(row.mean)} ({number(row.mean_low)} to {number(row.mean_high)})"
+        errors = row.standard_deviation, row.bootstrap_standard_error
+        numbers = map(number, (*errors, row.coverage, row.lost))
+        cells.append((row.label, number(row.truth), mean, *numbers))
+    further = rows[~of_sigma_b].dropna(subset="mean")
+    unbiased = further["truth"].between(further["mean_low"], further["mean_high"])
+    estimators = {}
+    for label, of_label in wishart.groupby("label", sort=False):
+        estimators[label] = of_label.dropna(subset="mean")
     return {
-        "estimators": {name: part.dropna(subset="mean") for name, part in parts},
+        "estimators": estimators,
         "cells": cells,
-        "unbiased": others["truth"]
-        .between(others["mean_low"], others["mean_high"])
-        .sum(),
-        "others": len(others),
+        "unbiased": unbiased.sum(),
+        "others": len(further),
     }
 
 
@@ -187,23 +187,18 @@ def draw(recovery: pd.DataFrame) -> Figure:
     """Draw the figure of the page."""
     recovery = recovery[recovery["parameter"] == "sigma_b"]
     figure, ((axes,),) = style.panels(style.ONE_COLUMN, 2.7)
-    places = {
-        truth: place for place, truth in enumerate(dict.fromkeys(recovery["truth"]))
-    }
+    truths = list(recovery["truth"].unique())
     for shift, (estimator, look) in zip((-0.2, 0, 0.2), LOOKS.items(), strict=True):
         rows = recovery[recovery["estimator"] == estimator].dropna(subset="mean")
-        x = rows["truth"].map(places) + shift
-        mean, least, greatest = (
-            rows[c] / rows["truth"] for c in ("mean", "least", "greatest")
-        )
-        axes.errorbar(
-            x, mean, yerr=(mean - least, greatest - mean), ls="", ms=4, lw=1.2, **look
-        )
+        x = rows["truth"].map(truths.index) + shift
+        mean = rows["mean"] / rows["truth"]
+        below = mean - rows["least"] / rows["truth"]
+        above = rows["greatest"] / rows["truth"] - mean
+        axes.errorbar(x, mean, yerr=(below, above), ls="", ms=4, lw=1.2, **look)
     axes.axhline(1, color=style.GREY, linewidth=0.8, zorder=0, label="true value")
-    axes.set_xticks(list(places.values()), [f"{truth:g}" for truth in places])
-    axes.set(
-        xlabel=r"true $\sigma_B$ (1)", ylabel=r"estimated over true $\sigma_B$ (1)"
-    )
+    axes.set_xticks(range(len(truths)), [f"{truth:g}" for truth in truths])
+    axes.set_xlabel(r"true $\sigma_B$ (1)")
+    axes.set_ylabel(r"estimated over true $\sigma_B$ (1)")
     axes.set_ylim(bottom=0)
     figure.legend(loc="outside lower center", ncols=2)
     return figure

@@ -1,12 +1,13 @@
 """robustness: verdicts under other decisions, physics of the laboratory and random numbers."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
@@ -32,6 +33,18 @@ HERE = Path(__file__).parent
 TRACK, ARTICULATE = Path("data/track"), Path("data/articulate")
 BOTH = "differs"  # verdicts of the seeds
 PARTS = ("decisions", "laboratory")
+SQUARE = {"marker": "s", "ms": 4.2, "mew": 0.5}
+BASES = {  # look of the verdict of the base case
+    HOLDS: {"marker": "o", "color": style.BLUE},
+    FAILS: {"marker": "X", "color": style.BLACK},
+    BOTH: {"marker": "D", "color": style.GREY},
+    UNKNOWN: {"marker": "_", "color": style.GREY},
+}
+SQUARES = {  # look of a factor
+    "same verdict": SQUARE | {"mfc": "none", "mec": style.LIGHT_GREY},
+    "another verdict": SQUARE | {"mfc": style.BLUE, "mec": style.BLUE},
+    "changed by chance": SQUARE | {"mfc": style.VERMILLION, "mec": style.VERMILLION},
+}
 NAMES = {
     "cause": "cause of the noise",
     "jitter_std": "wrong times of frames",
@@ -151,123 +164,118 @@ def changes(robustness: pd.DataFrame) -> pd.DataFrame:
     """Return the ``base`` verdict by part (decisions, laboratory), grid, factor and claim, and True
     if a level changes it.
     """
-    words = []
+    verdicts = []
     for row in robustness.itertuples():
-        words.append(verdict_of_cases(row.cases, row.holds, row.fails))
-    decisions = robustness["grid"] == "decisions"
-    rows = robustness.assign(verdict=words)
-    rows = rows.assign(part=rows["grid"].where(decisions, "laboratory"))
-    first = rows.loc[rows["factor"] == grid.BASE, ["grid", "claim", "verdict"]]
-    rows = rows.merge(
-        first, on=["grid", "claim"], how="left", suffixes=("", "_of_base")
-    )
-    rows = rows.rename(columns={"verdict_of_base": "base"})
-    base = rows["factor"] == grid.BASE
-    rows["changed"] = (rows["verdict"] != rows["base"]).where(
-        ~base, rows["verdict"] == BOTH
-    )
-    lucky = rows[base & (rows["part"] == "laboratory")].assign(factor=grid.CHANCE)
+        verdicts.append(verdict_of_cases(row.cases, row.holds, row.fails))
+    of_decisions = robustness["grid"] == "decisions"
+    part = robustness["grid"].where(of_decisions, "laboratory")
+    rows = robustness.assign(verdict=verdicts, part=part)
+    is_base = rows["factor"] == grid.BASE
+    base = rows.loc[is_base, ["grid", "claim", "verdict"]]
+    base = base.rename(columns={"verdict": "base"})
+    rows = rows.merge(base, on=["grid", "claim"], how="left")
+    is_base = rows["factor"] == grid.BASE
+    # the seeds of the laboratory are cases of one level
+    lucky = rows[is_base & (rows["part"] == "laboratory")]
+    lucky = lucky.assign(factor=grid.CHANCE, changed=lucky["verdict"] == BOTH)
+    varied = rows[~is_base]
+    varied = varied.assign(changed=varied["verdict"] != varied["base"])
     keys = ["part", "grid", "claim", "about", "base", "factor"]
-    varied = pd.concat([rows[~base], lucky])
-    return varied.groupby(keys, sort=False)["changed"].any().reset_index()
+    groups = pd.concat([varied, lucky]).groupby(keys, sort=False)
+    return groups["changed"].any().reset_index()
 
 
 def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
     """Return the fields of the page."""
-    changed = changes(tables["robustness"])
-    claims = changed["claim"]
-    part = changed["part"].where(changed["factor"] != grid.CHANCE, grid.CHANCE)
-    flipped = {
-        name: changed[changed["changed"] & (part == name)]
-        for name in (*PARTS, grid.CHANCE)
-    }
-    counts = {name: len(rows["claim"].unique()) for name, rows in flipped.items()}
-    most = (
-        flipped["decisions"]
-        .groupby("factor")["claim"]
-        .nunique()
-        .sort_values(ascending=False)
-    )
-    lucky, unsteady = (
-        set(flipped[grid.CHANCE]["claim"]),
-        set(claims[changed["changed"]]),
-    )
-    steady, cells = [claim for claim in claims.unique() if claim not in unsteady], []
-    for claim, rows in changed[claims.isin(unsteady)].groupby("claim", sort=False):
-        varied = (rows.loc[part[rows.index] == name, "changed"] for name in PARTS)
-        of = [
-            f"{some.sum()} of {len(some)}" if len(some) else MISSING for some in varied
-        ]
-        cells.append(
-            [claim + " †" * (claim in lucky), ", ".join(rows["base"].unique()), *of]
-        )
+    rows = changes(tables["robustness"])
+    by_chance = rows["factor"] == grid.CHANCE
+    rows["cause"] = rows["part"].where(~by_chance, grid.CHANCE)
+    changed = rows[rows["changed"]]
+    flipped = {}
+    for cause in (*PARTS, grid.CHANCE):
+        flipped[cause] = changed.loc[changed["cause"] == cause, "claim"].unique()
+    of_decisions = changed[changed["cause"] == "decisions"].groupby("factor")
+    by_decision = of_decisions["claim"].nunique().sort_values(ascending=False)
+    claims = rows["claim"].unique()
+    unsteady = set(changed["claim"])
+    steady = [claim for claim in claims if claim not in unsteady]
+    cells = []
+    for claim, of_claim in rows.groupby("claim", sort=False):
+        if claim in unsteady:
+            mark = " †" if claim in flipped[grid.CHANCE] else ""
+            bases = ", ".join(of_claim["base"].unique())
+            counts = [changed_of(of_claim, part) for part in PARTS]
+            cells.append([claim + mark, bases, *counts])
     return {
-        "claims": claims.nunique(),
+        "claims": len(claims),
         "steady": len(steady),
-        "decisions": counts["decisions"],
-        "physical": counts["laboratory"],
-        "lucky": counts[grid.CHANCE],
-        "most": most.head(1),
+        "decisions": len(flipped["decisions"]),
+        "physical": len(flipped["laboratory"]),
+        "lucky": len(flipped[grid.CHANCE]),
+        "most": by_decision.head(1),
         "seeds": len(options.seeds),
         "cells": cells,
         "names": ", ".join(steady) or "none",
     }
 
 
+def changed_of(rows: pd.DataFrame, cause: str) -> str:
+    """Return how many of the factors of a ``cause`` change the verdict of the ``rows`` of a claim,
+    as "2 of 5".
+    """
+    changed = rows.loc[rows["cause"] == cause, "changed"]
+    return f"{changed.sum()} of {len(changed)}" if len(changed) else MISSING
+
+
 def draw(robustness: pd.DataFrame) -> Figure:
     """Draw the figure of the page."""
-    bases = {
-        HOLDS: {"marker": "o", "color": style.BLUE},
-        FAILS: {"marker": "X", "color": style.BLACK},
-        BOTH: {"marker": "D", "color": style.GREY},
-        UNKNOWN: {"marker": "_", "color": style.GREY},
-    }
-    square = {"marker": "s", "ls": "none", "ms": 4.2, "mew": 0.5}
-    fills = {
-        "same verdict": {"mfc": "none", "mec": style.LIGHT_GREY},
-        "another verdict": {"mfc": style.BLUE, "mec": style.BLUE},
-        "changed by chance": {"mfc": style.VERMILLION, "mec": style.VERMILLION},
-    }
-    squares = {name: square | fill for name, fill in fills.items()}
-    same, other, luck = squares.values()
-    changed = changes(robustness)
-    parts = dict(list(changed.groupby("part", sort=False)))
-    claims = changed.drop_duplicates("claim").set_index("claim")["about"]
-    columns = {
-        part: ["base case", *rows["factor"].unique()] for part, rows in parts.items()
-    }
-    size = {
-        "columns": len(parts),
-        "sharey": True,
-        "width_ratios": [*map(len, columns.values())],
-    }
+    rows = changes(robustness)
+    parts = dict(list(rows.groupby("part", sort=False)))
+    claims = rows.drop_duplicates("claim").set_index("claim")["about"]
+    height = 1.9 + 0.135 * len(claims)
+    widths = [1 + of_part["factor"].nunique() for of_part in parts.values()]
     figure, (panels,) = style.panels(
-        style.TWO_COLUMNS, 1.9 + 0.135 * len(claims), **size
+        style.TWO_COLUMNS,
+        height,
+        columns=len(parts),
+        sharey=True,
+        width_ratios=widths,
     )
-    place = {claim: y for y, claim in enumerate(claims.index)}
-    for axes, (part, names) in zip(panels, columns.items(), strict=True):
-        for row in parts[part].drop_duplicates("claim").itertuples():
-            axes.plot([0], [place[row.claim]], ls="none", ms=4.2, **bases[row.base])
-        for row in parts[part].itertuples():
-            look = (
-                (luck if row.factor == grid.CHANCE else other) if row.changed else same
-            )
-            axes.plot([names.index(row.factor)], [place[row.claim]], **look)
-        labels = [NAMES.get(name, name.replace("_", " ")) for name in names]
-        axes.set_xticks(range(len(names)), labels, rotation=90)
-        axes.set(
-            xlim=(-0.7, len(names) - 0.3), ylim=(len(claims) - 0.4, -0.6), title=part
-        )
-        axes.tick_params(length=0)
-        axes.spines[:].set_visible(False)
-    labels = [
-        name.replace("-", " ") + " *" * (about != "method")
-        for name, about in claims.items()
-    ]
+    places = {claim: y for y, claim in enumerate(claims.index)}
+    for axes, (title, of_part) in zip(panels, parts.items(), strict=True):
+        draw_verdicts(axes, of_part, places)
+        axes.set_title(title)
+    labels = []
+    for claim, about in claims.items():
+        mark = "" if about == "method" else " *"
+        labels.append(claim.replace("-", " ") + mark)
     panels[0].set_yticks(range(len(claims)), labels, fontsize=7)
-    looks = {name: {"ls": "none"} | look for name, look in (bases | squares).items()}
-    entries = [Line2D([], [], label=name, **look) for name, look in looks.items()]
+    entries = []
+    for name, look in (BASES | SQUARES).items():
+        entries.append(Line2D([], [], label=name, ls="none", **look))
     figure.legend(
         handles=entries, loc="outside lower center", ncols=7, columnspacing=1.0
     )
     return figure
+
+
+def draw_verdicts(axes: Axes, rows: pd.DataFrame, places: Mapping[str, int]) -> None:
+    """Draw the verdict of the base case and a square for each factor in the line of each claim, at
+    the height of ``places``.
+    """
+    factors = list(rows["factor"].unique())
+    for row in rows.drop_duplicates("claim").itertuples():
+        axes.plot([0], [places[row.claim]], ls="none", ms=4.2, **BASES[row.base])
+    for row in rows.itertuples():
+        look = SQUARES["same verdict"]
+        if row.changed and row.factor == grid.CHANCE:
+            look = SQUARES["changed by chance"]
+        elif row.changed:
+            look = SQUARES["another verdict"]
+        x = 1 + factors.index(row.factor)
+        axes.plot([x], [places[row.claim]], ls="none", **look)
+    labels = [NAMES.get(factor, factor.replace("_", " ")) for factor in factors]
+    axes.set_xticks(range(1 + len(factors)), ["base case", *labels], rotation=90)
+    axes.set(xlim=(-0.7, len(factors) + 0.7), ylim=(len(places) - 0.4, -0.6))
+    axes.tick_params(length=0)
+    axes.spines[:].set_visible(False)
