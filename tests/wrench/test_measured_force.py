@@ -11,7 +11,7 @@ from scipy.stats import multivariate_normal
 from pipeline.statistics import densities
 from pipeline.wrench import models
 from pipeline.wrench.measured_force import (
-    _divergence,
+    NormalLaw,
     force_moments,
     force_test,
     measured_wrenches,
@@ -92,7 +92,8 @@ def test_the_divergence_is_the_mean_log_ratio_of_the_two_normal_densities():
     drawn = law.rvs(200_000, random_state=np.random.default_rng(7))
     ratios = law.logpdf(drawn) - other.logpdf(drawn)
     error = ratios.std() / np.sqrt(len(ratios))
-    divergence = _divergence(law.mean, law.cov, other.mean, other.cov)
+    measured, nominal = NormalLaw(law.mean, law.cov), NormalLaw(other.mean, other.cov)
+    divergence = measured.divergence_from(nominal)
     assert divergence == pytest.approx(ratios.mean(), abs=4 * error)
     # control: the term of the log-determinant is far larger than the band
     ratio = np.linalg.det(np.linalg.solve(other.cov, law.cov))
