@@ -16,7 +16,6 @@ from pipeline.studies.outlook.stage import (
     legs_at,
     lever,
     motion_of,
-    pose_of,
     slope_rows,
 )
 from pipeline.wrench.models import Bounds
@@ -24,10 +23,8 @@ from pipeline.wrench.models import Bounds
 OPTIONS = options_of("outlook", "paper")
 MOTION = motion_of(OPTIONS)
 LAWS = equal_models(MOTION, OPTIONS.noise, OPTIONS.bound)
-POSES = [
-    pose_of(np.array(p), np.array(t))
-    for p, t in zip(OPTIONS.position, OPTIONS.turn, strict=True)
-]
+ROTATIONS = Rotation.from_rotvec(OPTIONS.turn).as_matrix().reshape(-1, 9)
+POSES = np.hstack([OPTIONS.position, ROTATIONS])  # first and last
 RANGES = ((3.0, 5.0), (np.pi / 4, np.pi), (0.5, 1.0), (100.0, 800.0))
 BOUNDS = Bounds(*RANGES, elevation=(0.26, 1.3), attachment=(-0.25, 0.25))
 
@@ -58,7 +55,8 @@ def displacement(start: np.ndarray, legs: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("name", LAWS)
 def test_the_noise_of_the_pose_is_that_of_drawn_legs_through_newtons_method(name):
     law, k, draws, rng = LAWS[name], 75, 3000, np.random.default_rng(7)
-    legs, covariances = MOTION.covariances(law)
+    legs = law.covariance(MOTION, MOTION.q, MOTION.v)
+    covariances = MOTION.pose_covariance(law)
     q, v, inverse = MOTION.q[k], MOTION.v[k], MOTION.inverse[k]
     whole = np.matvec(MOTION.inverse, MOTION.v)
     share = np.trace(legs, axis1=1, axis2=2).mean() / np.sum(whole**2, axis=1).mean()

@@ -33,37 +33,58 @@ DECOMPOSITIONS = (
 # Least accepted singular value of J⁻¹ over the greatest possible entry: below this value, an error
 # of a leg of a thousandth of the robot's size moves the platform by the whole size.
 LEAST_SINGULAR = 1e-3
-PARTS = {"forces": slice(3), "moments": slice(3, 6)}
+BLOCKS = {"forces": slice(3), "moments": slice(3, 6)}
 # form of Σ_S, and distance from the parametric model
 ERRORS = {
     "variance": ("diagonal", variance_errors),
     "covariance": ("full", covariance_errors),
 }
 
+LINES = {  # look of each model
+    "additive": style.MODELS["additive"] | {"label": "additive"},
+    "gaussian": style.MODELS["gaussian"] | {"label": "Gaussian"},
+    "qr_transposed": {
+        "label": r"Wishart, QR of $J^{\mathsf{T}}$",
+        "color": style.BLUE,
+        "ls": "--",
+    },
+    "qr": {
+        "label": "Wishart, QR of $J$",
+        "color": style.GREEN,
+        "ls": (0, (6, 1.5, 1, 1.5)),
+    },
+}
+
 
 def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
     """Return the study's tables; raises ConfigError for an impossible robot or motion."""
-    motion, study = motion_of(options), settings.wrench
-    models = equal_models(motion, options.noise, options.bound)
-    ranges = {"attachment": options.attachment, "elevation": options.elevation}
-    towed = replace(cables.study_bounds(study), **ranges), options.agents
-    sizes = study.systems, study.test_systems
-    streams = [
-        rng.stream(settings.seed, "outlook.towing", n) for n in range(study.repeats)
-    ]
-    parts = [
-        error_rows(*towed, sizes, each).assign(repeat=n)
-        for n, each in enumerate(streams)
-    ]
-    towing, hexapod = concatenate(parts), []
+    motion = motion_of(options)
     least = np.linalg.svd(motion.inverse, compute_uv=False)[:, -1]
     place = {"place": np.linspace(0, 1, len(motion.q)), "least_singular_value": least}
-    for name, model in models.items():
-        turn = motion.covariances(model)[1][:, 3:, 3:]
-        std = np.sqrt(np.trace(turn, axis1=1, axis2=2)) / options.length
+    hexapod = []
+    for name, model in equal_models(motion, options.noise, options.bound).items():
+        rotation = motion.pose_covariance(model)[:, 3:, 3:]
+        std = np.sqrt(np.trace(rotation, axis1=1, axis2=2)) / options.length
         hexapod.append(pd.DataFrame({"model": name, **place, "rotation": std}))
-    slopes = slope_rows(towing)
-    return {"hexapod": concatenate(hexapod), "towing": towing, "towing_slopes": slopes}
+
+    study = settings.wrench
+    bounds = replace(
+        cables.study_bounds(study),
+        attachment=options.attachment,
+        elevation=options.elevation,
+    )
+    sizes = study.systems, study.test_systems
+    towing = []
+    for repeat in range(study.repeats):
+        stream = rng.stream(settings.seed, "outlook.towing", repeat)
+        rows = error_rows(bounds, options.agents, sizes, stream)
+        towing.append(rows.assign(repeat=repeat))
+    errors = concatenate(towing)
+    return {
+        "hexapod": concatenate(hexapod),
+        "towing": errors,
+        "towing_slopes": slope_rows(errors),
+    }
 
 
 def legs_at(robot: SimpleNamespace, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -81,7 +102,8 @@ def legs_at(robot: SimpleNamespace, pose: np.ndarray) -> tuple[np.ndarray, np.nd
     legs = pose[..., None, :3] + arms - np.array(robot.base)
     lengths = np.linalg.norm(legs, axis=-1)
     n = legs / lengths[..., None]
-    return lengths, np.concatenate([n, np.cross(arms, n) / robot.length], axis=-1)
+    turning = np.cross(arms, n) / robot.length
+    return lengths, np.concatenate([n, turning], axis=-1)
 
 
 @dataclass(frozen=True)
@@ -106,17 +128,13 @@ class PlatformMotion(Mechanism):
         """Return J (K, 6, 6) at the poses of the motion."""
         return np.linalg.inv(self.inverse_jacobian(q))
 
-    def covariances(self, model: MotionModel) -> tuple[np.ndarray, np.ndarray]:
-        """Return the covariances (K, 6, 6) in m² of the legs after one step and of the next pose,
-        of first order J Cov(q_{k+1}|q_k) Jᵀ, rotations times the length.
+    def pose_covariance(self, model: MotionModel) -> np.ndarray:
+        """Return the covariance (K, 6, 6) in m² of the pose after one step, of first order J
+        Cov(q_{k+1}|q_k) Jᵀ, rotations times the length.
         """
-        legs, jacobian = model.covariance(self, self.q, self.v), self.jacobian(self.q)
-        return legs, jacobian @ legs @ np.swapaxes(jacobian, -1, -2)
-
-
-def pose_of(position: np.ndarray, turn: np.ndarray) -> np.ndarray:
-    """Return the pose (12,) at ``position`` (3,) in m with the rotation vector ``turn`` (3,)."""
-    return np.concatenate([position, Rotation.from_rotvec(turn).as_matrix().ravel()])
+        legs = model.covariance(self, self.q, self.v)
+        jacobian = self.jacobian(self.q)
+        return jacobian @ legs @ np.swapaxes(jacobian, -1, -2)
 
 
 def motion_of(options: SimpleNamespace) -> PlatformMotion:
@@ -125,32 +143,28 @@ def motion_of(options: SimpleNamespace) -> PlatformMotion:
     Raises ConfigError if a leg exceeds its limits, or if J⁻¹ is singular during the motion, so that
     the legs do not hold the platform (Gosselin and Angeles 1990).
     """
-    start, end = map(pose_of, np.array(options.position), np.array(options.turn))
-    limits, places = options.legs, options.places
-    before, after = (
-        Rotation.from_matrix(pose[3:].reshape(3, 3)) for pose in (start, end)
-    )
-    shift, turn = end[:3] - start[:3], (after * before.inv()).as_rotvec()
-    share = np.linspace(0, 1, places)[:, None]
-    turned = (Rotation.from_rotvec(share * turn) * before).as_matrix().reshape(-1, 9)
-    q, inverse = legs_at(options, np.hstack([start[:3] + share * shift, turned]))
-    if q.min() < limits[0] or q.max() > limits[1]:
-        message = (
-            f"legs must be {limits[0]:g} to {limits[1]:g} m long, the motion needs "
-        )
+    start, end = np.array(options.position)
+    first, last = map(Rotation.from_rotvec, np.array(options.turn))
+    shift, turn = end - start, (last * first.inv()).as_rotvec()
+    share = np.linspace(0, 1, options.places)[:, None]
+    rotations = (Rotation.from_rotvec(share * turn) * first).as_matrix()
+    poses = np.hstack([start + share * shift, rotations.reshape(-1, 9)])
+    q, inverse = legs_at(options, poses)
+    shortest, longest = options.legs
+    if q.min() < shortest or q.max() > longest:
+        message = f"legs must be {shortest:g} to {longest:g} m long, the motion needs "
         message += f"{q.min():.4g} to {q.max():.4g} m; choose other ends or legs"
         raise ConfigError(message, key="legs")
     radius = np.linalg.norm(options.platform, axis=1).max()
+    greatest_entry = max(1.0, radius / options.length)
     least = np.linalg.svd(inverse, compute_uv=False)[:, -1].min()
     signs = np.sign(np.linalg.det(inverse))
-    if least < LEAST_SINGULAR * max(1.0, radius / options.length) or np.ptp(signs):
+    if least < LEAST_SINGULAR * greatest_entry or np.ptp(signs):
         message = "the motion has a pose at which the legs do not hold the platform; choose a "
-        message += (
-            "smaller turn, or joints of base and platform that are not similar figures"
-        )
+        message += "smaller turn, or joints of base and platform that are not similar"
         raise ConfigError(message, key="turn")
-    way = np.concatenate([shift, options.length * turn])
-    return PlatformMotion(q, np.broadcast_to(way / places, q.shape), inverse)
+    velocity = np.concatenate([shift, options.length * turn]) / options.places
+    return PlatformMotion(q, np.broadcast_to(velocity, q.shape), inverse)
 
 
 def equal_models(
@@ -161,23 +175,23 @@ def equal_models(
     """
     steps = np.matvec(motion.inverse, motion.v)
     trace = noise**2 * float(np.mean(np.vecdot(steps, steps)))
+    isotropic = (trace / LEGS * np.eye(LEGS)).tolist()
+    greatest = frobenius(motion.inverse).max()
     models: dict[str, MotionModel] = {
-        "additive": build_model(
-            {
-                "kind": "additive",
-                "noise_covariance": (trace / LEGS * np.eye(LEGS)).tolist(),
-            }
-        ),
-        "gaussian": GaussianModel(1.0, bound * frobenius(motion.inverse).max()),
-    } | {name: WishartModel(0.1, Decomposition(name)) for name in DECOMPOSITIONS}
+        "additive": build_model({"kind": "additive", "noise_covariance": isotropic}),
+        "gaussian": GaussianModel(1.0, bound * greatest),
+    }
+    for name in DECOMPOSITIONS:
+        models[name] = WishartModel(0.1, Decomposition(name))
     try:
-        place = (motion, motion.q, motion.v, trace)
-        return {name: model.with_trace(*place) for name, model in models.items()}
+        for name, model in models.items():
+            models[name] = model.with_trace(motion, motion.q, motion.v, trace)
     except ModelDomainError as error:
         message = (
             f"no Wishart model has rms noise of {noise:g} times the step; choose less"
         )
         raise ConfigError(message, key="noise") from error
+    return models
 
 
 def lever(bounds: cables.Bounds) -> float:
@@ -194,16 +208,22 @@ def error_rows(
 ) -> pd.DataFrame:
     """Return rows of ``towing``: Σ_S over ``sizes[0]`` systems, tested on ``sizes[1]`` others."""
     rows = []
+    unit = lever(bounds)
     for m, stream in zip(agents, rng.spawn(len(agents)), strict=True):
-        both = (cables.draw_systems(bounds, size, m, stream) for size in sizes)
-        drawn, fresh = (systems.in_units_of(lever(bounds)) for systems in both)
-        model, due = cables.matrix_model(fresh), cables.wrench_covariance(fresh)
+        drawn, fresh = (
+            cables.draw_systems(bounds, size, m, stream).in_units_of(unit)
+            for size in sizes
+        )
         estimates = averaged_sigma_s(drawn)
-        for part, block in PARTS.items():
-            parametric, row = due[:, block, block], {"part": part, "agents": m}
+        model, covariance = cables.matrix_model(fresh), cables.wrench_covariance(fresh)
+        for name, block in BLOCKS.items():
+            row = {"part": name, "agents": m}
             for error, (form, distance) in ERRORS.items():
-                modelled = model.covariance(estimates[form].mean)[:, block, block]
-                row[error] = distance(modelled, parametric).mean()
+                modelled = model.covariance(estimates[form].mean)
+                errors = distance(
+                    modelled[:, block, block], covariance[:, block, block]
+                )
+                row[error] = errors.mean()
             rows.append(row)
     return pd.DataFrame(rows)
 
@@ -211,17 +231,13 @@ def error_rows(
 def slope_rows(errors: pd.DataFrame) -> pd.DataFrame:
     """Return the table ``towing_slopes``: slopes of log error over log m, Student's interval."""
     rows = []
-    for part, rows_of_part in errors.groupby("part", sort=False):
+    for name, of_block in errors.groupby("part", sort=False):
         for error in ERRORS:
-            means = np.log(
-                rows_of_part.pivot(index="agents", columns="repeat", values=error)
-            )
-            slopes = np.polyfit(
-                np.log(means.index.to_numpy(float)), means.to_numpy(), 1
-            )[0]
-            rows.append(
-                (part, error, *paired_difference(slopes, np.zeros_like(slopes))[:3])
-            )
+            means = of_block.pivot(index="agents", columns="repeat", values=error)
+            agents = np.log(means.index.to_numpy(float))
+            slopes = np.polyfit(agents, np.log(means).to_numpy(), 1)[0]
+            slope, low, high, *_ = paired_difference(slopes, np.zeros_like(slopes))
+            rows.append((name, error, slope, low, high))
     return pd.DataFrame(rows, columns=["part", "error", "slope", "low", "high"])
 
 
@@ -231,14 +247,13 @@ def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
     ends = motion.groupby("model", sort=False)["rotation"].agg(["first", "last"])
     means = 100 * errors.groupby(["part", "agents"])[list(ERRORS)].mean()
     few, many = errors["agents"].agg(["min", "max"])
-    cells = [
-        [
-            f"{row.error} of {row.part}, {ERRORS[row.error][0]} Σ_S",
-            *(number(means.loc[(row.part, m), row.error]) for m in (few, many)),
-            interval(row.slope, row.low, row.high),
-        ]
-        for row in tables["towing_slopes"].itertuples()
-    ]
+    cells = []
+    for row in tables["towing_slopes"].itertuples():
+        form, _ = ERRORS[row.error]
+        of_block = means.loc[row.part, row.error]
+        cell = [f"{row.error} of {row.part}, {form} Σ_S"]
+        cell += [number(of_block[few]), number(of_block[many])]
+        cells.append([*cell, interval(row.slope, row.low, row.high)])
     return (ends["last"] / ends["first"]).to_dict() | {
         "least": motion["least_singular_value"].iloc[[0, -1]].tolist(),
         "few": few,
@@ -250,41 +265,26 @@ def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
 
 def draw(hexapod: pd.DataFrame, towing: pd.DataFrame) -> Figure:
     """Draw the figure of the page."""
-    blue, green, dashes = style.BLUE, style.GREEN, (0, (6, 1.5, 1, 1.5))
-    lines = {
-        "additive": style.MODELS["additive"] | {"label": "additive"},
-        "gaussian": style.MODELS["gaussian"] | {"label": "Gaussian"},
-        "qr_transposed": {
-            "label": r"Wishart, QR of $J^{\mathsf{T}}$",
-            "color": blue,
-            "ls": "--",
-        },
-        "qr": {"label": "Wishart, QR of $J$", "color": green, "ls": dashes},
-    }
     figure, ((rotation, wrench),) = style.panels(style.TWO_COLUMNS, 2.6, columns=2)
-    for model, line in lines.items():
+    for model, line in LINES.items():
         rows = hexapod[hexapod["model"] == model]
         rotation.plot(rows["place"], 1e3 * rows["rotation"], **line)
     rotation.set(xlabel="share of the motion (1)", ylabel="std of the rotation (mrad)")
     rotation.set_ylim(0, None)
+    rotation.legend()
+
     means = 100 * towing.groupby(["part", "agents"])[list(ERRORS)].mean()
-    for part, color in (("forces", blue), ("moments", style.VERMILLION)):
+    for name, color in (("forces", style.BLUE), ("moments", style.VERMILLION)):
         for error, dashes in zip(ERRORS, ("-", "--"), strict=True):
-            look = {
-                "color": color,
-                "marker": "o",
-                "ms": 2.5,
-                "label": f"{error} of {part}",
-            }
-            wrench.plot(means.loc[part, error], dashes, **look)
-    wrench.set(
-        xscale="log", yscale="log", xlabel="number of cables", ylabel="error (%)"
-    )
-    ticks = list(means.index.unique("agents"))
-    wrench.set_xticks(ticks, [str(m) for m in ticks])
+            look = {"color": color, "marker": "o", "ms": 2.5}
+            label = f"{error} of {name}"
+            wrench.plot(means.loc[name, error], dashes, label=label, **look)
+    wrench.set(xscale="log", yscale="log", xlabel="number of cables")
+    wrench.set_ylabel("error (%)")
+    agents = list(means.index.unique("agents"))
+    wrench.set_xticks(agents, [str(m) for m in agents])
     wrench.set_yticks([1, 2, 5, 10], ["1", "2", "5", "10"])
     wrench.minorticks_off()
-    style.letters((rotation, wrench))
-    rotation.legend()
     wrench.legend()
+    style.letters((rotation, wrench))
     return figure
