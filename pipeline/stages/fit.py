@@ -135,13 +135,11 @@ def _uncertainty(
 ) -> Metrics:
     """Return standard errors and, ``with_ends``, 95 % intervals by the names of the estimates."""
     metrics = {}
-    for name, own in spreads.items():
-        metrics[f"{name}_standard_error"] = own.standard_error
+    for name, spread_of_takes in spreads.items():
+        metrics[f"{name}_standard_error"] = spread_of_takes.standard_error
         if with_ends:
-            metrics |= {
-                f"{name}_interval_low": own.low,
-                f"{name}_interval_high": own.high,
-            }
+            metrics[f"{name}_interval_low"] = spread_of_takes.low
+            metrics[f"{name}_interval_high"] = spread_of_takes.high
     return metrics
 
 

@@ -13,6 +13,7 @@ from pipeline.evidence.case import (
     Camera,
     Choices,
     Recordings,
+    Takes,
     readings,
     recorded_takes,
 )
@@ -28,34 +29,47 @@ def run() -> None:
     the evidence that depends on it, and the reasons for missing evidence.
     """
     settings = config.sections("readings")
-    robot, motion = settings.dataset.robot, settings.dataset.motion
     with contracts.replacing(OUT) as folder:
-        if robot is None:
+        if settings.dataset.robot is None:
             print(
                 "readings: the dataset has no robot; there are no claims about its motion"
             )
             return
-        base, takes = Choices.of_run(settings), recorded_takes(robot, motion)
-        if not (
-            cases := readings(base, takes.training.chain.task, takes.training.joints)
-        ):
+        base = Choices.of_run(settings)
+        takes = recorded_takes(settings.dataset.robot, settings.dataset.motion)
+        task, joints = takes.training.chain.task, takes.training.joints
+        cases = readings(base, task, joints)
+        if not cases:
             return
-        measured = {take.take: take for take in measured_takes(settings.dataset)}
-        cameras = {base.clock: Camera(None, measured)} if measured else {}
-        sizes = (motion.rate, len(measured), settings.simulation.realizations)
-        recordings = Recordings(takes, cameras, *sizes, settings.seed, described=False)
+        of_run, *names = cases
+        names = names[: settings.scale.readings]
         trials = partial(
             run_trials, compute=settings.compute, label="readings: models and filters"
         )
-        own, *others = cases
-        others = others[: settings.scale.readings]
-        results = evaluate([cases[name] for name in others], recordings, trials)
-        parts, reasons = [], [{"reading": own, "refused": ""}]
-        for name, result in zip(others, results, strict=True):
-            evidence = result.evidence
+        recordings = _recordings(settings, base, takes)
+        results = evaluate([cases[name] for name in names], recordings, trials)
+        tables, reasons = [], [{"reading": of_run, "refused": ""}]
+        for name, result in zip(names, results, strict=True):
             for refusal in result.refusals:
                 print(f"readings: {name}: {refusal}")
-            parts.append(evidence[depends_on(evidence, WISHART)].assign(reading=name))
+            evidence = result.evidence
+            of_wishart = evidence[depends_on(evidence, WISHART)]
+            tables.append(of_wishart.assign(reading=name))
             reasons.append({"reading": name, "refused": "; ".join(result.refusals)})
-        contracts.write(pd.concat(parts, ignore_index=True), "readings", folder)
+        contracts.write(pd.concat(tables, ignore_index=True), "readings", folder)
         contracts.write(pd.DataFrame(reasons), "reading_refusals", folder)
+
+
+def _recordings(settings, base: Choices, takes: Takes) -> Recordings:
+    """Return the takes with the measurements that the filter of the run's choices ``base`` uses."""
+    measured = {take.take: take for take in measured_takes(settings.dataset)}
+    cameras = {base.clock: Camera(None, measured)} if measured else {}
+    return Recordings(
+        takes,
+        cameras,
+        rate=settings.dataset.motion.rate,
+        filtered=len(measured),
+        realizations=settings.simulation.realizations,
+        seed=settings.seed,
+        described=False,
+    )

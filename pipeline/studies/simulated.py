@@ -38,11 +38,11 @@ FACTORS = (*SIZES, "motion_capture", "depth_camera")  # the last two: std of ins
 Factors = Mapping[str, float]  # FACTORS by name, 1 if absent
 
 
-def require_factors(names: Iterable[str], known: Sequence[str] = FACTORS) -> None:
-    """Raise ConfigError if one of the ``names`` is not ``known``."""
-    if unknown := sorted({*names} - {*known}):
+def require_factors(names: Iterable[str], factors: Sequence[str] = FACTORS) -> None:
+    """Raise ConfigError if one of the ``names`` is not one of the ``factors``."""
+    if unknown := sorted({*names} - {*factors}):
         message = (
-            f"no factor {', '.join(unknown)}; known factors are {', '.join(known)}"
+            f"no factor {', '.join(unknown)}; known factors are {', '.join(factors)}"
         )
         raise ConfigError(message, key="factors")
 
@@ -149,15 +149,15 @@ def performed_takes(
 
 
 def perform(
-    laboratory: Laboratory, factors: Factors, seed: int, part: str, count: int
+    laboratory: Laboratory, factors: Factors, seed: int, kind: str, count: int
 ) -> tuple[np.ndarray, list[moves.DepthFrames]]:
-    """Return ``count`` takes of a ``part`` (train or test) as `record` draws them: poses (takes,
+    """Return ``count`` takes of a ``kind`` (train or test) as `record` draws them: poses (takes,
     M+1, n) in rad of the motion capture, and the exposures of the depth camera in each take.
     """
     dynamics, motion = disturb(laboratory.dynamics, factors), laboratory.motion
     session_stream = rng.stream(seed, "record.session")
     session = moves.open_session(laboratory.chain, dynamics, session_stream)
-    streams = [rng.stream(seed, f"record.{part}", number) for number in range(count)]
+    streams = [rng.stream(seed, f"record.{kind}", number) for number in range(count)]
     poses, takes = performed_takes(session, motion, dynamics, streams)
     frames = []
     for take, stream in zip(takes, streams, strict=True):
@@ -195,14 +195,14 @@ def observe(
     """Return ``training`` and ``test`` takes, and the depth camera with its estimated noise; raises
     SingularJacobianError, and RecordingError if the test takes are too few to estimate the noise.
     """
-    parts = {"train": training, "test": test}
+    counts = {"train": training, "test": test}
     measured, names, frames = {}, {}, {}
-    for number, (part, count) in enumerate(parts.items()):
-        q, frames[part] = perform(laboratory, factors, seed, part, count)
+    for number, (kind, count) in enumerate(counts.items()):
+        q, frames[kind] = perform(laboratory, factors, seed, kind, count)
         stream = rng.stream(seed, "simulated.capture", number)
         factor = factors.get("motion_capture", 1.0)
-        measured[part] = measure_poses(q, laboratory.pose_noise, factor, stream)
-        names[part] = [f"{part}_{n:03d}" for n in range(1, count + 1)]
+        measured[kind] = measure_poses(q, laboratory.pose_noise, factor, stream)
+        names[kind] = [f"{kind}_{n:03d}" for n in range(1, count + 1)]
 
     test_poses = dict(zip(names["test"], measured["test"], strict=True))
     camera = watch(laboratory, factors, seed, test_poses, frames["test"])

@@ -168,8 +168,8 @@ def changes(robustness: pd.DataFrame) -> pd.DataFrame:
     for row in robustness.itertuples():
         verdicts.append(verdict_of_cases(row.cases, row.holds, row.fails))
     of_decisions = robustness["grid"] == "decisions"
-    part = robustness["grid"].where(of_decisions, "laboratory")
-    rows = robustness.assign(verdict=verdicts, part=part)
+    parts = robustness["grid"].where(of_decisions, "laboratory")
+    rows = robustness.assign(verdict=verdicts, part=parts)
     is_base = rows["factor"] == grid.BASE
     base = rows.loc[is_base, ["grid", "claim", "verdict"]]
     base = base.rename(columns={"verdict": "base"})
@@ -204,7 +204,7 @@ def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
         if claim in unsteady:
             mark = " †" if claim in flipped[grid.CHANCE] else ""
             bases = ", ".join(of_claim["base"].unique())
-            counts = [changed_of(of_claim, part) for part in PARTS]
+            counts = [changed_of(of_claim, cause) for cause in PARTS]
             cells.append([claim + mark, bases, *counts])
     return {
         "claims": len(claims),
