@@ -78,14 +78,14 @@ class NoiseLaw:
     def sample(self, share: np.ndarray, stream: np.random.Generator) -> np.ndarray:
         """Draw noise (K, n) in rad, independent at each ``share`` (K,), with linear moments."""
         n = self.bias.shape[-1]
-        moments = np.concatenate(
-            [self.bias, self.covariance.reshape(-1, n * n)], axis=1
-        )
-        at = np.stack(
-            [np.interp(share, self.share, column) for column in moments.T], axis=-1
-        )
-        root = np.linalg.cholesky(at[:, n:].reshape(-1, n, n))
-        return at[:, :n] + np.matvec(root, stream.standard_normal((len(share), n)))
+        entries = self.covariance.reshape(-1, n * n)
+        moments = np.concatenate([self.bias, entries], axis=1)
+        columns = [np.interp(share, self.share, column) for column in moments.T]
+        interpolated = np.stack(columns, axis=-1)
+        bias = interpolated[:, :n]
+        root = np.linalg.cholesky(interpolated[:, n:].reshape(-1, n, n))
+        variates = stream.standard_normal((len(share), n))
+        return bias + np.matvec(root, variates)
 
 
 @dataclass(frozen=True)

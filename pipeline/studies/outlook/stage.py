@@ -97,9 +97,11 @@ def legs_at(robot: SimpleNamespace, pose: np.ndarray) -> tuple[np.ndarray, np.nd
     axes. Row i of J⁻¹ is nᵢᵀ, (bᵢ × nᵢ)ᵀ over the length: nᵢ the unit vector along leg i from base
     to platform, bᵢ its joint on the platform from the platform's origin.
     """
+    base, platform = np.array(robot.base), np.array(robot.platform)
+    position = pose[..., None, :3]
     rotation = pose[..., 3:].reshape(*pose.shape[:-1], 3, 3)
-    arms = np.einsum("...ij,kj->...ki", rotation, np.array(robot.platform))
-    legs = pose[..., None, :3] + arms - np.array(robot.base)
+    arms = np.einsum("...ij,kj->...ki", rotation, platform)
+    legs = position + arms - base
     lengths = np.linalg.norm(legs, axis=-1)
     n = legs / lengths[..., None]
     turning = np.cross(arms, n) / robot.length
@@ -155,16 +157,24 @@ def motion_of(options: SimpleNamespace) -> PlatformMotion:
         message = f"legs must be {shortest:g} to {longest:g} m long, the motion needs "
         message += f"{q.min():.4g} to {q.max():.4g} m; choose other ends or legs"
         raise ConfigError(message, key="legs")
-    radius = np.linalg.norm(options.platform, axis=1).max()
-    greatest_entry = max(1.0, radius / options.length)
-    least = np.linalg.svd(inverse, compute_uv=False)[:, -1].min()
-    signs = np.sign(np.linalg.det(inverse))
-    if least < LEAST_SINGULAR * greatest_entry or np.ptp(signs):
+    if not holds_platform(inverse, options):
         message = "the motion has a pose at which the legs do not hold the platform; choose a "
         message += "smaller turn, or joints of base and platform that are not similar"
         raise ConfigError(message, key="turn")
     velocity = np.concatenate([shift, options.length * turn]) / options.places
     return PlatformMotion(q, np.broadcast_to(velocity, q.shape), inverse)
+
+
+def holds_platform(inverse: np.ndarray, options: SimpleNamespace) -> bool:
+    """Return whether the legs hold the platform at all poses: J⁻¹ (K, 6, 6) is regular and its
+    determinant keeps its sign.
+    """
+    radius = np.linalg.norm(options.platform, axis=1).max()
+    greatest_entry = max(1.0, radius / options.length)
+    singular_values = np.linalg.svd(inverse, compute_uv=False)
+    signs = np.sign(np.linalg.det(inverse))
+    regular = singular_values.min() >= LEAST_SINGULAR * greatest_entry
+    return bool(regular and np.ptp(signs) == 0)
 
 
 def equal_models(

@@ -67,14 +67,16 @@ def motions_from(task: PathTask, starts: ndarray) -> ndarray:
     of second order in Δt do not add up.
     """
     chain = task.chain
-    motions = np.full((len(starts), len(task.path), starts.shape[1]), np.nan)
+    count, joints = starts.shape
+    motions = np.full((count, len(task.path), joints), np.nan)
     motions[:, 0] = starts
     moving = np.arange(len(starts))
     for k, target in enumerate(task.path[1:]):
         moving = moving[~chain.singular(motions[moving, k])]
         q = motions[moving, k]
         task_step = chain.displacement(chain.pose(q), target)  # ẋ·Δt
-        motions[moving, k + 1] = q + np.matvec(chain.inverse_jacobian(q), task_step)
+        joint_step = np.matvec(chain.inverse_jacobian(q), task_step)
+        motions[moving, k + 1] = q + joint_step
     return motions
 
 
@@ -87,8 +89,9 @@ def feasible(task: PathTask, motions: ndarray) -> ndarray:
     result = np.zeros(len(motions), dtype=bool)
     for number in np.flatnonzero(complete):
         q = motions[number]
+        speed = np.abs(np.diff(q, axis=0)) * task.rate
         within = chain.within_limits(q).all()
-        slow = np.all(np.abs(np.diff(q, axis=0)) * task.rate <= chain.max_speed)
+        slow = np.all(speed <= chain.max_speed)
         clear = np.all(chain.least_singular_value(q) >= task.margin)
         result[number] = within and slow and clear
     return result

@@ -106,9 +106,19 @@ def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
     cases = []
     for arm, choices in options.arms.items():
         cases += [(arm, cause) for cause in choices["causes"]]
-    common = {"models": config.model_options(options.models), "seed": settings.seed}
-    parts = trials(settings, "planning", tables_of, cases, options=options, **common)
-    return {name: concatenate(case[name] for case in parts) for name in parts[0]}
+    by_case = trials(
+        settings,
+        "planning",
+        tables_of,
+        cases,
+        options=options,
+        models=config.model_options(options.models),
+        seed=settings.seed,
+    )
+    tables = {}
+    for name in by_case[0]:
+        tables[name] = concatenate(of_case[name] for of_case in by_case)
+    return tables
 
 
 def tables_of(
@@ -220,11 +230,13 @@ def compared(planning: pd.DataFrame, predictions: pd.DataFrame) -> pd.DataFrame:
     """Return the sums over the sum of the motion from the recorded start, by case, model and
     motion: ``predicted`` and realised (``ratio``).
     """
-    start = predictions[predictions["motion"] == RECORDED_START].drop(columns="motion")
-    both = predictions.merge(start, on=[*CASE, "model"], suffixes=("", "_of_start"))
-    both["predicted"] = both["sum"] / both["sum_of_start"]
+    from_start = predictions["motion"] == RECORDED_START
+    start = predictions[from_start].drop(columns="motion")
+    start = start.rename(columns={"sum": "sum_of_start"})
+    rows = predictions.merge(start, on=[*CASE, "model"])
+    rows["predicted"] = rows["sum"] / rows["sum_of_start"]
     realised = planning[[*CASE, "motion", "ratio"]]
-    return both.merge(realised, on=[*CASE, "motion"])
+    return rows.merge(realised, on=[*CASE, "motion"])
 
 
 def agreement(rows: pd.DataFrame) -> float:

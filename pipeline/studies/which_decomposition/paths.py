@@ -39,16 +39,19 @@ class TimeLaw:
 
     def draw(self, back: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """Return the completed share (P, steps+1) of each path; ``back`` (P,) marks returns."""
-        column, duration = back[:, None], self.steps / self.rate
+        returns, duration = back[:, None], self.steps / self.rate
         time = np.arange(self.steps + 1) / self.rate
-        time = np.where(column, np.minimum(time, duration - time), time)
-        rest = rng.uniform(*self.rest, column.shape)
-        moving = np.where(column, duration / 2, duration) - 2 * rest
-        ramp = rng.uniform(*self.ramp, column.shape) / moving
+        time = np.where(returns, np.minimum(time, duration - time), time)
+        rest = rng.uniform(*self.rest, returns.shape)
+        moving = np.where(returns, duration / 2, duration) - 2 * rest
+        ramp = rng.uniform(*self.ramp, returns.shape) / moving
         place = np.clip((time - rest) / moving, 0.0, 1.0)
+        # the completed share from the nearer end: parabola in the ramp, then a line
         from_end = np.minimum(place, 1 - place)
-        share = np.maximum(ramp, np.finfo(float).tiny)
-        done = np.where(from_end < ramp, from_end**2 / (2 * share), from_end - ramp / 2)
+        divisor = 2 * np.maximum(ramp, np.finfo(float).tiny)
+        in_ramp = from_end**2 / divisor
+        at_full_speed = from_end - ramp / 2
+        done = np.where(from_end < ramp, in_ramp, at_full_speed)
         done = done / (1 - ramp)
         return np.where(place < 0.5, done, 1 - done)
 
@@ -101,8 +104,10 @@ class Candidates:
         shape = share * along
         if self.loop:
             turn = 2 * np.pi * share
-            shape = (np.sin(turn) * along + (1 - np.cos(turn)) * across) / (2 * np.pi)
-        q = self.start[chosen, None] + self.size[chosen, None, None] * shape
+            ellipse = np.sin(turn) * along + (1 - np.cos(turn)) * across
+            shape = ellipse / (2 * np.pi)
+        size = self.size[chosen, None, None]
+        q = self.start[chosen, None] + size * shape
         in_task = self.in_task[chosen]
         if np.any(in_task):
             elbow = self.elbow[chosen][in_task, None]
@@ -148,7 +153,8 @@ def _feasible_paths(
     for stride, tolerance in ((COARSE, 5 * SPEED_TOLERANCE), (1, SPEED_TOLERANCE)):
         q = candidates.angles(chosen, stride)
         speed = candidates.peak_speed(q, stride)
-        within = chain.within_limits(q).all(axis=1) & ~chain.singular(q).any(axis=1)
+        within = chain.within_limits(q).all(axis=1)
+        within &= ~chain.singular(q).any(axis=1)
         within &= np.abs(speed / peak[chosen] - 1) < tolerance
         chosen, q = chosen[within], q[within]
         bounded = (frobenius(chain.inverse_jacobian(q)) < bound).all(axis=1)
@@ -162,9 +168,11 @@ def _random_axes(count: int, rng: np.random.Generator) -> np.ndarray:
     """
     along, across = rng.standard_normal((2, count, 3))
     along /= np.linalg.norm(along, axis=1, keepdims=True)
-    across -= np.vecdot(across, along)[:, None] * along
+    parallel = np.vecdot(across, along)
+    across -= parallel[:, None] * along
     length = np.linalg.norm(across, axis=1)
-    across *= (rng.uniform(0, 1, count) / length)[:, None]
+    scale = rng.uniform(0, 1, count) / length
+    across *= scale[:, None]
     return np.stack([along, across], axis=1)
 
 
@@ -176,14 +184,17 @@ def joint_angles(chain: PlanarChain, pose: np.ndarray, elbow: np.ndarray) -> np.
     tool_x, tool_z = chain.links[2]
     heading = np.arctan2(tool_x, tool_z) + pose[..., 2]
     direction = np.stack([np.sin(heading), np.cos(heading)], axis=-1)
-    wrist = pose[..., :2] - chain.origin
-    wrist = wrist - tool * direction
+    tip = pose[..., :2] - chain.origin
+    wrist = tip - tool * direction
+    # law of cosines
     square = np.vecdot(wrist, wrist)
     cosine = (square - first**2 - second**2) / (2 * first * second)
     with np.errstate(invalid="ignore"):
         bend = np.arccos(cosine)
     bend = -np.prod(chain.signs) * elbow * bend
-    across, along = second * np.sin(bend), first + second * np.cos(bend)
-    upper = np.arctan2(wrist[..., 0], wrist[..., 1]) - np.arctan2(across, along)
+    across = second * np.sin(bend)
+    along = first + second * np.cos(bend)
+    to_wrist = np.arctan2(wrist[..., 0], wrist[..., 1])
+    upper = to_wrist - np.arctan2(across, along)
     segments = np.stack([upper, upper + bend, heading], axis=-1)
     return chain.joints_from_segments(segments)
