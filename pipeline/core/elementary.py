@@ -57,7 +57,8 @@ def sine_cosine(angle: float) -> tuple[float, float]:
     square = x * x
     sine, cosine = SINE[5], COSINE[5]
     for k in range(4, -1, -1):
-        sine, cosine = sine * square + SINE[k], cosine * square + COSINE[k]
+        sine = sine * square + SINE[k]
+        cosine = cosine * square + COSINE[k]
     sine, cosine = (
         x + x * square * sine,
         1.0 - (0.5 * square - square * square * cosine),
@@ -102,10 +103,14 @@ def inner_product(x: np.ndarray, y: np.ndarray) -> float:
     a = b = c = d = e = f = g = h = 0.0
     whole = len(x) // LANES * LANES
     for i in range(0, whole, LANES):
-        a, b = a + x[i] * y[i], b + x[i + 1] * y[i + 1]
-        c, d = c + x[i + 2] * y[i + 2], d + x[i + 3] * y[i + 3]
-        e, f = e + x[i + 4] * y[i + 4], f + x[i + 5] * y[i + 5]
-        g, h = g + x[i + 6] * y[i + 6], h + x[i + 7] * y[i + 7]
+        a += x[i] * y[i]
+        b += x[i + 1] * y[i + 1]
+        c += x[i + 2] * y[i + 2]
+        d += x[i + 3] * y[i + 3]
+        e += x[i + 4] * y[i + 4]
+        f += x[i + 5] * y[i + 5]
+        g += x[i + 6] * y[i + 6]
+        h += x[i + 7] * y[i + 7]
     for i in range(whole, len(x)):
         a += x[i] * y[i]
     return ((a + e) + (c + g)) + ((b + f) + (d + h))
@@ -117,8 +122,14 @@ def total(x: np.ndarray) -> float:
     a = b = c = d = e = f = g = h = 0.0
     whole = len(x) // LANES * LANES
     for i in range(0, whole, LANES):
-        a, b, c, d = a + x[i], b + x[i + 1], c + x[i + 2], d + x[i + 3]
-        e, f, g, h = e + x[i + 4], f + x[i + 5], g + x[i + 6], h + x[i + 7]
+        a += x[i]
+        b += x[i + 1]
+        c += x[i + 2]
+        d += x[i + 3]
+        e += x[i + 4]
+        f += x[i + 5]
+        g += x[i + 6]
+        h += x[i + 7]
     for i in range(whole, len(x)):
         a += x[i]
     return ((a + e) + (c + g)) + ((b + f) + (d + h))
@@ -130,9 +141,12 @@ def greatest(x: np.ndarray) -> float:
     a = b = c = d = -np.inf
     whole = len(x) // 4 * 4
     for i in range(0, whole, 4):
-        a, b = (x[i] if x[i] > a else a), (x[i + 1] if x[i + 1] > b else b)
-        c, d = (x[i + 2] if x[i + 2] > c else c), (x[i + 3] if x[i + 3] > d else d)
+        a = x[i] if x[i] > a else a
+        b = x[i + 1] if x[i + 1] > b else b
+        c = x[i + 2] if x[i + 2] > c else c
+        d = x[i + 3] if x[i + 3] > d else d
     for i in range(whole, len(x)):
         a = x[i] if x[i] > a else a
-    a, b = (a if a > b else b), (c if c > d else d)
-    return a if a > b else b
+    a = a if a > b else b
+    c = c if c > d else d
+    return a if a > c else c
