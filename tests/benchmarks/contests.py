@@ -87,22 +87,23 @@ def main(folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     benchmarks = []
     for level in ("host", "x86-64-v3"):
-        runs = [
-            run_contests(folder / f"{level}_{number}.json", level)
-            for number in range(RUNS)
-        ]
-        benchmarks += [
-            {key: same[-1][key] for key in KEPT}
-            | {"least": [one["stats"]["min"] for one in same]}
-            for same in zip(*runs, strict=True)
-        ]
-    ask = [INTERPRETER, "-c", ASK_VERSIONS, *PEERS]
-    theirs = json.loads(subprocess.run(ask, check=True, stdout=subprocess.PIPE).stdout)
-    ours = {"python": platform.python_version()} | {
-        name: version(name) for name in OURS
-    }
-    info = {"machine": machine(), "versions": ours | theirs}
+        runs = []
+        for number in range(RUNS):
+            runs.append(run_contests(folder / f"{level}_{number}.json", level))
+        for repetitions in zip(*runs, strict=True):
+            benchmark = {key: repetitions[-1][key] for key in KEPT}
+            benchmark["least"] = [run["stats"]["min"] for run in repetitions]
+            benchmarks.append(benchmark)
+    info = {"machine": machine(), "versions": versions()}
     write_results("contests", {"machine_info": info, "benchmarks": benchmarks})
+
+
+def versions() -> dict[str, str]:
+    """Versions of Python, and of our libraries and the peers' by name."""
+    ask = [INTERPRETER, "-c", ASK_VERSIONS, *PEERS]
+    answer = subprocess.run(ask, check=True, stdout=subprocess.PIPE).stdout
+    ours = {name: version(name) for name in OURS}
+    return {"python": platform.python_version(), **ours, **json.loads(answer)}
 
 
 if __name__ == "__main__":

@@ -58,19 +58,16 @@ def call_of(over: str, size: int) -> Callable[[], object]:
             return partial(take(STEPS, size).filtered, 10_000, rng)
         case "agents":
             return partial(run_study, Wrench([size], *CABLES, 1000, 1000, 1, 1), rng)
-    trial, compute = (
-        partial(posterior_hash, motion=take(STEPS), particles=1000),
-        Compute(1),
-    )
-    return lambda: list(run_trials(trial, range(size), compute=compute, label="takes"))
+    trial = partial(posterior_hash, motion=take(STEPS), particles=1000)
+    alone = {"compute": Compute(1), "label": "takes"}
+    return lambda: list(run_trials(trial, range(size), **alone))
 
 
 def posterior_hash(number: int, motion: Take, particles: int) -> str:
     """Hash of the posterior of a take under its own stream."""
     posterior = motion.filtered(particles, np.random.default_rng(number))
-    return hashlib.sha256(
-        posterior.mean.tobytes() + posterior.covariance.tobytes()
-    ).hexdigest()
+    content = posterior.mean.tobytes() + posterior.covariance.tobytes()
+    return hashlib.sha256(content).hexdigest()
 
 
 def in_a_process(function: Callable, *arguments: object) -> object:
@@ -100,10 +97,8 @@ def costs(over: str, sizes: Sequence[int]) -> np.ndarray:
 
 def megabytes(name: str) -> float:
     """One of this process's sizes in /proc/self/status."""
-    return (
-        int(re.search(rf"{name}:\s+(\d+) kB", Path("/proc/self/status").read_text())[1])
-        / 1e3
-    )
+    status = Path("/proc/self/status").read_text()
+    return int(re.search(rf"{name}:\s+(\d+) kB", status)[1]) / 1e3
 
 
 def slope(sizes: Sequence[int], values: np.ndarray) -> float:
@@ -123,12 +118,11 @@ def measure_growth() -> None:
             "from": sizes[0],
             "to": sizes[-1],
             "seconds_at_most": seconds[-1],
-        }
-        row |= {
             "time_slope": slope(sizes, seconds),
             "time_limit": LIMITS.get(over, np.nan),
+            "memory_slope": slope(sizes, memory) if grows else np.nan,
         }
-        rows.append(row | {"memory_slope": slope(sizes, memory) if grows else np.nan})
+        rows.append(row)
     pd.DataFrame(rows).round(4).to_csv(RESULTS / "growth.csv", index=False)
 
 

@@ -178,8 +178,9 @@ def equal_bytes(machine: str, skipped: list[str], hashes: dict) -> dict[str, str
     for piece, expected in hashes[reference].items():
         cells = [piece]
         for setting in settings:
-            other = "other" if setting == CONTROL else "**other**"
-            cells.append("equal" if hashes[setting][piece] == expected else other)
+            equal = hashes[setting][piece] == expected
+            differs = "other" if setting == CONTROL else "**other**"
+            cells.append("equal" if equal else differs)
         rows.append(cells)
     return {
         "reference": reference,
@@ -197,8 +198,8 @@ def times_table(times: dict | None) -> str:
     for dataset, smoke in times["smoke"].items():
         commands[f"make smoke DATASET={dataset}"] = smoke
     rows = []
-    for command, each in commands.items():
-        seconds = f"{each['seconds']:.0f}", f"{each['processor_seconds']:.0f}"
+    for command, spent in commands.items():
+        seconds = f"{spent['seconds']:.0f}", f"{spent['processor_seconds']:.0f}"
         rows.append([f"`{command}`", *seconds])
     stages = []
     for stage, seconds in times["repro"]["stages"].items():
@@ -214,8 +215,8 @@ def times_sentence(times: dict | None) -> str:
         return "They take minutes: `make bench` measures them."
     environment, repro = times["environment"], times["repro"]
     smoke = []
-    for dataset, each in times["smoke"].items():
-        smoke.append(f"{each['processor_seconds']:.0f} s on {dataset}")
+    for dataset, spent in times["smoke"].items():
+        smoke.append(f"{spent['processor_seconds']:.0f} s on {dataset}")
     return (
         f"On {times['machine']}, the environment takes {environment['seconds']:.0f} s and "
         f"`make repro` from nothing {repro['seconds']:.0f} s; `make smoke`, which runs every stage "
