@@ -26,7 +26,8 @@ def parameter(
     group: int, name: str, kind: int, sizes: Sequence[int], data: bytes
 ) -> bytes:
     """A parameter of a ``group``: its ``kind`` is the bytes of a number, -1 for text."""
-    body = struct.pack("<bB", kind, len(sizes)) + bytes(sizes) + data + b"\0"
+    body = struct.pack("<bB", kind, len(sizes))
+    body += bytes(sizes) + data + b"\0"
     head = struct.pack("<bb", len(name), group) + name.encode()
     return head + struct.pack("<H", len(body) + 2) + body
 

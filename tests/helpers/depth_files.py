@@ -11,10 +11,11 @@ from PIL import Image
 def frame(shape: tuple[int, int]) -> np.ndarray:
     """A noisy slope in mm, a fifth of whose pixels have no depth."""
     generator = np.random.default_rng(1)
-    rows, columns = np.arange(shape[0])[:, None], np.arange(shape[1])
+    rows, columns = np.indices(shape)
     slope = 1800 + 0.5 * columns + 0.3 * rows
     raw = slope + generator.normal(size=shape) * 5
-    raw[generator.random(shape) < 0.2] = 0
+    without_depth = generator.random(shape) < 0.2
+    raw[without_depth] = 0
     return raw.astype(np.uint16)
 
 

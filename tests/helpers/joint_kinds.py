@@ -20,7 +20,9 @@ Columns = Sequence[np.ndarray | Sequence[str]]  # numbers (N,) or (N, n), or wor
 def motion(rows: int = ROWS) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Times (N,) s, measured and commanded angles (N, 6) rad of a motion out and back."""
     k = np.arange(rows)
-    share = (1 - np.cos(np.pi * np.clip(np.minimum(k - 60, 340 - k) / 90, 0, 1))) / 2
+    since_start, to_end = k - 60, 340 - k
+    phase = np.clip(np.minimum(since_start, to_end) / 90, 0, 1)
+    share = (1 - np.cos(np.pi * phase)) / 2
     target = HOME + share[:, None] * (AWAY - HOME)
     actual = np.vstack([target[:1], target[:-1]])
     noise = np.random.default_rng(3).normal(0, 1e-5, actual.shape)
@@ -243,21 +245,24 @@ def write_arrays(
 
 def write_on_its_side(folder: Path, head: str = "") -> None:
     """Write a table of one row per signal, behind its label if there is a ``head``."""
-    time, actual, target = motion()
-    lines = [[f"{value:.6f}" for value in row] for row in (time, *actual.T, *target.T)]
-    for label, line in zip(labels_of(head), lines, strict=False):
-        line.insert(0, label)
-    (folder / "log.csv").write_text("".join(",".join(line) + "\n" for line in lines))
+    labels = labels_of(head)
+    lines = []
+    for number, signal in enumerate(np.column_stack(motion()).T):
+        cells = [f"{value:.6f}" for value in signal]
+        if labels:
+            cells.insert(0, labels[number])
+        lines.append(",".join(cells) + "\n")
+    (folder / "log.csv").write_text("".join(lines))
 
 
 def write_thousands(folder: Path, point: str, decimal: str) -> None:
     """Write a table in ms with a mark for thousands, ``point``, in the times from 1 s on."""
-    time, actual, target = motion()
     signs = str.maketrans(",.", point + decimal)
-    lines = ["t [ms];" + ";".join(labels_of("q_#,q_cmd_#"))]
-    for t, *angles in zip(1000 * time, *actual.T, *target.T, strict=True):
-        numbers = [f"{t:,.3f}", *map("{:.6f}".format, angles)]
-        lines.append(";".join(numbers).translate(signs))
+    lines = [";".join(labels_of("t [ms],q_#,q_cmd_#"))]
+    for time, *angles in np.column_stack(motion()):
+        cells = [f"{1000 * time:,.3f}"]
+        cells += [f"{angle:.6f}" for angle in angles]
+        lines.append(";".join(cells).translate(signs))
     (folder / "log.csv").write_text("\n".join(lines) + "\n")
 
 

@@ -31,18 +31,25 @@ def _block(model, chain, q, v, rng) -> tuple[np.ndarray, int]:
     dq = chain.nominal_step(q, v)
     match model:
         case AdditiveModel():
-            return q + dq + rng.standard_normal(q.shape) @ root(model.noise), 0
+            noise = rng.standard_normal(q.shape) @ root(model.noise)
+            return q + dq + noise, 0
         case GaussianModel():
-            inverse = chain.inverse_jacobian(q)
-            task = v[:, : len(chain.task)]
-            norm, entries = frobenius(inverse), inverse[0].size
-            scale = model.alpha**2 * np.maximum(model.u**2 - norm**2, 0.0) / entries
-            std = np.sqrt(scale * np.vecdot(task, task))
-            noise = std[:, None] * rng.standard_normal(q.shape)
-            return q + dq + noise, int(np.count_nonzero(norm > model.u))
+            noise, clipped = _gaussian(model, chain, q, v, rng)
+            return q + dq + noise, clipped
         case WishartModel():
             return q + _wishart(model, chain, q, v, rng), 0
     raise TypeError(f"no law of {model}")
+
+
+def _gaussian(model, chain, q, v, rng) -> tuple[np.ndarray, int]:
+    """(P, n) noise w ~ N(0, α²(u² − ‖J⁺‖²)‖v‖²/(mn) I), and how many were clipped."""
+    inverse = chain.inverse_jacobian(q)
+    norm, entries = frobenius(inverse), inverse[0].size
+    task = v[:, : len(chain.task)]
+    scale = model.alpha**2 * np.maximum(model.u**2 - norm**2, 0.0) / entries
+    std = np.sqrt(scale * np.vecdot(task, task))
+    noise = std[:, None] * rng.standard_normal(q.shape)
+    return noise, int(np.count_nonzero(norm > model.u))
 
 
 def _wishart(model, chain, q, v, rng) -> np.ndarray:

@@ -11,17 +11,24 @@ from pipeline.arm.chain import SerialChain
 SIZES = [(2, 1), (2, 2), (3, 2), (4, 4), (5, 3), (6, 6), (7, 6), (8, 3)]
 
 
+# placements of three parallel joints: the first axis along y
+PLANAR = np.array(
+    [
+        [1, 0, 0, 0, 0, 1, 0, -1, 0, 0, 0, 0],
+        [1, 0, 0, 0, 1, 0, 0, 0, 1, 0, -0.155, 0],
+        [1, 0, 0, 0, 1, 0, 0, 0, 1, 0, -0.135, 0],
+        [1, 0, 0, 0, 1, 0, 0, 0, 1, 0, -0.17, 0],
+    ]
+)
+
+
 def random_arm(n: int, m: int) -> SerialChain:
     """An arm of ``n`` joints and ``m`` of the six rows; the plane's three parallel joints for
     (3, 2).
     """
     arm = revolute_arm(n)
     if (n, m) == (3, 2):
-        turns = np.tile(np.eye(3).ravel(), (4, 1))
-        turns[0] = [1, 0, 0, 0, 0, 1, 0, -1, 0]  # the first joint's axis along y
-        ways = np.zeros((4, 3))
-        ways[1:, 1] = -0.155, -0.135, -0.17
-        return replace(arm, task=("x", "z"), placements=np.hstack([turns, ways]))
+        return replace(arm, task=("x", "z"), placements=PLANAR)
     rows = np.random.default_rng(100 * n + m).permutation(6)[:m]
     return replace(arm, task=tuple(arm.task[row] for row in rows))
 
@@ -41,11 +48,13 @@ def motion(arm: SerialChain, steps: int, rest: int, size: float = 0.02) -> tuple
     candidates = rng.uniform(-2, 2, (400, n))
     starts = candidates[regularity(arm, candidates).argsort()[-20:]]
 
-    phase = size * np.maximum(np.arange(steps + 1) - rest, 0)[:, None]
-    frequencies, phases = rng.uniform(0.7, 1.3, n), rng.uniform(0, 6, n)
-    wave = 0.4 * np.sin(phase * frequencies + phases)
+    moving = np.maximum(np.arange(steps + 1) - rest, 0)[:, None]
+    frequencies = rng.uniform(0.7, 1.3, n)
+    phases = rng.uniform(0, 6, n)
+    wave = 0.4 * np.sin(size * moving * frequencies + phases)
     paths = starts[:, None] + wave - wave[0]
-    q = paths[regularity(arm, paths).min(axis=1).argmax()]
+    least_regular = regularity(arm, paths).min(axis=1)
+    q = paths[least_regular.argmax()]
 
     w = np.diff(q, axis=0)
     v = np.matvec(arm.jacobian(q[:-1]), w)

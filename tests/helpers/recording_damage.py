@@ -55,11 +55,14 @@ def on_take(change):
         lines, rows = lines_of(content)
         (first,) = (i for i, line in enumerate(lines) if line.startswith(b",Type"))
         cells = [line.rstrip(b"\r\n").split(b",") for line in lines[first:]]
-        labels, frames = cells[: rows[0] - first], cells[rows[0] - first :]
+        count = rows[0] - first  # of the rows of labels
+        labels, frames = cells[:count], cells[count:]
         markers = range(2, len(labels[1]), 3)
         change(labels, frames, markers, severity, rng)
-        edited = [b",".join(row) + b"\r\n" for row in cells]
-        return b"".join(lines[:first] + edited)
+
+        edited = lines[:first]
+        edited += [b",".join(row) + b"\r\n" for row in cells]
+        return b"".join(edited)
 
     return apply
 
@@ -86,9 +89,14 @@ def hidden_samples(labels, frames, markers, share, rng):
 
 def swap_labels(labels, frames, markers, number, rng, apart):
     """Two markers of one link, or of links ``apart``, exchange their labels for a burst."""
-    first = 3 * int(rng.integers(len(markers) // 3 - apart))
-    numbers = np.add([first, first + 3 * apart], rng.choice(3, 2, replace=False))
-    columns = [slice(markers[n], markers[n] + 3) for n in numbers]
+    links = len(markers) // 3
+    link = int(rng.integers(links - apart))
+    columns = []
+    for on_link, of_link in zip(
+        (link, link + apart), rng.choice(3, 2, False), strict=True
+    ):
+        column = markers[3 * on_link + of_link]
+        columns.append(slice(column, column + 3))
     for i in burst(frames, number, rng):
         positions = [frames[i][column] for column in columns]
         for column, position in zip(columns, positions[::-1], strict=True):

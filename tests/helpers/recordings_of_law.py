@@ -43,10 +43,14 @@ def write_options(folder: Path) -> None:
 
 def drawn_takes(chain: PlanarChain) -> tuple[np.ndarray, np.ndarray]:
     """(2·TAKES, STEPS + 1, 3) measured poses in rad that TRUE draws; the commands (STEPS, 3)."""
-    middle, size = np.array([1.1, -1.6, 1.8]), np.array([1.0, -1.0, 0.5])
-    swing = 0.2 * np.cos(np.maximum(np.arange(STEPS + 1) - REST, 0) / 20)
+    middle = np.array([1.1, -1.6, 1.8])
+    size = np.array([1.0, -1.0, 0.5])
+    moving = np.maximum(np.arange(STEPS + 1) - REST, 0)
+    swing = 0.2 * np.cos(moving / 20)
     path = middle + swing[:, None] * size
-    v = np.matvec(chain.jacobian(path[:-1]), np.diff(path, axis=0))
+    jacobian = chain.jacobian(path[:-1])
+    v = np.matvec(jacobian, np.diff(path, axis=0))
+
     rng = np.random.default_rng(1)
     q = np.empty((2 * TAKES, STEPS + 1, 3))
     q[:, 0] = path[0]
@@ -92,8 +96,12 @@ def write_project(folder: Path) -> tuple[PlanarChain, np.ndarray, np.ndarray]:
 def rows(values: np.ndarray, family: str) -> pd.DataFrame:
     """``values`` (2·TAKES, STEPS + 1, 3) as a table, the first half of the takes for training."""
     grid = STEPS + 1
+    names = [f"take_{number:02d}" for number in range(2 * TAKES)]
     k = np.tile(np.arange(grid), 2 * TAKES)
-    takes = np.repeat([f"take_{i:02d}" for i in range(2 * TAKES)], grid)
-    parts = np.repeat(["training", "test"], TAKES * grid)
-    step = {"take": takes, "part": parts, "k": k, "t": k / RATE}
+    step = {
+        "take": np.repeat(names, grid),
+        "part": np.repeat(["training", "test"], TAKES * grid),
+        "k": k,
+        "t": k / RATE,
+    }
     return pd.DataFrame(step | spread(family, JOINTS, values))

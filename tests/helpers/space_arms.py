@@ -47,11 +47,19 @@ END = np.array([1.1, -1.7, 2.0, -0.4, 0.3, 1.4])
 def revolute_arm(n: int) -> SerialChain:
     """An arm of ``n`` joints placed and pointing anywhere, whose task is the whole pose."""
     rng = np.random.default_rng(n)
-    turns = Rotation.from_quat(rng.normal(size=(n + 1, 4))).as_matrix()
+    quaternions = rng.normal(size=(n + 1, 4))
+    turns = Rotation.from_quat(quaternions).as_matrix()
     positions = rng.uniform(-0.15, 0.15, (n + 1, 3))
-    placements = np.hstack([turns.reshape(n + 1, 9), positions])
-    limit, sliding = np.full(n, 3.0), np.zeros(n, dtype=bool)
-    return SerialChain(tuple(SPACE), 0.3, placements, sliding, -limit, limit, limit)
+    limit = np.full(n, 3.0)
+    return SerialChain(
+        tuple(SPACE),
+        0.3,
+        placements=np.hstack([turns.reshape(n + 1, 9), positions]),
+        sliding=np.zeros(n, dtype=bool),
+        lower=-limit,
+        upper=limit,
+        max_speed=limit,
+    )
 
 
 def mocap(markers: dict = MARKERS, **options) -> Mocap:
