@@ -17,8 +17,8 @@ LAW, SIMPLE = "joint_error", ("joint_constant", "joint_autoregression", LAST_VAL
 RATIO = (2 / 3, 3 / 2)  # predicted over measured σ
 WITHIN, WITHIN_TWO = (0.58, 0.80), (0.8, 1.0)  # share within ±1σ and ±2σ
 LOST = 0.5  # nats a sample, summed over joints, that the law may lose to the best simple one
-# The autoregression is fitted to one sample only, the law to three horizons: on the KR 300 it loses
-# .52 nats at one sample.
+# The autoregression is fitted to one sample only, the law to three horizons: on the KR 300 the law
+# has .52 nats less at one sample.
 OTHER_LOST = {("kr300", "one sample"): 0.6}
 # arm, horizon → other bands. The published angles of the LWR4+ were smoothed: over 60 rows at both
 # ends of the log the error rings with up to 2.9 mrad, beside a median of .1 mrad. At one sample .96
