@@ -64,11 +64,14 @@ def many_joints(n: int) -> tuple[Chain, np.ndarray]:
     """An arm of ``n`` revolute joints and at most as many rows of the tip's pose, and of many poses
     (n,) the farthest from singular ones.
     """
-    arm, free = revolute_arm(n), np.full(n, np.inf)
+    arm = revolute_arm(n)
+    free = np.full(n, np.inf)
     chain = replace(arm, task=arm.task[:n], lower=-free, upper=free, max_speed=free)
-    poses = np.random.default_rng(n).uniform(-np.pi, np.pi, (200, n))
+    rng = np.random.default_rng(n)
+    poses = rng.uniform(-np.pi, np.pi, (200, n))
     values = np.linalg.svd(chain.jacobian(poses), compute_uv=False)
-    return chain, poses[values[:, -1].argmax()]
+    least = values[:, -1]
+    return chain, poses[least.argmax()]
 
 
 @dataclass(frozen=True)

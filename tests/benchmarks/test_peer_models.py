@@ -26,12 +26,15 @@ def greatest_error(draws: np.ndarray, model: WishartModel, motion: Take) -> floa
     """Greatest error of the mean and covariance of ``draws`` (N, n) of the third step, from the
     start, under ``model``, in standard errors.
     """
+    count = len(draws)
     step = motion.scene.chain, motion.scene.start.mean, motion.steps[2]
     centred = draws - model.mean(*step)
-    products = centred[:, :, None] * centred[:, None, :] - model.covariance(*step)
-    errors = np.concatenate([centred, products.reshape(len(draws), -1)], axis=1)
-    standard_errors = errors.std(axis=0) / np.sqrt(len(draws))
-    return float(np.max(np.abs(errors.mean(axis=0)) / standard_errors))
+    products = centred[:, :, None] * centred[:, None, :]
+    of_covariance = (products - model.covariance(*step)).reshape(count, -1)
+    errors = np.concatenate([centred, of_covariance], axis=1)
+    standard_errors = errors.std(axis=0) / np.sqrt(count)
+    standardised = np.abs(errors.mean(axis=0)) / standard_errors
+    return float(standardised.max())
 
 
 @pytest.mark.slow
