@@ -79,20 +79,21 @@ def _unlike_turns(
     from outside a wrapped angle's window.
     """
     reach = min(BESIDE, len(motion) - 1)
-    speed = np.abs(motion) / seconds
+    size, count = np.abs(motion), np.abs(turns)
+    speed = size / seconds
     without_turns = np.where(turns, 0.0, speed)
     both = np.stack([speed, without_turns])
     around = np.pad(both, SIDES * reach, mode="reflect")
-    windows = sliding_window_view(around, 2 * reach + 1, axis=1)
-    fastest = np.maximum(np.median(windows[0], axis=-1), windows[1].max(axis=-1))
-    allowed = np.minimum(FASTEST * fastest * seconds + TURN_NOISE, TURN / 4)
+    of_all, of_others = sliding_window_view(around, 2 * reach + 1, axis=1)
+    fastest = np.maximum(np.median(of_all, axis=-1), of_others.max(axis=-1))
+    beside = FASTEST * fastest * seconds + TURN_NOISE
+    too_fast = size > np.minimum(beside, TURN / 4)
+
     after = np.pad(turns, ((0, reach), (0, 0)))
     later = sliding_window_view(after, reach + 1, axis=0)
     returns = (later == -turns[..., None]).any(axis=-1)
-    outside = np.ptp(angles, axis=0) > TURN * np.abs(turns) + TURN_NOISE
-    too_fast = np.abs(motion) > allowed
-    too_many = np.abs(turns) > MOST_TURNS
-    return too_fast | too_many | (returns & outside)
+    outside = np.ptp(angles, axis=0) > TURN * count + TURN_NOISE
+    return too_fast | (count > MOST_TURNS) | (returns & outside)
 
 
 def _spikes(
@@ -105,17 +106,20 @@ def _spikes(
     size = np.abs(motion)
     if len(motion) < 2 * BESIDE:
         return np.zeros(motion.shape, dtype=bool)
-    mean = size / np.maximum(seconds / np.median(seconds), 1)
+    periods = np.maximum(seconds / np.median(seconds), 1)
+    mean = size / periods
     most = np.partition(mean, -FEW - 1, axis=0)[-FEW - 1]
-    spikes = np.where(measured, mean, 0.0) > np.maximum(SPIKE, SHARPER * most)
+    measured_mean = np.where(measured, mean, 0.0)
+    spikes = measured_mean > np.maximum(SPIKE, SHARPER * most)
 
     beside = np.pad(size, SIDES[1:] * BESIDE)
     # of the steps k and k + 1
     around = sliding_window_view(beside, 2 * BESIDE + 2, axis=0)
     usual = np.sort(around, axis=-1)[..., -3]  # the greatest but for the two of a spike
     smaller = np.minimum(size[:-1], size[1:])
+    sharp = smaller > np.maximum(SPIKE, SHARPER * usual)
     back_and_forth = motion[:-1] * motion[1:] < 0
-    spikes[:-1] |= back_and_forth & (smaller > np.maximum(SPIKE, SHARPER * usual))
+    spikes[:-1] |= back_and_forth & sharp
     return spikes
 
 

@@ -117,7 +117,8 @@ def wrench_covariance(system: CableSystem) -> ndarray:
     length = mean_resultant_length(system.concentration, p)
     second_moment = system.tension**2 + system.tension_sd**2
     isotropic = second_moment * length / system.concentration
-    along = second_moment - (length * system.tension) ** 2 - p * isotropic
+    mean_square = (length * system.tension) ** 2
+    along = second_moment - mean_square - p * isotropic
     maps = system.maps()
     of_isotropic = np.einsum("...mip,...m,...mjp->...ij", maps, isotropic, maps)
     columns = system.jacobian()

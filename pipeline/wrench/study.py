@@ -99,11 +99,12 @@ def expected_unbounded_sigma_s(bounds: models.Bounds, agents: int) -> ndarray:
 
 def _mean_projection(bounds: models.Bounds) -> ndarray:
     """Return E[e̲e̲ᵀ] (p, p) of a cable's direction e̲ within ``bounds``."""
-    p = bounds.dimension
-    shares = np.meshgrid(*[(NODES + 1) / 2] * (p - 1))
-    nodes = bounds.directions(*shares).reshape(-1, p)
-    weights = np.prod(np.meshgrid(*[WEIGHTS / 2] * (p - 1)), axis=0).ravel()
-    return np.einsum("k,ki,kj->ij", weights, nodes, nodes)
+    angles = bounds.dimension - 1  # of a direction
+    shares = np.meshgrid(*[(NODES + 1) / 2] * angles)
+    weights = np.meshgrid(*[WEIGHTS / 2] * angles)
+    weight = np.prod(weights, axis=0).ravel()
+    nodes = bounds.directions(*shares).reshape(-1, bounds.dimension)
+    return np.einsum("k,ki,kj->ij", weight, nodes, nodes)
 
 
 def _tension_share(bounds: models.Bounds, agents: int) -> float:
@@ -116,9 +117,13 @@ def _tension_share(bounds: models.Bounds, agents: int) -> float:
 
     def integrand(r: float) -> float:
         s = r / scale
-        noise = _uniform_mean(lambda v: np.exp(-s * v**2), deviations)
-        tension = _uniform_mean(lambda t: np.exp(-s * t**2), tensions)
-        weighted = _uniform_mean(lambda t: t**2 * np.exp(-s * t**2), tensions)
+
+        def damped(x: ndarray) -> ndarray:
+            return np.exp(-s * x**2)
+
+        noise = _uniform_mean(damped, deviations)
+        tension = _uniform_mean(damped, tensions)
+        weighted = _uniform_mean(lambda t: t**2 * damped(t), tensions)
         density = agents * weighted * tension ** (agents - 1) * noise**agents
         return float(density / scale)
 
