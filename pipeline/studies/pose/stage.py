@@ -46,9 +46,13 @@ def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
     for file in sorted(DATASETS.glob("*.json")):
         run = read_run(file)
         effects = run.tables.get("pose_effect")
-        if effects is not None and len(effects):
-            recordings = "synthetic" if run.synthetic else "real"
-            tables.append(effects.assign(dataset=run.dataset, recordings=recordings))
+        if effects is None or effects.empty:
+            continue
+        if "noise" not in effects:
+            print(f"pose: the evidence of {run.dataset} is too old; run it again")
+            continue
+        recordings = "synthetic" if run.synthetic else "real"
+        tables.append(effects.assign(dataset=run.dataset, recordings=recordings))
     if not tables:
         raise NoAnswerError("no dataset has a task and enough steps of moving joints")
     pose = concatenate(tables).assign(answer=UNKNOWN)
