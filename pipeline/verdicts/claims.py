@@ -124,18 +124,16 @@ class Claim:
             if len({"published", "limit"} & stated) != 1:
                 message = "needs either a published value or a limit, not both"
                 raise ConfigError(f"the rule {self.rule} {message}", key="limit")
-        unused = sorted(stated & OPTIONAL - needs - RULES[self.rule].options)
-        missing = sorted(needs - stated)
-        if wrong := unused or missing:
-            what = (
-                "does not use this key; remove it"
-                if unused
-                else "needs this key; add it"
-            )
-            raise ConfigError(f"the rule {self.rule} {what}", key=wrong[0])
-        if (own := self.difference) and self.rule in ORDERS:
+        for key in sorted(stated & OPTIONAL - needs - RULES[self.rule].options):
+            message = f"the rule {self.rule} does not use this key; remove it"
+            raise ConfigError(message, key=key)
+        for key in sorted(needs - stated):
+            message = f"the rule {self.rule} needs this key; add it"
+            raise ConfigError(message, key=key)
+        if self.difference is not None and self.rule in ORDERS:
             rivals = {self.than.model, self.than.joint}
-            if replace(own, rival="") != self.value or own.rival not in rivals:
+            of_value = replace(self.difference, rival="") == self.value
+            if not of_value or self.difference.rival not in rivals:
                 message = "must have the keys of value, and the model or joint of than as rival"
                 raise ConfigError(message, key="difference")
         if bool(self.where) != (self.source == PAPER):
@@ -143,21 +141,27 @@ class Claim:
                 "the paper's claim needs the place in the paper, the project's has none"
             )
             raise ConfigError(message, key="where")
-        known = dict.fromkeys([*self.each, "joint 1", "joint 2", "joint 3"], "")
+        placeholders = [*self.each, "joint 1", "joint 2", "joint 3"]
+        values = dict.fromkeys(placeholders, "")
         for reference, key in product(self.references, KEYS):
-            if "{" in (text := filled(getattr(reference, key), known)):
+            text = filled(getattr(reference, key), values)
+            if "{" in text:
                 message = f"unknown placeholder; the claim has {', '.join(self.each) or 'none'}"
                 raise ConfigError(message, key=text)
 
     def cases(self, arm: ArmNames = ArmNames(("{joint}",), ())) -> list[dict]:  # noqa: B008
         """Return every combination of the values of ``each`` for an ``arm``."""
-        values = [
-            arm.joints
-            if listed == EVERY
-            else [filled(x, arm.numbered) if isinstance(x, str) else x for x in listed]
-            for listed in self.each.values()
-        ]
-        return [dict(zip(self.each, each, strict=True)) for each in product(*values)]
+        values_by_name = []
+        for listed in self.each.values():
+            values = arm.joints
+            if listed != EVERY:
+                values = [
+                    filled(value, arm.numbered) if isinstance(value, str) else value
+                    for value in listed
+                ]
+            values_by_name.append(values)
+        combinations = product(*values_by_name)
+        return [dict(zip(self.each, values, strict=True)) for values in combinations]
 
     @property
     def of_control(self) -> "Claim":
@@ -177,14 +181,12 @@ class Claim:
     @property
     def references(self) -> list[Reference]:
         """Every reference, with placeholders for the values of a case."""
-        named = [
-            getattr(self, key) for key in REFERENCES if getattr(self, key) is not None
-        ]
-        return [
-            *named,
-            *self.standard_error,
-            *([self.unless.value] if self.unless else []),
-        ]
+        named = [getattr(self, key) for key in REFERENCES]
+        references = [reference for reference in named if reference is not None]
+        references += self.standard_error
+        if self.unless:
+            references.append(self.unless.value)
+        return references
 
 
 @options(frozen=True)
@@ -204,20 +206,25 @@ def require_known(claims: Sequence[Claim]) -> Sequence[Claim]:
     """Return ``claims``; raises ConfigError with claim and key for a model, an estimator, an entry
     or steps that no row of the evidence can have: it would be a claim without evidence.
     """
-    known = known_values().items()
+    possible = known_values().items()
     for claim in claims:
-        for case, reference, (key, values) in product(
-            claim.cases(), claim.references, known
-        ):
-            stated = filled(getattr(reference, key), case)
-            if stated and "{" not in stated and stated not in values:
-                near = get_close_matches(stated, values, n=1) or [", ".join(values)]
-                message = f"no evidence can have the {key} {stated!r}; did you mean {near[0]}?"
-                raise ConfigError(message, claim=claim.id, key=key)
+        stated = product(claim.cases(), claim.references, possible)
+        for case, reference, (key, values) in stated:
+            value = filled(getattr(reference, key), case)
+            if not value or "{" in value or value in values:
+                continue
+            near = get_close_matches(value, values, n=1) or [", ".join(values)]
+            message = (
+                f"no evidence can have the {key} {value!r}; did you mean {near[0]}?"
+            )
+            raise ConfigError(message, claim=claim.id, key=key)
     return claims
 
 
 def read_claims(*conclusions: Path) -> tuple[Claim, ...]:
     """Return the paper's claims, then the claims of the files ``conclusions``."""
-    entries = [read_yaml(file).get("claims") for file in (CLAIMS, *conclusions)]
-    return tuple(claim for own in entries for claim in require_known(parse_claims(own)))
+    claims = []
+    for file in (CLAIMS, *conclusions):
+        entries = read_yaml(file).get("claims")
+        claims += require_known(parse_claims(entries))
+    return tuple(claims)

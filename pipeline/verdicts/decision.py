@@ -130,10 +130,9 @@ def moving_joints(evidence: pd.DataFrame, joints: Sequence[str]) -> tuple[str, .
     """Return the ``joints`` that the commanded motion moves, by LEAST_RANGE of the greatest range;
     all joints without evidence on the ranges.
     """
-    ranges = evidence[evidence["quantity"] == "commanded_range"].set_index("joint")[
-        "value"
-    ]
-    still = {*ranges.index[ranges < LEAST_RANGE * ranges.max()]}
+    rows = evidence[evidence["quantity"] == "commanded_range"]
+    ranges = rows.set_index("joint")["value"]
+    still = ranges.index[ranges < LEAST_RANGE * ranges.max()]
     return tuple(joint for joint in joints if joint not in still)
 
 
@@ -144,18 +143,18 @@ def _decide_claim(
     if claim.numbers_joints and not arm.numbered:
         evidence = {}
     names = [case | arm.numbered for case in cases]
-    r, known = _numbers(claim, names, evidence)
+    r, complete = _numbers(claim, names, evidence)
     if claim.unless is not None:
         share = claim.unless.value.look_up(evidence, arm.numbered)
         # a guard without a number is no evidence
-        known &= share is not None and share <= claim.unless.limit
-    holds = _hold(claim, r, known)
+        complete &= share is not None and share <= claim.unless.limit
+    holds = _hold(claim, r, complete)
     speed_law = np.full(len(cases), np.nan)
     speed_law_holds: list[bool | None] = [None] * len(cases)
     if claim.control_model:
-        control, controlled = _numbers(claim.of_control, names, evidence)
+        control, of_control = _numbers(claim.of_control, names, evidence)
         speed_law = control.value
-        speed_law_holds = _hold(claim, control, known & controlled)
+        speed_law_holds = _hold(claim, control, complete & of_control)
     named = _with_interval(claim, r)._asdict() | {"speed_law": speed_law}
     decided = []
     for place, case in enumerate(cases):
@@ -163,7 +162,7 @@ def _decide_claim(
         texts |= {"speed_law_holds": speed_law_holds[place]}
         numbers = {key: _finite(named[key][place]) for key in NUMBERS}
         decided.append(Case(**texts, **numbers))
-    evident = len(known) > 0 and known.all()
+    evident = len(complete) > 0 and complete.all()
     word = _verdict_word(claim, recordings, evident, holds)
     if True in speed_law_holds and False not in speed_law_holds:
         word = SHARED_WITH_SPEED_LAW.get(word, word)
@@ -178,11 +177,11 @@ SHARED_WITH_SPEED_LAW = {
 }
 
 
-def _hold(claim: Claim, r: Cases, known: np.ndarray) -> list[bool | None]:
+def _hold(claim: Claim, r: Cases, complete: np.ndarray) -> list[bool | None]:
     """Return whether each case holds by the claim's rule, None if it is not decided."""
-    if not known.any():
-        return [None] * len(known)
-    return decide_cases(RULES[claim.rule], r, known)
+    if not complete.any():
+        return [None] * len(complete)
+    return decide_cases(RULES[claim.rule], r, complete)
 
 
 def _finite(value: float) -> float | None:
@@ -202,9 +201,11 @@ def _with_interval(claim: Claim, r: Cases) -> Cases:
     # the interval of the rule ``standard_errors`` is the rule's own
     quantile = claim.limit if claim.rule == "standard_errors" else NORMAL_QUANTILE
     half = quantile * r.standard_error
-    low = np.where(np.isnan(r.low), r.value - half, r.low)
-    high = np.where(np.isnan(r.high), r.value + half, r.high)
-    return r._replace(low=low, high=high)
+    low, high = r.value - half, r.value + half
+    return r._replace(
+        low=np.where(np.isnan(r.low), low, r.low),
+        high=np.where(np.isnan(r.high), high, r.high),
+    )
 
 
 def _verdict_word(
@@ -230,25 +231,25 @@ def _numbers(
     have all numbers that the rule needs.
     """
 
-    def numbers(reference: Reference | None) -> np.ndarray:
+    def looked_up(reference: Reference | None) -> np.ndarray:
         if reference is None:
             return np.full(len(cases), np.nan)
         values = [reference.look_up(evidence, case) for case in cases]
         return np.array(values, dtype=float)
 
+    references = {key: getattr(claim, key, None) for key in COMPARED}
     ends = claim.difference or claim.value
-    named = {key: getattr(claim, key, None) for key in COMPARED}
     if ends.column == "value":  # an end of an interval has no interval
-        named |= {end: replace(ends, column=end) for end in INTERVAL}
-    found = {key: numbers(reference) for key, reference in named.items()}
+        references |= {end: replace(ends, column=end) for end in INTERVAL}
+    columns = {key: looked_up(reference) for key, reference in references.items()}
     if claim.standard_error:
-        errors = [numbers(reference) for reference in claim.standard_error]
-        found["standard_error"] = np.sqrt(np.sum(np.square(errors), axis=0))
-        found["degrees"] = np.full(len(cases), np.nan)
+        errors = [looked_up(reference) for reference in claim.standard_error]
+        columns["standard_error"] = np.sqrt(np.sum(np.square(errors), axis=0))
+        columns["degrees"] = np.full(len(cases), np.nan)
     for key in ("published", "tolerance", "limit", "margin"):
         stated = np.array(getattr(claim, key), dtype=float)
-        found[key] = np.broadcast_to(stated, len(cases))
-    r = Cases(**found)
+        columns[key] = np.broadcast_to(stated, len(cases))
+    r = Cases(**columns)
     if claim.difference is None and claim.rule in ORDERS:
         r = r._replace(difference=r.value - r.than)
     if claim.rule == "equivalent":
@@ -257,10 +258,10 @@ def _numbers(
     with np.errstate(divide="ignore", invalid="ignore"):
         distance = (r.published - r.value) / r.standard_error
     needs = {"value"} | (RULES[claim.rule].needs & {*COMPARED, "standard_error"})
-    known = ~np.isnan([getattr(r, key) for key in needs]).any(axis=0)
+    complete = ~np.isnan([getattr(r, key) for key in needs]).any(axis=0)
     if claim.rule == "decreasing":  # it compares the cases with each other
-        known &= known.all()
-    return r._replace(yardstick=yardstick, distance=distance), known
+        complete &= complete.all()
+    return r._replace(yardstick=yardstick, distance=distance), complete
 
 
 def case_text(case: Case) -> str:
@@ -291,11 +292,13 @@ def case_text(case: Case) -> str:
 def verdict_table(decided: Sequence[Decided]) -> pd.DataFrame:
     """Return a row for each case of a claim in each dataset; one row for a claim without cases."""
     rows = []
-    for row in zip(*(whose.verdicts for whose in decided), strict=True):
-        for whose, (claim, verdict, cases) in zip(decided, row, strict=True):
-            place = {"claim": claim.id, "dataset": whose.dataset, "verdict": verdict}
-            if verdict != NO_RECORDING:
-                rows += [place | case._asdict() for case in cases] or [place]
+    columns = [column.verdicts for column in decided]
+    for of_claim in zip(*columns, strict=True):
+        for column, (claim, verdict, cases) in zip(decided, of_claim, strict=True):
+            if verdict == NO_RECORDING:
+                continue
+            place = {"claim": claim.id, "dataset": column.dataset, "verdict": verdict}
+            rows += [place | case._asdict() for case in cases] or [place]
     return pd.DataFrame(rows, columns=["claim", "dataset", "verdict", *Case._fields])
 
 
@@ -325,25 +328,24 @@ def reading_verdicts(claims: Sequence[Claim], run: Run) -> pd.DataFrame:
     """
     refused = run.tables["reading_refusals"].astype(object).fillna("")
     refused = refused.set_index("reading")["refused"]
-    table, stays = (
-        run.tables["readings"],
-        run.evidence[~depends_on(run.evidence, "wishart")],
-    )
+    table = run.tables["readings"]
+    unchanged = run.evidence[~depends_on(run.evidence, "wishart")]
     decided = {}
     for name in refused.index:
-        rows = table.loc[table["reading"] == name, [*stays]]
-        evidence = (
-            pd.concat([stays, rows], ignore_index=True) if decided else run.evidence
-        )
+        evidence = run.evidence
+        if decided:
+            rows = table.loc[table["reading"] == name, [*unchanged]]
+            evidence = pd.concat([unchanged, rows], ignore_index=True)
         decided[name] = decide(claims, evidence, "paper", run.arm)
+
     rows = []
     for verdicts in zip(*decided.values(), strict=True):
-        words = [READ.get(each.verdict, UNKNOWN) for each in verdicts]
-        for name, each, holds in zip(decided, verdicts, words, strict=True):
-            value = "; ".join(
-                case_text(case) for case in each.cases if case.holds is not None
-            )
+        words = [READ.get(verdict.verdict, UNKNOWN) for verdict in verdicts]
+        if {*words} == {UNKNOWN}:
+            continue
+        for name, verdict, holds in zip(decided, verdicts, words, strict=True):
+            cases = [case for case in verdict.cases if case.holds is not None]
+            value = "; ".join(map(case_text, cases))
             reason = refused[name] if holds == UNKNOWN else ""
-            if {*words} != {UNKNOWN}:
-                rows.append((each.claim.id, name, holds, value, reason))
+            rows.append((verdict.claim.id, name, holds, value, reason))
     return pd.DataFrame(rows, columns=["claim", "reading", "holds", "value", "refused"])

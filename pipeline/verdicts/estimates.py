@@ -50,12 +50,14 @@ def published_and_ours(here: Run, groups: Sequence[Group]) -> str:
 
 def _determination(fitted: Mapping[str, float]) -> dict[str, list[str]]:
     """Return the names of the estimators whose û is ``unbounded`` and ``bounded``."""
-    sides: dict[str, list[str]] = {"unbounded": [], "bounded": []}
+    unbounded, bounded = [], []
     for estimator, name in ESTIMATORS.items():
-        ends = fitted.get(f"u_{estimator}_unbounded")
-        if ends is not None:
-            sides["unbounded" if ends else "bounded"].append(name)
-    return sides
+        at_end = fitted.get(f"u_{estimator}_unbounded")
+        if at_end:
+            unbounded.append(name)
+        elif at_end is not None:
+            bounded.append(name)
+    return {"unbounded": unbounded, "bounded": bounded}
 
 
 def _parameter_rows(
@@ -154,7 +156,7 @@ def _numbers(here: Run, groups: Sequence[Group]) -> str:
 
 
 def _rounded(values: Sequence[float]) -> str:
-    return " / ".join(number(value, 3) for value in values)
+    return "; ".join(number(value, 3) for value in values)
 
 
 def _columns(here: Run, groups: Sequence[Group]) -> dict[str, Sequence[Verdict]]:
@@ -185,9 +187,9 @@ def _cases(verdict: Verdict | None) -> list[Case]:
 
 def _name_and_published(claim: Claim, cases: Sequence[Case]) -> tuple[str, str]:
     unit = f" ({claim.unit})" if claim.unit else ""
-    names = " / ".join(case.case for case in cases if case.case)
+    names = "; ".join(case.case for case in cases if case.case)
     name = f"{claim.parameter}, {names}" if names else claim.parameter
-    return name + unit, " / ".join(number(case.published) for case in cases)
+    return name + unit, "; ".join(number(case.published) for case in cases)
 
 
 def _values(cases: Sequence[Case], few: bool) -> str:
@@ -198,4 +200,4 @@ def _values(cases: Sequence[Case], few: bool) -> str:
         if not few and case.low is not None:
             text += f" {interval(case.low, case.high)}"
         texts.append(text)
-    return " / ".join(texts)
+    return "; ".join(texts)

@@ -80,13 +80,18 @@ def beyond(distance: ndarray, r: Cases, side: int = 0) -> tuple[ndarray, ndarray
     error of the case on ``side``; 0 or 1 where it has none.
     """
     error = standard_errors(r, side)
+    exact = error == 0
     with np.errstate(divide="ignore", invalid="ignore"):
         t = np.where(error > 0, distance / error, np.copysign(np.inf, distance))
-    t = np.where(np.isnan(distance), np.nan, np.clip(t, -1e9, 1e9))
-    freedom = np.where(np.isnan(r.degrees), MOST_DEGREES, r.degrees)
-    exact = error == 0
-    supports = np.where(exact, distance <= 0, stdtr(freedom, -t))
-    return supports, np.where(exact, distance > 0, stdtr(freedom, t))
+    t = np.clip(t, -1e9, 1e9)
+    t[np.isnan(distance)] = np.nan
+
+    degrees = np.where(np.isnan(r.degrees), MOST_DEGREES, r.degrees)
+    supports = stdtr(degrees, -t)
+    supports[exact] = distance[exact] <= 0
+    refutes = stdtr(degrees, t)
+    refutes[exact] = distance[exact] > 0
+    return supports, refutes
 
 
 def _order(sign: float) -> Judge:
@@ -94,11 +99,9 @@ def _order(sign: float) -> Judge:
 
     def judge(r: Cases) -> tuple[ndarray, ndarray]:
         margin = np.nan_to_num(r.margin)
-        # a difference without an interval decides nothing
-        undecided = np.isnan(r.low + r.high)
         supports, _ = beyond(sign * r.difference - margin, r)
         refutes, _ = beyond(-sign * r.difference - margin, r)
-        return np.where(undecided, 1.0, supports), np.where(undecided, 1.0, refutes)
+        return _with_interval(r, supports), _with_interval(r, refutes)
 
     return judge
 
@@ -114,8 +117,12 @@ def _within(r: Cases, tolerance: ndarray, distance: ndarray) -> tuple[ndarray, n
 def _close(r: Cases) -> tuple[ndarray, ndarray]:
     """Return the rule that the difference is within ± the margin, by its interval."""
     supports, refutes = _within(r, r.margin, r.difference)
-    undecided = np.isnan(r.low + r.high)
-    return np.where(undecided, 1.0, supports), np.where(undecided, 1.0, refutes)
+    return _with_interval(r, supports), _with_interval(r, refutes)
+
+
+def _with_interval(r: Cases, probabilities: ndarray) -> ndarray:
+    """Return ``probabilities``, 1 for a difference without an interval, which decides nothing."""
+    return np.where(np.isnan(r.low + r.high), 1.0, probabilities)
 
 
 def _detected(r: Cases) -> tuple[ndarray, ndarray]:
@@ -128,9 +135,9 @@ def _varies(r: Cases) -> tuple[ndarray, ndarray]:
     in the takes between slow and fast steps, of which ``difference`` is the logarithm of the ratio.
     """
     by_speed, _ = beyond(np.abs(r.difference) - r.margin, r)
-    unknown = np.isnan(r.difference + r.low + r.high)
-    by_speed = np.where(unknown, 1.0, by_speed)
-    supports = np.where(r.value > r.threshold, 0.0, by_speed)
+    by_speed[np.isnan(r.difference + r.low + r.high)] = 1.0
+    over_takes = r.value > r.threshold
+    supports = np.where(over_takes, 0.0, by_speed)
     constant = (r.value < r.than) & (by_speed > LEVEL)
     return supports, np.where(constant, 0.0, 1.0)
 
@@ -189,21 +196,21 @@ RULES = {
 }
 
 
-def decide_cases(rule: Rule, r: Cases, known: ndarray) -> list[bool | None]:
+def decide_cases(rule: Rule, r: Cases, evident: ndarray) -> list[bool | None]:
     """Return for each case of ``r`` whether it holds, None if the rule does not decide it or the
-    case is not ``known``. A case that the control passes too does not hold: the rule has no power
+    case is not ``evident``. A case that the control passes too does not hold: the rule has no power
     to confirm it. It fails all the same.
     """
     with np.errstate(invalid="ignore"):
         supports, refutes = rule.judge(r)
-        holds = known & (np.nan_to_num(supports, nan=1.0) <= LEVEL)
+        holds = evident & (np.nan_to_num(supports, nan=1.0) <= LEVEL)
         controlled = ~np.isnan(r.control)
         if controlled.any():
             exact = {"low": nan, "high": nan, "standard_error": nan, "degrees": nan}
             of_control, _ = rule.judge(r._replace(value=r.control, **exact))
             holds &= ~(controlled & (of_control <= LEVEL))
-    refutes = np.where(known, np.nan_to_num(refutes, nan=1.0), 1.0)
-    fails = holm(refutes) & known
+    refutes = np.where(evident, np.nan_to_num(refutes, nan=1.0), 1.0)
+    fails = holm(refutes) & evident
     verdicts = np.where(holds, True, None)
     verdicts[fails] = False
     return list(verdicts)
@@ -211,8 +218,10 @@ def decide_cases(rule: Rule, r: Cases, known: ndarray) -> list[bool | None]:
 
 def holm(probabilities: ndarray) -> ndarray:
     """Return which of the hypotheses of a claim are rejected (Holm 1979)."""
-    order, count = np.argsort(probabilities), len(probabilities)
-    passed = probabilities[order] * (count - np.arange(count)) <= LEVEL
+    order = np.argsort(probabilities)
+    count = len(probabilities)
+    hypotheses_left = count - np.arange(count)
+    small = probabilities[order] * hypotheses_left <= LEVEL
     rejected = np.zeros(count, dtype=bool)
-    rejected[order] = np.logical_and.accumulate(passed)
+    rejected[order] = np.logical_and.accumulate(small)
     return rejected

@@ -26,11 +26,16 @@ OUTCOMES = {
     d.NOT_REPRODUCED: FAILS,
     d.SYNTHETIC_FAILS: FAILS,
     d.FORCED: FORCED,
-    d.WITH_SPEED_LAW: SPEED_LAW,
-    d.SYNTHETIC_WITH_SPEED_LAW: SPEED_LAW,
 }
 SHORT = {SPEED_LAW: d.SPEED_LAW}  # words in the line of a claim
 COUNTED = (HOLDS, SPEED_LAW, FAILS, DEPENDS)  # columns of the tally
+# numbers of a claim that a curve follows another → field of a case
+FOLLOWS_NUMBERS = {
+    "r": "value",
+    "limit": "threshold",
+    "power": "power",
+    "power against the speed law": "speed_power",
+}
 
 
 class Group(NamedTuple):
@@ -249,30 +254,35 @@ def joined_text(group: Group, joined: Joined) -> str:
 
 def _over_causes(joined: Joined, word: str) -> str:
     """Return the verdict ``word`` on the synthetic recordings of one arm over their causes."""
-    causes = joined.by_cause
     if word == DEPENDS:
-        holding = [name for name, outcome in causes.items() if outcome != FAILS]
-        failing = [name for name, outcome in causes.items() if outcome == FAILS]
+        holding, failing = [], []
+        for cause, outcome in joined.by_cause.items():
+            (failing if outcome == FAILS else holding).append(cause)
         return f"{DEPENDS} (holds: {', '.join(holding)}; fails: {', '.join(failing)})"
-    verb, comma, more = SHORT.get(word, word).partition(",")
-    count = len(causes)
-    under = f" under {count} of {count} causes" if count > 1 else ""
+    count = len(joined.by_cause)
+    under = f"under {count} of {count} causes" if count > 1 else ""
     first = joined.by_dataset[joined.datasets(word)[0]]
-    return f"{verb}{under}{comma}{more} ({case_count(first)})"
+    return f"{_outcome_text(word, under)} ({case_count(first)})"
+
+
+def _outcome_text(word: str, where: str) -> str:
+    """Return an outcome with the words ``where`` after its verb."""
+    verb, comma, more = SHORT.get(word, word).partition(",")
+    return f"{verb} {where}".strip() + comma + more
 
 
 def _in_datasets(group: Group, joined: Joined, word: str, names: Sequence[str]) -> str:
     """Return the outcome ``word`` in the datasets ``names``, with the cases that hold: of the first
     if the claim holds, of each if it fails.
     """
-    verb, comma, more = SHORT.get(word, word).partition(",")
     counts = [_count_text(group, joined.by_dataset[name]) for name in names]
     if len(group.verdicts) == 1:
-        return f"{verb}{comma}{more} ({counts[0]})"
+        return f"{_outcome_text(word, '')} ({counts[0]})"
     if word == FAILS:
-        texts = [f"{n} ({count})" for n, count in zip(names, counts, strict=True)]
-        return f"{verb} in {join_names(texts)}"
-    return f"{verb} in {join_names(names)}{comma}{more} ({counts[0]})"
+        pairs = zip(names, counts, strict=True)
+        failing = join_names(f"{name} ({count})" for name, count in pairs)
+        return _outcome_text(word, f"in {failing}")
+    return f"{_outcome_text(word, f'in {join_names(names)}')} ({counts[0]})"
 
 
 def _count_text(group: Group, verdict: Verdict) -> str:
@@ -287,28 +297,29 @@ def correlations(verdict: Verdict) -> str:
     """Return the ranges of correlation, limit and power over the cases of a claim that a curve
     follows another, "" for other claims.
     """
-    columns = {"r": "value", "limit": "threshold", "power": "power"}
-    columns |= {"power against the speed law": "speed_power"}
+    if verdict.claim.rule != "follows":
+        return ""
     texts = []
-    for name, column in columns.items():
-        values = [getattr(case, column, None) for case in verdict.cases]
+    for name, key in FOLLOWS_NUMBERS.items():
+        values = [getattr(case, key) for case in verdict.cases]
         values = [value for value in values if value is not None]
-        if values:
-            low, high = number(min(values), 2), number(max(values), 2)
-            texts.append(f"{name} {low}" if low == high else f"{name} {low} to {high}")
-    return ", ".join(texts) if verdict.claim.rule == "follows" else ""
+        if not values:
+            continue
+        low, high = number(min(values), 2), number(max(values), 2)
+        texts.append(f"{name} {low}" if low == high else f"{name} {low}–{high}")
+    return ", ".join(texts)
 
 
 def _value_text(verdict: Verdict) -> str:
     """Return the value of a verdict's only case, in per cent with its interval if the claim is."""
-    case, claim = verdict.cases[0], verdict.claim
-    if "%" not in claim.statement or case.value is None:
+    case = verdict.cases[0]
+    if "%" not in verdict.claim.statement or case.value is None:
         return number(case.value)
-    text = f"{number(100 * case.value, 3)} %"
-    if case.low is not None and case.high is not None:
-        low, high = number(100 * case.low, 3), number(100 * case.high, 3)
-        text += f", interval {low} to {high} %"
-    return text
+    value = number(100 * case.value, 3)
+    if case.low is None or case.high is None:
+        return f"{value} %"
+    low, high = number(100 * case.low, 3), number(100 * case.high, 3)
+    return f"{value} %, interval {low} to {high} %"
 
 
 def case_count(verdict: Verdict) -> str:
