@@ -238,7 +238,7 @@ def test_numbers_that_were_inputs_and_other_causes_of_the_arm_are_named():
 
     columns = "youbot (sway) | other (timing) | arm (real)"
     assert f"| number | published | was it an input? | {columns} |" in text
-    assert "| σ̂ | 0.25 | yes: the path and the size" in text
+    assert "| σ̂ | 0.25 | yes: path and size" in text
     assert text.endswith("| 0.2877 | 0.288 | 0.288 |")
 
 
