@@ -120,18 +120,19 @@ def variation_limits(noise: ndarray, rng: Generator, centred: bool = True) -> nd
     """
     from scipy.ndimage import uniform_filter1d
 
-    ends = ndtri([1 - RECOGNISED ** (1 / noise.shape[-1]), RECOGNISED])
-    phases = 2 * np.pi * np.arange(noise.shape[1]) / noise.shape[1]
-    course, limits = 1 + 2**0.5 * VARYING * np.sin(phases)[:, None], []
+    _, steps, joints = noise.shape
+    ends = ndtri([1 - RECOGNISED ** (1 / joints), RECOGNISED])
+    phases = 2 * np.pi * np.arange(steps) / steps
+    course = 1 + 2**0.5 * VARYING * np.sin(phases)[:, None]
+    limits = []
     for of_joint in np.moveaxis(noise, -1, 0):
         squares = of_joint.var(axis=0) if centred else np.mean(of_joint**2, axis=0)
-        running = uniform_filter1d(squares, max(len(phases) // WINDOWS, 1))
+        running = uniform_filter1d(squares, max(steps // WINDOWS, 1))
         running = np.maximum(running, 0.0)  # a running sum rounds to less at rest
         for scale, end in zip((np.sqrt(running), 1.0), ends, strict=True):
             drawn = _drawn_std(of_joint, scale, rng, centred) * course
-            with np.errstate(
-                divide="ignore", invalid="ignore"
-            ):  # no noise at all: no limits
+            # no noise at all: no limits
+            with np.errstate(divide="ignore", invalid="ignore"):
                 variations = np.log(drawn.std(axis=0) / drawn.mean(axis=0))
             limits.append(np.exp(variations.mean() + end * variations.std(ddof=1)))
     return np.reshape(limits, (-1, 2))
@@ -139,11 +140,9 @@ def variation_limits(noise: ndarray, rng: Generator, centred: bool = True) -> nd
 
 def _std(noise: ndarray, axis: int, centred: bool = True) -> ndarray:
     """Return the standard deviation along ``axis``, about zero if not ``centred``."""
-    return (
-        noise.std(axis=axis, ddof=1)
-        if centred
-        else np.sqrt(np.mean(noise**2, axis=axis))
-    )
+    if centred:
+        return noise.std(axis=axis, ddof=1)
+    return np.sqrt(np.mean(noise**2, axis=axis))
 
 
 def _drawn_std(
@@ -153,11 +152,13 @@ def _drawn_std(
     all steps: the tails of ``noise`` (takes, M) over ``scale`` (M,), and its autocorrelation.
     """
     middle = noise.mean(axis=0) if centred else 0.0
-    rests = (
-        np.broadcast_to(scale, noise.shape) == 0
-    )  # without noise, as at rest by an encoder
-    pool = np.where(rests, 0.0, (noise - middle) / np.where(rests, 1.0, scale)).ravel()
-    ordered = np.sort(_uncentred(pool, len(noise), rng) if centred else pool)
+    # without noise, as at rest by an encoder
+    rests = np.broadcast_to(scale, noise.shape) == 0
+    residuals = (noise - middle) / np.where(rests, 1.0, scale)
+    pool = np.where(rests, 0.0, residuals).ravel()
+    if centred:
+        pool = _uncentred(pool, len(noise), rng)
+    ordered = np.sort(pool)
     drawn = np.empty((noise.shape[1], REPLICATES))
     for of_step, variates in zip(drawn, _autoregression(noise, rng), strict=True):
         ranks = (ndtr(variates) * len(ordered)).astype(np.intp)
@@ -181,14 +182,18 @@ def _uncentred(pool: ndarray, takes: int, rng: Generator) -> ndarray:
     def excess(power: float) -> float:
         values = raised(power)[drawn]
         centred = values - values.mean(axis=1, keepdims=True)
-        ratios = (np.mean(np.abs(x)) / root_mean_square(x) for x in (centred, pool))
-        return float(np.subtract(*ratios))
+        return float(_tail_ratio(centred) - _tail_ratio(pool))
 
     if not pool.any() or excess(1.0) <= 0:
         return pool
-    return raised(
-        MOST_POWER if excess(MOST_POWER) > 0 else brentq(excess, 1.0, MOST_POWER)
-    )
+    if excess(MOST_POWER) > 0:
+        return raised(MOST_POWER)
+    return raised(brentq(excess, 1.0, MOST_POWER))
+
+
+def _tail_ratio(values: ndarray) -> float:
+    """Return E|x|/√E[x²] of ``values``, which is small for heavy tails."""
+    return np.mean(np.abs(values)) / root_mean_square(values)
 
 
 def _autoregression(noise: ndarray, rng: Generator) -> Iterator[ndarray]:
@@ -196,19 +201,18 @@ def _autoregression(noise: ndarray, rng: Generator) -> Iterator[ndarray]:
     (takes, M); those of one step stay in the processor's cache.
     """
     share = np.clip(lag_one_correlation(noise), -CLOSE_TO_ONE, CLOSE_TO_ONE)
-    rest, variates = (
-        np.sqrt(1 - share**2),
-        rng.standard_normal((REPLICATES, len(noise))),
-    )
+    rest = np.sqrt(1 - share**2)
+    variates = rng.standard_normal((REPLICATES, len(noise)))
     yield variates
     for _ in range(noise.shape[1] - 1):
         variates = rest * rng.standard_normal(variates.shape) + share * variates
         yield variates
 
 
-def _correlations(curve: ndarray, others: ndarray) -> ndarray:
-    """Return Pearson's correlation (R,) of ``curve`` (K,) with each column of ``others`` (K, R)."""
-    a, b = curve - curve.mean(), others - others.mean(axis=0)
+def _correlations(curve: ndarray, drawn: ndarray) -> ndarray:
+    """Return Pearson's correlation (R,) of ``curve`` (K,) with each column of ``drawn`` (K, R)."""
+    a = curve - curve.mean()
+    b = drawn - drawn.mean(axis=0)
     return a @ b / (np.linalg.norm(a) * np.linalg.norm(b, axis=0))
 
 
@@ -228,15 +232,17 @@ def jackknifed_spreads(
     a model's variances makes modelled plus measurement variance equal to the takes' variance.
     """
     recorded = _variances(jackknife_counts(len(noise)), noise)
+    recorded_std = np.sqrt(recorded)
+    recorded_size = np.sqrt(recorded.mean(axis=1))
     measurement = next(iter(modelled.values())).measurement
     total = np.maximum(recorded.mean(axis=1).sum(axis=-1) - measurement.sum(), 0)
     errors, sizes = {}, {}
-    for model, each in modelled.items():
-        level = (total / each.motion.mean(axis=0).sum())[:, None, None]
-        own = level * each.motion + measurement
-        off = np.linalg.norm(np.sqrt(own) - np.sqrt(recorded), axis=1)
+    for model, moments in modelled.items():
+        level = (total / moments.motion.mean(axis=0).sum())[:, None, None]
+        variances = level * moments.motion + measurement
+        off = np.linalg.norm(np.sqrt(variances) - recorded_std, axis=1)
         errors[model] = off / np.sqrt(recorded.sum(axis=1))
-        sizes[model] = np.sqrt(own.mean(axis=1)) - np.sqrt(recorded.mean(axis=1))
+        sizes[model] = np.sqrt(variances.mean(axis=1)) - recorded_size
     return errors, sizes
 
 
@@ -253,10 +259,10 @@ def jackknifed_mean_error(error: ndarray) -> ndarray:
 
 def _variances(counts: ndarray, noise: ndarray) -> ndarray:
     """Return sample variances (R, M, n) of ``noise`` (takes, M, n) with weights ``counts``."""
-    flat, takes = (
-        (noise - noise.mean(axis=0)).reshape(len(noise), -1),
-        counts.sum(axis=1)[:, None],
-    )
-    squares = np.maximum(counts @ flat**2 / takes - (counts @ flat / takes) ** 2, 0)
+    centred = (noise - noise.mean(axis=0)).reshape(len(noise), -1)
+    takes = counts.sum(axis=1)[:, None]
+    means = counts @ centred / takes
+    squares = np.maximum(counts @ centred**2 / takes - means**2, 0)
     with np.errstate(divide="ignore", invalid="ignore"):  # one take has no variance
-        return (squares * takes / (takes - 1)).reshape(-1, *noise.shape[1:])
+        variances = squares * takes / (takes - 1)
+    return variances.reshape(-1, *noise.shape[1:])

@@ -57,15 +57,16 @@ def kernel_density(
     step = bandwidth / NODES_PER_BANDWIDTH
     width = np.sqrt(bandwidth**2 - step**2 / 4)
     reach = REACH * bandwidth + step
-    low, high = (
-        np.array([np.min(x), np.min(y)]) - reach,
-        np.array([np.max(x), np.max(y)]) + reach,
-    )
+    low = np.array([np.min(x), np.min(y)]) - reach
+    high = np.array([np.max(x), np.max(y)]) + reach
     rows, columns = np.ceil((high - low) / step).astype(int) + 4
     masses = np.zeros((rows, columns))
     _add_to_nodes(np.ascontiguousarray(samples, dtype=float), low, step, masses)
-    smoothed = _smooth(masses, x, low[0] + step[0] * np.arange(rows), width[0])
-    smoothed = _smooth(smoothed.T, y, low[1] + step[1] * np.arange(columns), width[1]).T
+
+    x_nodes = low[0] + step[0] * np.arange(rows)
+    y_nodes = low[1] + step[1] * np.arange(columns)
+    along_x = _smooth(masses, x, x_nodes, width[0])
+    smoothed = _smooth(along_x.T, y, y_nodes, width[1]).T
     return smoothed / (2 * np.pi * np.prod(width) * len(samples))
 
 
@@ -74,20 +75,18 @@ def _add_to_nodes(samples, low, step, masses):
     """Distribute ``samples`` (N, 2) over the ``masses`` of the nodes at ``low`` + k·``step``."""
     rows, columns = masses.shape
     flat = masses.reshape(-1)
-    start0, start1, per0, per1 = low[0], low[1], 1 / step[0], 1 / step[1]
+    start0, start1 = low[0], low[1]
+    per0, per1 = 1 / step[0], 1 / step[1]
     for i in range(samples.shape[0]):
         # three nodes, the second of which is nearest
-        row, column = (
-            (samples[i, 0] - start0) * per0 - 0.5,
-            (samples[i, 1] - start1) * per1 - 0.5,
-        )
+        row = (samples[i, 0] - start0) * per0 - 0.5
+        column = (samples[i, 1] - start1) * per1 - 0.5
         if (0.0 <= row) & (row < rows - 2) & (0.0 <= column) & (column < columns - 3):
             first_row, first_column = np.int64(row), np.int64(column)
             place = np.uint64(first_row * columns + first_column)
-            t, s = (
-                row - first_row,
-                column - first_column,
-            )  # from the middle of the first two
+            # from the middle of the first two nodes
+            t = row - first_row
+            s = column - first_column
             down = 0.5 - t + 0.5 * t * t, 0.5 + t - t * t, 0.5 * t * t
             across = 0.5 - s + 0.5 * s * s, 0.5 + s - s * s, 0.5 * s * s
             for k in range(3):
@@ -100,15 +99,16 @@ def _smooth(masses: ndarray, grid: ndarray, nodes: ndarray, width: float) -> nda
     """Return the sums (g, k) of ``masses`` (n, k) at the sorted ``nodes`` (n,), weighted by a
     Gaussian of standard deviation ``width`` about each point of ``grid`` (g,).
     """
-    result, reach = np.empty((len(grid), masses.shape[1])), REACH * width
+    sums = np.empty((len(grid), masses.shape[1]))
+    reach = REACH * width
     for start in range(0, len(grid), BLOCK):
         block = grid[start : start + BLOCK]
-        near = slice(
-            *np.searchsorted(nodes, [block.min() - reach, block.max() + reach])
-        )
-        weights = np.exp(-0.5 * ((block[:, None] - nodes[near]) / width) ** 2)
-        result[start : start + BLOCK] = weights @ masses[near]
-    return result
+        ends = [block.min() - reach, block.max() + reach]
+        near = slice(*np.searchsorted(nodes, ends))
+        distances = (block[:, None] - nodes[near]) / width
+        weights = np.exp(-0.5 * distances**2)
+        sums[start : start + BLOCK] = weights @ masses[near]
+    return sums
 
 
 def autocorrelation_time(record: ndarray) -> float:
@@ -122,25 +122,22 @@ def autocorrelation_time(record: ndarray) -> float:
         message = "a record whose values are all equal has no autocorrelation time"
         raise ModelDomainError(message, samples=count)
     # zero padding to twice the length avoids the wrap-around of circular correlation
-    spectrum = (
-        np.abs(np.fft.rfft(record - np.mean(record, axis=0), 2 * count, axis=0)) ** 2
-    )
+    centred = record - np.mean(record, axis=0)
+    spectrum = np.abs(np.fft.rfft(centred, 2 * count, axis=0)) ** 2
     covariance = np.fft.irfft(spectrum, axis=0)[:count]
-    sums = 2 * np.cumsum(covariance / covariance[0], axis=0) - 1
-    ends = np.argmax(np.arange(count)[:, None] >= WINDOW * sums, axis=0)
-    return float(max(1.0, *np.take_along_axis(sums, ends[None], axis=0)[0]))
+    times = 2 * np.cumsum(covariance / covariance[0], axis=0) - 1
+    lags = np.arange(count)[:, None]
+    ends = np.argmax(lags >= WINDOW * times, axis=0)
+    at_ends = np.take_along_axis(times, ends[None], axis=0)[0]
+    return float(max(1.0, *at_ends))
 
 
 def thin_record(record: ndarray) -> ndarray:
     """Return samples (K, p) of ``record`` (N, p), ⌈2τ⌉ or more apart; ModelDomainError if K = 1."""
-    step = max(
-        int(np.ceil(SPACING * autocorrelation_time(record))),
-        -(-len(record) // MAX_SAMPLES),
-    )
+    independent = int(np.ceil(SPACING * autocorrelation_time(record)))
+    step = max(independent, -(-len(record) // MAX_SAMPLES))
     if len(record) <= step:
-        message = (
-            "the record is too short for its autocorrelation time: record for longer"
-        )
+        message = "the record is too short for its autocorrelation time: record longer"
         raise ModelDomainError(message, samples=len(record), step=step)
     return record[::step]
 
@@ -153,11 +150,12 @@ def energy_test(
     this distance, among the true and PERMUTATIONS random divisions of the pooled samples.
     """
     pooled = np.concatenate([a, b])
-    distances = np.sqrt(sum(np.subtract.outer(x, x) ** 2 for x in pooled.T))
+    squares = [np.subtract.outer(x, x) ** 2 for x in pooled.T]
+    distances = np.sqrt(sum(squares))
     weights = np.repeat([1 / len(a), -1 / len(b)], [len(a), len(b)])
-    divisions = rng.permuted(np.tile(weights, (PERMUTATIONS, 1)), axis=1)
     observed = -weights @ distances @ weights
+
+    divisions = rng.permuted(np.tile(weights, (PERMUTATIONS, 1)), axis=1)
     permuted = -np.einsum("ki,ki->k", divisions @ distances, divisions)
-    return float(observed), float(
-        (1 + np.sum(permuted >= observed)) / (1 + PERMUTATIONS)
-    )
+    as_distant = 1 + np.sum(permuted >= observed)  # with the true division
+    return float(observed), float(as_distant / (1 + PERMUTATIONS))

@@ -47,27 +47,22 @@ def windows_of(motions: Sequence[tuple[ndarray, ndarray, ndarray]]) -> ndarray:
     ln s², ln|q̇|² and ln x². ``motions`` have noise (M, n) in rad, commanded steps (M, n) in rad
     and the pose quantity x ≥ 0 (M, n); x = 0 at rest.
     """
+    speeds = [np.abs(dq).max(axis=0, initial=0.0) for _, dq, _ in motions]
+    fastest = np.max(speeds, axis=0)
     rows = []
-    fastest = np.max(
-        [np.abs(dq).max(axis=0, initial=0.0) for _, dq, _ in motions], axis=0
-    )
     for number, (noise, dq, x) in enumerate(motions):
         for j in np.flatnonzero(fastest > 0):
             moving = np.flatnonzero(np.abs(dq[:, j]) > MOVING * fastest[j])
             for steps in np.array_split(moving, max(len(moving) // WINDOW, 1)):
-                size = np.mean(noise[steps, j] ** 2) if len(steps) == WINDOW else 0.0
-                if (
-                    size > 0 and x[steps, j].all()
-                ):  # not exact zeros of quantised angles
-                    block = (
-                        number if len(motions) > 1 else BLOCKS * steps[0] // len(noise)
-                    )
-                    terms = (
-                        size,
-                        np.mean(dq[steps, j] ** 2),
-                        np.mean(x[steps, j] ** 2),
-                    )
-                    rows.append((block, j, *np.log(terms)))
+                if len(steps) != WINDOW or not x[steps, j].all():
+                    continue
+                squares = [np.mean(of[steps, j] ** 2) for of in (noise, dq, x)]
+                if not squares[0] > 0:  # exact zeros of quantised angles
+                    continue
+                group = number
+                if len(motions) == 1:
+                    group = BLOCKS * steps[0] // len(noise)
+                rows.append((group, j, *np.log(squares)))
     return np.array(rows, dtype=float).reshape(-1, 5).T
 
 
@@ -81,34 +76,46 @@ def pose_effect(windows: ndarray, rng: Generator) -> PoseEffect | None:
     if len(size) < LEAST_WINDOWS or len(groups) < 3:
         return None
     weights = jackknife_counts(len(groups))[:, np.searchsorted(groups, group)]
-    design = np.column_stack([joint[:, None] == np.unique(joint), speed, pose]).astype(
-        float
-    )
+    of_joint = joint[:, None] == np.unique(joint)
+    design = np.column_stack([of_joint, speed, pose]).astype(float)
     if np.linalg.matrix_rank(design) < design.shape[1]:
         return None
 
     def exponents(size: ndarray) -> ndarray:
-        return np.array([_slopes(design, size, own)[-1] for own in weights])
+        return np.array([_slopes(design, size, row)[-1] for row in weights])
 
     residuals = size - design @ _slopes(design, size, weights[0])
-    told = 0
+    detected = 0
     for _ in range(DRAWS):
-        drawn = np.empty_like(residuals)
-        for one in groups:
-            own = group == one
-            drawn[own] = np.roll(residuals[own], rng.integers(own.sum()))
-            drawn[own] *= rng.choice([-1.0, 1.0])
-        told += jackknife_difference(exponents(pose + drawn)).low > 0
-    others = design[:, :-1]
-    rest = pose - others @ np.linalg.lstsq(others, pose, rcond=None)[0]
-    spread, effect = float(rest.std()) / 2, jackknife_difference(exponents(size))
+        drawn = _shifted_residuals(residuals, group, rng)
+        detected += jackknife_difference(exponents(pose + drawn)).low > 0
+
+    without_pose = design[:, :-1]
+    by_speed = np.linalg.lstsq(without_pose, pose, rcond=None)[0]
+    unexplained = pose - without_pose @ by_speed
+    spread = float(unexplained.std()) / 2
+    effect = jackknife_difference(exponents(size))
     error = (effect.high - effect.low) / (2 * ndtri(DETECTED))
-    needed = spread * error * (ndtri(DETECTED) + ndtri(POWER))
     return PoseEffect(
-        effect, told / DRAWS, len(rest), len(groups), spread, float(needed)
+        exponent=effect,
+        power=detected / DRAWS,
+        windows=len(size),
+        groups=len(groups),
+        spread=spread,
+        needed=float(spread * error * (ndtri(DETECTED) + ndtri(POWER))),
     )
 
 
+def _shifted_residuals(residuals: ndarray, group: ndarray, rng: Generator) -> ndarray:
+    """Return the ``residuals`` (W,) in their order, shifted and with one sign in each group."""
+    shifted = np.empty_like(residuals)
+    for name in np.unique(group):
+        member = group == name
+        shifted[member] = np.roll(residuals[member], rng.integers(member.sum()))
+        shifted[member] *= rng.choice([-1.0, 1.0])
+    return shifted
+
+
 def _slopes(design: ndarray, size: ndarray, weights: ndarray) -> ndarray:
-    kept = weights > 0
-    return np.linalg.lstsq(design[kept], size[kept], rcond=None)[0]
+    weighted = weights > 0
+    return np.linalg.lstsq(design[weighted], size[weighted], rcond=None)[0]

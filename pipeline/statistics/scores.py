@@ -39,7 +39,8 @@ def normal_log_score(error: ndarray, covariance: ndarray) -> ndarray:
     ModelDomainError like :func:`nees`.
     """
     constant = error.shape[-1] * np.log(2 * np.pi)
-    return -(nees(error, covariance) + np.linalg.slogdet(covariance)[1] + constant) / 2
+    log_determinant = np.linalg.slogdet(covariance)[1]
+    return -(nees(error, covariance) + log_determinant + constant) / 2
 
 
 def prediction_scores(steps: Mapping[str, ndarray], joints: Sequence[str]) -> Scores:
@@ -49,9 +50,8 @@ def prediction_scores(steps: Mapping[str, ndarray], joints: Sequence[str]) -> Sc
     """
     scores = {"log_score": steps["log_density"], "nees": steps["nees"]}
     for joint, z in zip(joints, np.moveaxis(steps["z"], -1, 0), strict=True):
-        scores[f"coverage_of_one_sigma_{joint}"] = np.where(
-            np.isnan(z), np.nan, np.abs(z) <= 1
-        )
+        inside = np.where(np.isnan(z), np.nan, np.abs(z) <= 1)
+        scores[f"coverage_of_one_sigma_{joint}"] = inside
     return {name: values.mean(axis=1) for name, values in scores.items()}
 
 
@@ -64,19 +64,23 @@ def posterior_scores(
     ``error`` (takes, K, n) posterior mean minus measured pose in rad, ``covariance`` (takes, K, n,
     n) in rad² of the posterior and the measurement together.
     """
-    refused, log, squared = None, *np.full((2, *error.shape[:2]), np.nan)
+    refused = None
+    log = squared = np.full(error.shape[:2], np.nan)
     try:
-        log, squared = normal_log_score(error, covariance), nees(error, covariance)
+        log = normal_log_score(error, covariance)
+        squared = nees(error, covariance)
     except ModelDomainError as missing:
         refused = str(missing)
-    inside = np.abs(error) <= np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1))
-    rms, share = np.sqrt(np.mean(error**2, axis=1)).T, inside.mean(axis=1).T
-    scores = {f"rms_error_{joint}_rad": x for joint, x in zip(joints, rms, strict=True)}
+
+    std = np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1))
+    rms = np.sqrt(np.mean(error**2, axis=1))
+    share = np.mean(np.abs(error) <= std, axis=1)
+    scores = {}
+    for joint, of_takes in zip(joints, rms.T, strict=True):
+        scores[f"rms_error_{joint}_rad"] = of_takes
     scores |= {"log_score": log.mean(axis=1), "nees": squared.mean(axis=1)}
-    scores |= {
-        f"coverage_of_one_sigma_{joint}": x
-        for joint, x in zip(joints, share, strict=True)
-    }
+    for joint, of_takes in zip(joints, share.T, strict=True):
+        scores[f"coverage_of_one_sigma_{joint}"] = of_takes
     return scores, refused
 
 
@@ -96,9 +100,10 @@ def log_score_differences(scores: Mapping[str, Scores]) -> pd.DataFrame:
     """Tabulate the paired difference in log score over the takes between any two models, ``model``
     minus ``rival``, in nats, with its 95 % interval.
     """
-    log = {model: by_name["log_score"] for model, by_name in scores.items()}
-    pairs = list(permutations(log, 2))
-    rows = [(*pair, *paired_difference(*map(log.get, pair))) for pair in pairs]
+    rows = []
+    for model, rival in permutations(scores, 2):
+        log, rival_log = scores[model]["log_score"], scores[rival]["log_score"]
+        rows.append((model, rival, *paired_difference(log, rival_log)))
     return pd.DataFrame(rows, columns=["model", "rival", *Difference._fields])
 
 
@@ -140,14 +145,15 @@ def bound_scores(
     scores = {}
     for j, joint in enumerate(joints):
         off, wide = error[..., j], bound[..., j]
-        rms, width = np.sqrt(np.mean(off**2, axis=0)), wide.mean(axis=0)
+        rms = np.sqrt(np.mean(off**2, axis=0))
+        width = wide.mean(axis=0)
+        relative = np.linalg.norm(width - rms) / np.linalg.norm(rms)
         scores[joint] = {
             "rms_error_rad": root_mean_square(off),
             "mean_bound_rad": wide.mean(),
             "bound_variation": variation(width),
             "error_variation": variation(rms),
             FOLLOWS: correlation(width, rms),
-            "relative_error_of_bound": np.linalg.norm(width - rms)
-            / np.linalg.norm(rms),
+            "relative_error_of_bound": relative,
         }
     return scores

@@ -61,9 +61,8 @@ def fast_against_slow(noise: ndarray, steps: ndarray) -> list[Difference]:
     """
     third = len(steps) // 3
     differences = []
-    for of_joint, speeds in zip(
-        np.moveaxis(noise, -1, 0), np.abs(steps.T), strict=True
-    ):
+    for j, speeds in enumerate(np.abs(steps.T)):
+        of_joint = noise[..., j]
         order = np.argsort(speeds, kind="stable")
         with np.errstate(divide="ignore"):
             slow = np.log(of_joint[:, order[:third]].std(axis=1))
@@ -79,12 +78,12 @@ def share_between(noise: ndarray, groups: Sequence[str]) -> float:
     names = list(dict.fromkeys(groups))
     if len(names) in (1, len(groups)):
         return 0.0
-    member = np.array(
-        [[group == name for group in groups] for name in names], dtype=float
-    )
+    member = np.stack([np.array(groups) == name for name in names]).astype(float)
+    sizes = member.sum(axis=1)
     centred = (noise - noise.mean(axis=0)).reshape(len(noise), -1)
-    means = member @ centred / member.sum(axis=1, keepdims=True)
-    return float(member.sum(axis=1) @ np.sum(means**2, axis=1) / np.sum(centred**2))
+    means = member @ centred / sizes[:, None]
+    between = sizes @ np.sum(means**2, axis=1)
+    return float(between / np.sum(centred**2))
 
 
 def percentile_interval(values: ndarray) -> tuple[ndarray, ndarray]:
@@ -97,22 +96,24 @@ def percentile_interval(values: ndarray) -> tuple[ndarray, ndarray]:
 
 def _student(difference: float, error: float, degrees: int) -> Difference:
     """Return a ``difference`` with Student's interval; no interval for ``degrees`` < 1."""
+    difference = float(difference)
     if degrees < 1:
-        return Difference(float(difference))
+        return Difference(difference)
     half = float(stdtrit(degrees, TAILS[1]) * error)
-    low, high = float(difference) - half, float(difference) + half
-    return Difference(float(difference), low, high, float(error), float(degrees))
+    low, high = difference - half, difference + half
+    return Difference(difference, low, high, float(error), float(degrees))
 
 
 def paired_difference(scores: ndarray, reference: ndarray) -> Difference:
     """Return the mean of ``scores`` − ``reference`` (takes,), both of the same takes, with
     Student's interval over the takes: no interval for a single take, NaN if a score is not finite.
     """
-    if not (np.all(np.isfinite(scores)) and np.all(np.isfinite(reference))):
+    if not (np.isfinite(scores).all() and np.isfinite(reference).all()):
         return Difference(np.nan)
-    difference, takes = scores - reference, len(scores)
+    difference = scores - reference
+    takes = len(scores)
     error = difference.std(ddof=min(1, takes - 1)) / np.sqrt(takes)
-    return _student(float(difference.mean()), error, takes - 1)
+    return _student(difference.mean(), error, takes - 1)
 
 
 def part_means(values: ndarray) -> ndarray:
@@ -134,8 +135,8 @@ def zero_mean_p_value(values: ndarray) -> float:
         return np.nan
     if np.linalg.matrix_rank(values - values.mean(axis=0)) < number:
         return np.nan
-    center, covariance = values.mean(axis=0), np.cov(values.T)
-    squared = takes * center @ np.linalg.solve(covariance, center)
+    mean = values.mean(axis=0)
+    squared = takes * mean @ np.linalg.solve(np.cov(values.T), mean)
     ratio = squared * (takes - number) / ((takes - 1) * number)
     return float(fdtrc(number, takes - number, ratio))
 
@@ -152,8 +153,10 @@ def equal_covariances_p_value(
     logarithms = np.linalg.slogdet(np.array(covariances))[1]
     ratio = degrees.sum() * np.linalg.slogdet(pooled)[1] - degrees @ logarithms
     bias = np.sum(1 / degrees) - 1 / degrees.sum()
-    factor = 1 - bias * (2 * size**2 + 3 * size - 1) / (6 * (size + 1) * (groups - 1))
-    return float(chdtrc(size * (size + 1) * (groups - 1) / 2, factor * ratio))
+    weight = 2 * size**2 + 3 * size - 1
+    factor = 1 - bias * weight / (6 * (size + 1) * (groups - 1))
+    restrictions = size * (size + 1) * (groups - 1) / 2
+    return float(chdtrc(restrictions, factor * ratio))
 
 
 def jackknife_counts(takes: int) -> ndarray:
@@ -172,9 +175,9 @@ def jackknife_difference(values: ndarray) -> Difference:
 
 def drawn_takes(takes: int, rng: np.random.Generator) -> list[ndarray]:
     """Return the take indices of REPLICATES resamplings; drops those that repeat a single take."""
-    drawn = [
-        rng.integers(takes, size=takes) for _ in range(REPLICATES if takes > 1 else 0)
-    ]
+    if takes < 2:
+        return []
+    drawn = [rng.integers(takes, size=takes) for _ in range(REPLICATES)]
     return [indices for indices in drawn if np.ptp(indices) > 0]
 
 
@@ -184,20 +187,23 @@ def resampled_differences(
     """Return by model the difference of every quantity to the first model, with the 95 % percentile
     interval of the bootstrap over takes, the same takes for all models.
     """
-    drawn, found, first = [np.arange(takes), *drawn_takes(takes, rng)], {}, None
+    drawn = [np.arange(takes), *drawn_takes(takes, rng)]
+    values = {}
     for model in models:
-        values = np.transpose([quantities(model, indices) for indices in drawn]).copy()
-        first = values if first is None else first
-        rest = (values - first)[:, 1:]
-        ends = (
-            [*percentile_interval(rest.T), rest.std(axis=1, ddof=1)]
-            if len(drawn) > 1
-            else []
-        )
-        found[model] = [
-            Difference(*own) for own in zip((values - first)[:, 0], *ends, strict=True)
-        ]
-    return found
+        resampled = [quantities(model, indices) for indices in drawn]
+        values[model] = np.transpose(resampled).copy()
+
+    differences = {}
+    for model in models:
+        to_first = values[model] - values[models[0]]
+        numbers = [to_first[:, 0]]
+        if len(drawn) > 1:
+            resampled = to_first[:, 1:]
+            numbers += percentile_interval(resampled.T)
+            numbers.append(resampled.std(axis=1, ddof=1))
+        rows = zip(*numbers, strict=True)
+        differences[model] = [Difference(*row) for row in rows]
+    return differences
 
 
 def wrench_summary(errors: pd.DataFrame, spread: pd.DataFrame) -> pd.DataFrame:
@@ -206,6 +212,7 @@ def wrench_summary(errors: pd.DataFrame, spread: pd.DataFrame) -> pd.DataFrame:
     """
     summary = errors.groupby("agents")["error"].agg(["mean", "max"])
     maxima = spread.groupby("agents")["maximum"]
+    summary["repeats"] = maxima.size()
     ends = np.array([percentile_interval(values) for _, values in maxima])
-    ranges = {"repeats": maxima.size(), "max_low": ends[:, 0], "max_high": ends[:, 1]}
-    return summary.assign(**ranges).reset_index()
+    summary["max_low"], summary["max_high"] = ends.T
+    return summary.reset_index()
