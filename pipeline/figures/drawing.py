@@ -45,10 +45,10 @@ def draw_all(out: Path, options: dict[str, object], compute: Compute) -> None:
     """Draw every figure whose tables exist, and ``captions.json``, into ``out``: all or none."""
     drawn = []
     for name, figure in figures_in().items():
-        places = figure.tables.items()
-        absent = [
-            table for table, place in places if not contracts.exists(table, Path(place))
-        ]
+        absent = []
+        for table, place in figure.tables.items():
+            if not contracts.exists(table, Path(place)):
+                absent.append(table)
         if absent:
             lacking = figure.needs or f"table {absent[0]}"
             print(f"figures: {name} left out: the dataset has no {lacking}")
@@ -64,12 +64,14 @@ def draw_all(out: Path, options: dict[str, object], compute: Compute) -> None:
 def _draw(name: str, options: dict[str, object], folder: Path) -> tuple[str, dict]:
     """Draw one figure; return its name and its entry of ``captions.json``."""
     draw, title, caption, tables, _ = figures_in()[name]
-    # a table has priority over an option of equal name
-    named = options | {
-        table: contracts.read(table, Path(place)) for table, place in tables.items()
+    values = dict(options)
+    for table, place in tables.items():  # prior to an option of equal name
+        values[table] = contracts.read(table, Path(place))
+    arguments = {key: values[key] for key in signature(draw).parameters}
+    save(draw(**arguments), folder, name)
+    return name, {
+        "title": title.format(**options),
+        "caption": caption.format(**options),
+        "sources": [f"{place}/{table}.parquet" for table, place in tables.items()],
+        "script": f"{draw.__module__.replace('.', '/')}.py",
     }
-    save(draw(**{key: named[key] for key in signature(draw).parameters}), folder, name)
-    sources = [f"{place}/{table}.parquet" for table, place in tables.items()]
-    script = f"{draw.__module__.replace('.', '/')}.py"
-    texts = {"title": title.format(**options), "caption": caption.format(**options)}
-    return name, texts | {"sources": sources, "script": script}

@@ -15,6 +15,9 @@ YARDSTICKS = {
     "last_value": {"label": "last value", "linestyle": "-."},
     "joint_autoregression": {"label": "autoregression", "linestyle": (0, (5, 1))},
 }
+# looks of the law's errors and of their predicted size
+ERRORS = {"color": "k", "marker": "o", "ms": 3, "label": "errors of the law"}
+PREDICTED = {"linestyle": "--", "color": BANDS["0.1 s"], "label": "predicted"}
 
 
 def held_out_error(held_out_run: pd.DataFrame) -> Figure:
@@ -37,11 +40,11 @@ def _draw_bands(axes: Axes, rows: pd.DataFrame) -> None:
     """Draw the bands of the predictions of one joint, the longest horizon first, and its error."""
     for horizon, color in reversed(BANDS.items()):
         band = rows[rows["horizon"] == horizon]
-        low, high = band["mean"] - band["std"], band["mean"] + band["std"]
-        label = f"±1σ, {horizon} ahead"
-        axes.fill_between(
-            band["t"], 1e3 * low, 1e3 * high, color=color, alpha=0.4, lw=0, label=label
-        )
+        low = band["mean"] - band["std"]
+        high = band["mean"] + band["std"]
+        look = {"color": color, "alpha": 0.4, "lw": 0}
+        look["label"] = f"±1σ, {horizon} ahead"
+        axes.fill_between(band["t"], 1e3 * low, 1e3 * high, **look)
     first = rows[rows["horizon"] == next(iter(BANDS))]
     axes.plot(first["t"], 1e3 * first["error"], "k", linewidth=0.5, label="recorded")
 
@@ -65,23 +68,14 @@ def sigma_over_horizon(
         for model, look in YARDSTICKS.items():
             measured = rms_by_horizon(rows[rows["model"] == model], "measured_rad")
             axes.plot(measured.index, 1e3 * measured, color=style.LIGHT_GREY, **look)
-        own = rows[rows["model"] == law]
-        measured = rms_by_horizon(own, "measured_rad")
-        predicted = rms_by_horizon(own, "predicted_rad")
-        axes.plot(
-            measured.index, 1e3 * measured, "k-o", ms=3, label="errors of the law"
-        )
-        axes.plot(
-            predicted.index,
-            1e3 * predicted,
-            "--",
-            color=BANDS["0.1 s"],
-            label="predicted",
-        )
+        of_law = rows[rows["model"] == law]
+        measured = rms_by_horizon(of_law, "measured_rad")
+        predicted = rms_by_horizon(of_law, "predicted_rad")
+        axes.plot(measured.index, 1e3 * measured, **ERRORS)
+        axes.plot(predicted.index, 1e3 * predicted, **PREDICTED)
         axes.set_yscale("log")
-        axes.set_xticks(
-            range(len(measured)), [SECONDS[name] for name in measured.index]
-        )
+        horizons = [SECONDS[name] for name in measured.index]
+        axes.set_xticks(range(len(measured)), horizons)
         axes.set_title(style.joint_label(joint))
     for empty in grid.flat[len(joints) :]:
         empty.remove()

@@ -4,6 +4,7 @@ from textwrap import wrap
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator
 
@@ -12,6 +13,7 @@ from pipeline.core.filters import MEMORY, NONE, closed
 from pipeline.figures import style
 
 ERROR = "_standard_error"  # end of the name of a measure that is an error of another measure
+NODES = ("O1", "O2", "O3", "EE")
 LABEL_DISTANCE = 13  # pt from the node, on the outer side of the bend
 # unit of a measure: unit of its strip, and factor between them
 UNITS = {
@@ -29,6 +31,13 @@ LEFT_OUT = {
     "ls": "none",
     "label": "left out",
 }
+# looks of the lines of a strip
+LIMIT = {"color": style.BLACK, "lw": 0.8, "ls": (0, (4, 3))}
+LIMIT |= {"label": "limit", "zorder": 1}
+BETWEEN = {"color": style.LIGHT_GREY, "lw": 0.8}
+BETWEEN |= {"label": "training | test", "zorder": 0}
+BARS = {"fmt": "none", "ecolor": style.GREY, "elinewidth": 0.5}
+BARS |= {"label": "± 2 standard errors"}
 
 
 def articulation(cloud: pd.DataFrame, skeleton: pd.DataFrame) -> Figure:
@@ -46,22 +55,12 @@ def articulation(cloud: pd.DataFrame, skeleton: pd.DataFrame) -> Figure:
     }
     rings = {"color": style.VERMILLION, "markersize": 3.5, "markerfacecolor": "white"}
     for axes, view in zip(grid[:, 0], ("initial", "extended"), strict=True):
-        points, nodes = (
-            table.loc[table["view"] == view, ["x", "z"]].to_numpy()
-            for table in (cloud, skeleton)
-        )
+        points = cloud.loc[cloud["view"] == view, ["x", "z"]].to_numpy()
+        nodes = skeleton.loc[skeleton["view"] == view, ["x", "z"]].to_numpy()
         axes.plot(*points.T, ".", label="point cloud", **dots)
         axes.plot(*nodes.T, "o-", label="fitted segments", **rings)
-        before, after = np.roll(nodes, 1, axis=0), np.roll(nodes, -1, axis=0)
-        before[0], after[-1] = nodes[1], nodes[-2]
-        outer = (
-            2 * nodes - before - after
-        )  # away from the neighbours; up at a straight joint
-        outer[~outer.any(axis=1)] = (0.0, 1.0)
-        outer /= np.linalg.norm(outer, axis=1, keepdims=True)
-        for text, node, side in zip(
-            ("O1", "O2", "O3", "EE"), nodes, outer, strict=True
-        ):
+        outer = _outer_sides(nodes)
+        for text, node, side in zip(NODES, nodes, outer, strict=True):
             place = {"xytext": LABEL_DISTANCE * side, "textcoords": "offset points"}
             axes.annotate(text, node, **place, ha="center", va="center")
         axes.set(ylabel="z (m)", aspect="equal")
@@ -70,6 +69,17 @@ def articulation(cloud: pd.DataFrame, skeleton: pd.DataFrame) -> Figure:
     grid[-1, 0].set_xlabel("x (m)")
     style.legend(figure, ncols=2).legend_handles[0].set_markersize(4)
     return figure
+
+
+def _outer_sides(nodes: np.ndarray) -> np.ndarray:
+    """Return unit vectors (4, 2) at the ``nodes`` (4, 2) away from their neighbours, up at a
+    straight joint.
+    """
+    before, after = np.roll(nodes, 1, axis=0), np.roll(nodes, -1, axis=0)
+    before[0], after[-1] = nodes[1], nodes[-2]
+    outer = 2 * nodes - before - after
+    outer[~outer.any(axis=1)] = (0.0, 1.0)
+    return outer / np.linalg.norm(outer, axis=1, keepdims=True)
 
 
 def kinect_noise(kinect_noise: pd.DataFrame) -> Figure:
@@ -110,10 +120,8 @@ def filter_errors(
     black = {"color": style.BLACK, "lw": 0.5, "label": "rms error of the training mean"}
     for row, model in zip(grid, models, strict=True):
         rows = filter_error[filter_error["model"] == model]
-        take, others = (
-            rows[rows["take"] == shown].set_index("t"),
-            rows[rows["take"] != shown],
-        )
+        take = rows[rows["take"] == shown].set_index("t")
+        further = rows[rows["take"] != shown]
         for joint, axes in zip(joints, row, strict=True):
             error, std = column("e", joint), take[column("s", joint)]
             rms = np.sqrt(mean[error].agg(lambda errors: np.mean(errors**2)))
@@ -121,8 +129,9 @@ def filter_errors(
             for sign in (1, -1):
                 axes.plot(sign * std, **orange)
                 axes.plot(sign * rms, **black)
-            errors = others.pivot(index="t", columns="take", values=error)
-            if lines := axes.plot(errors.index, errors.to_numpy(), **grey):
+            errors = further.pivot(index="t", columns="take", values=error)
+            lines = axes.plot(errors.index, errors.to_numpy(), **grey)
+            if lines:
                 lines[0].set_label("errors of the other takes")
     grid[0, 0].set_xlim(0, filter_error["t"].max())
     style.legend(figure)
@@ -159,68 +168,68 @@ def filter_closed_loop(
 
 def recording_quality(takes: pd.DataFrame) -> Figure:
     """Draw a strip for each measure that the dataset has."""
-    known = takes.drop_duplicates("take").reset_index(drop=True)
-    place = pd.Series(np.arange(1, len(known) + 1), known["take"])
-    by_measure = {
-        name: rows.set_index("take") for name, rows in takes.groupby("measure")
-    }
+    listed = takes.drop_duplicates("take").reset_index(drop=True)
+    place = pd.Series(np.arange(1, len(listed) + 1), listed["take"])
+    by_measure = {}
+    for measure, rows in takes.groupby("measure"):
+        by_measure[measure] = rows.set_index("take")
     # a standard error without a limit is drawn with its measure alone
     strips = takes[takes["limit"].notna() | ~takes["measure"].str.endswith(ERROR)]
-    shown = list(dict.fromkeys(strips["measure"]))
-    height = 0.62 * len(shown) + 0.9
-    figure, grid = style.panels(style.TWO_COLUMNS, height, rows=len(shown), sharex=True)
-    dashed = {
-        "color": style.BLACK,
-        "lw": 0.8,
-        "ls": (0, (4, 3)),
-        "label": "limit",
-        "zorder": 1,
-    }
-    between = {
-        "color": style.LIGHT_GREY,
-        "lw": 0.8,
-        "label": "training | test",
-        "zorder": 0,
-    }
-    bars = {
-        "fmt": "none",
-        "ecolor": style.GREY,
-        "elinewidth": 0.5,
-        "label": "± 2 standard errors",
-    }
-    boundaries = np.flatnonzero(known["part"] != known["part"].shift())[1:] + 0.5
-    for axes, measure in zip(grid[:, 0], shown, strict=True):
-        rows = by_measure[measure]
-        unit, factor = UNITS.get(rows["unit"].iloc[0], (rows["unit"].iloc[0], 1))
-        for mark, of in (
-            (KEPT, rows[~rows["left_out"]]),
-            (LEFT_OUT, rows[rows["left_out"]]),
-        ):
-            if len(of):
-                axes.plot(place[of.index], factor * of["value"], **mark, zorder=3)
-        if (errors := by_measure.get(measure + ERROR)) is not None:
-            error = 2 * factor * errors["value"][rows.index]
-            axes.errorbar(place[rows.index], factor * rows["value"], yerr=error, **bars)
-        if not np.isnan(limit := factor * rows["limit"].iloc[0]):
-            for side in (-1, 1) if rows["value"].min() < 0 else (1,):
-                axes.axhline(side * limit, **dashed)
-        axes.margins(y=0.12)
-        if rows["value"].min() >= 0:  # from zero, with whole marks at either end
-            top = max(
-                axes.get_ylim()[1], 1.0 if factor == 1 else 0.0
-            )  # counts up to 1 at least
-            axes.set_ylim(-0.08 * top, 1.08 * top)
+    measures = list(dict.fromkeys(strips["measure"]))
+
+    height = 0.62 * len(measures) + 0.9
+    figure, grid = style.panels(
+        style.TWO_COLUMNS, height, rows=len(measures), sharex=True
+    )
+    boundaries = np.flatnonzero(listed["part"] != listed["part"].shift())[1:] + 0.5
+    for axes, measure in zip(grid[:, 0], measures, strict=True):
+        errors = by_measure.get(measure + ERROR)
+        _draw_measure(axes, measure, by_measure[measure], errors, place)
         for boundary in boundaries:
-            axes.axvline(boundary, **between)
-        label = "\n".join(wrap(f"{measure.replace('_', ' ')} ({unit})", 16))
-        axes.set_ylabel(label, rotation=0, ha="right", va="center", fontsize=7)
-        axes.locator_params(axis="y", nbins=3)
+            axes.axvline(boundary, **BETWEEN)
     figure.align_ylabels(grid[:, 0])
-    groups = place.groupby(known["part"].to_numpy(), sort=False).agg(["min", "max"])
-    parts = (f"{part} {low} to {high}" for part, (low, high) in groups.iterrows())
-    grid[-1, 0].set(xlabel="take: " + ", ".join(parts), xlim=(0, len(known) + 1))
+
+    numbers = place.groupby(listed["part"].to_numpy(), sort=False).agg(["min", "max"])
+    parts = [f"{part} {low} to {high}" for part, (low, high) in numbers.iterrows()]
+    grid[-1, 0].set(xlabel="take: " + ", ".join(parts), xlim=(0, len(listed) + 1))
     above = {"xycoords": ("data", "axes fraction"), "rotation": 30, "fontsize": 7}
-    for take in known.loc[known["left_out"], "take"]:
+    for take in listed.loc[listed["left_out"], "take"]:
         grid[0, 0].annotate(take, (place[take], 1.1), **above, color=style.VERMILLION)
     style.legend(figure, ncols=5)
     return figure
+
+
+def _draw_measure(
+    axes: Axes,
+    measure: str,
+    rows: pd.DataFrame,
+    errors: pd.DataFrame | None,
+    place: pd.Series,
+) -> None:
+    """Draw the values of one ``measure`` at the ``place`` of each take, with their standard
+    ``errors`` and the limit.
+    """
+    unit = rows["unit"].iloc[0]
+    unit, factor = UNITS.get(unit, (unit, 1))
+    values = factor * rows["value"]
+    left_out = rows["left_out"]
+    for look, marked in ((KEPT, values[~left_out]), (LEFT_OUT, values[left_out])):
+        if len(marked):
+            axes.plot(place[marked.index], marked, **look, zorder=3)
+    if errors is not None:
+        error = 2 * factor * errors["value"][rows.index]
+        axes.errorbar(place[rows.index], values, yerr=error, **BARS)
+
+    signed = rows["value"].min() < 0
+    limit = factor * rows["limit"].iloc[0]
+    if not np.isnan(limit):
+        for side in (-1, 1) if signed else (1,):
+            axes.axhline(side * limit, **LIMIT)
+    axes.margins(y=0.12)
+    if not signed:  # from zero, with whole marks at either end
+        least_top = 1.0 if factor == 1 else 0.0  # counts up to 1 at least
+        top = max(axes.get_ylim()[1], least_top)
+        axes.set_ylim(-0.08 * top, 1.08 * top)
+    label = "\n".join(wrap(f"{measure.replace('_', ' ')} ({unit})", 16))
+    axes.set_ylabel(label, rotation=0, ha="right", va="center", fontsize=7)
+    axes.locator_params(axis="y", nbins=3)
