@@ -130,9 +130,10 @@ def kinds_of_samples(scores: pd.DataFrame, model: str) -> list[list[str]]:
     measured σ, coverage and what is left of the autocorrelation over all joints, with the least and
     greatest joint and intervals over motions.
     """
-    of_model, rows = scores[scores["model"] == model], []
-    total = of_model[of_model["samples"] == "commanded"].groupby("horizon")["count"]
-    totals = total.sum()
+    of_model = scores[scores["model"] == model]
+    commanded = of_model[of_model["samples"] == "commanded"]
+    totals = commanded.groupby("horizon")["count"].sum()
+    rows = []
     for kind, words in KINDS.items():
         samples = of_model[of_model["samples"] == kind]
         joints = pooled(samples, ["horizon", "joint"]) if len(samples) else None
@@ -160,10 +161,11 @@ def confirmed_sigmas(scores: pd.DataFrame, model: str) -> list[list[str]]:
     table = confirmations(scores, model)
     table["cell"] = table.apply(ratio_with_interval, axis=1)
     table.loc[~table["confirmed"], "cell"] += " !"
-    by_horizon = table.pivot(index="joint", columns="horizon", values="cell")
-    order = list(dict.fromkeys(table["horizon"]))
-    by_horizon = by_horizon.loc[list(dict.fromkeys(table["joint"])), order]
-    return by_horizon.fillna(MISSING).reset_index().to_numpy().tolist()
+    cells = table.pivot(index="joint", columns="horizon", values="cell")
+    joints = list(dict.fromkeys(table["joint"]))
+    horizons = list(dict.fromkeys(table["horizon"]))
+    cells = cells.loc[joints, horizons].fillna(MISSING)
+    return cells.reset_index().to_numpy().tolist()
 
 
 def _speeds(ranges: pd.DataFrame) -> tuple[pd.Series, pd.Series]:
@@ -233,34 +235,44 @@ def model_card(run: Run, others: Sequence[Run]) -> str:
         parts["matrix"] = t.get("other_motions", ())
     if parts["choice"]:
         parts |= {"predictors": predictors(run), "coverage": coverage(run)}
-    seen = pd.concat([t[name] for name in ("motion_ranges", "ranges") if name in t])
-    parts["ranges"] = seen.drop_duplicates(["quantity", "name"])[RANGES].itertuples(
-        index=False
-    )
+    ranges = pd.concat([t[name] for name in ("motion_ranges", "ranges") if name in t])
+    ranges = ranges.drop_duplicates(["quantity", "name"])
+    parts["ranges"] = ranges[RANGES].itertuples(index=False)
     if "takes" in t:
         takes = t["takes"].drop_duplicates("take")
         parts["kept"] = takes[~takes["left_out"]].groupby("part").size()
         parts["gone"] = takes.loc[takes["left_out"], ["take", "reason"]].to_numpy()
     fitted = {model: run.metrics.get(f"fit_{model}", {}) for model in run.models}
-    parts["unknown"] = {
-        name: _unknown_estimates(run, own) for name, own in fitted.items()
-    }
-    parts["parameters"] = [
-        [model, name, value, error, MISSING if few_takes(run) else interval(*ends)]
-        for model, own in fitted.items()
-        for name, value in own.items()
-        if (error := own.get(f"{name}_standard_error")) is not None
-        if name not in parts["unknown"][model]
-        for ends in [
-            [own.get(f"{name}_interval_{end}", np.nan) for end in ("low", "high")]
-        ]
-    ]
-    parts["others"] = [
-        (o.dataset, first_line(o), _choice(o)) for o in others if o.joints
-    ]
-    return render(
-        "model_card.md", run=run, tables=t, fitted=any(fitted.values()), **parts
-    )
+    unknown, parameters = {}, []
+    for model, numbers in fitted.items():
+        unknown[model] = _unknown_estimates(run, numbers)
+        for row in _parameter_rows(run, numbers):
+            if row[0] not in unknown[model]:
+                parameters.append([model, *row])
+    parts |= {"unknown": unknown, "parameters": parameters}
+    parts["others"] = []
+    for further in others:
+        if further.joints:
+            line = (further.dataset, first_line(further), _choice(further))
+            parts["others"].append(line)
+    any_fit = any(fitted.values())
+    return render("model_card.md", run=run, tables=t, fitted=any_fit, **parts)
+
+
+def _parameter_rows(run: Run, fitted: Mapping[str, float]) -> list[list[object]]:
+    """Return name, value, standard error and interval of the parameters in ``fitted`` that have a
+    standard error; no interval from few takes.
+    """
+    rows = []
+    for name, value in fitted.items():
+        error = fitted.get(f"{name}_standard_error")
+        if error is None:
+            continue
+        low = fitted.get(f"{name}_interval_low", np.nan)
+        high = fitted.get(f"{name}_interval_high", np.nan)
+        ends = MISSING if few_takes(run) else interval(low, high)
+        rows.append([name, value, error, ends])
+    return rows
 
 
 def _choice(run: Run) -> str:
@@ -270,18 +282,20 @@ def _choice(run: Run) -> str:
 def _unknown_estimates(run: Run, fitted: Mapping[str, float]) -> dict[str, str]:
     """Return the estimates in ``fitted`` that the recordings do not determine, with reasons."""
     absent = {}
-    for key in (
-        key for key, found in fitted.items() if found and key.endswith("_unbounded")
-    ):
-        name = key.removesuffix("_unbounded")
-        absent[name] = "its search ended at a bound; only the noise level L is known"
-        absent[name.replace("u", "alpha", 1)] = "only the noise level L is known"
-    if fitted.get("sigma_b", 0.0) >= fitted.get(
-        "sigma_b_limit_of_the_covariance", float("inf")
-    ):
+    for key, at_end in fitted.items():
+        if at_end and key.endswith("_unbounded"):
+            name = key.removesuffix("_unbounded")
+            absent[name] = (
+                "its search ended at a bound; only the noise level L is known"
+            )
+            absent[name.replace("u", "alpha", 1)] = "only the noise level L is known"
+    limit = fitted.get("sigma_b_limit_of_the_covariance", float("inf"))
+    if fitted.get("sigma_b", 0.0) >= limit:
         absent["sigma_b"] = "a step has no covariance at this estimate"
     if "ranges" in run.tables:
-        for joint, speed in _speeds(run.tables["ranges"])[1].items():
-            if (name := f"std_share_of_the_step_{joint}") in fitted:
+        _, slow = _speeds(run.tables["ranges"])
+        for joint, speed in slow.items():
+            name = f"std_share_of_the_step_{joint}"
+            if name in fitted:
                 absent[name] = f"{joint} hardly moved (at most {number(speed)} rad/s)"
     return absent

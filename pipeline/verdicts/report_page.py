@@ -156,11 +156,11 @@ def tally_table(rows: Sequence[Row]) -> str:
     """Return the count of the paper's claims by group of datasets."""
     cells = []
     for row in rows:
-        counts = [str(len(row.claims[word])) for word in COUNTED]
-        for place, word in enumerate(COUNTED):
-            if word == FAILS and row.decides and row.claims[word]:
-                counts[place] += f": {_named(row.group, row.claims[word])}"
-        cells.append([_row_name(row), *counts])
+        counts = {word: str(len(row.claims[word])) for word in COUNTED}
+        failing = row.claims[FAILS]
+        if failing and row.decides:
+            counts[FAILS] += f": {_named(row.group, failing)}"
+        cells.append([_row_name(row), *counts.values()])
     return table(["recordings", *COUNTED], cells)
 
 
@@ -215,11 +215,13 @@ def summary_numbers(here: Run, rows: Sequence[Row]) -> dict[str, float]:
     numbers: dict[str, float] = {}
     for row in rows:
         if here.dataset in row.group.verdicts and row.decides:
-            numbers["fail"] = len(row.claims[FAILS]) + len(row.claims[DEPENDS])
-            numbers["hold"] = sum(map(len, row.claims.values())) - numbers["fail"]
+            counts = {word: len(claims) for word, claims in row.claims.items()}
+            numbers["fail"] = counts[FAILS] + counts[DEPENDS]
+            numbers["hold"] = sum(counts.values()) - numbers["fail"]
     for name, (model, key) in SUMMARY.items():
-        if key in here.metrics.get(f"fit_{model}", {}):
-            numbers[name] = here.metrics[f"fit_{model}"][key]
+        fitted = here.metrics.get(f"fit_{model}", {})
+        if key in fitted:
+            numbers[name] = fitted[key]
     means = scores.log_scores(here)["mean"] if "predictions" in here.tables else {}
     for name in [*here.models][:3]:
         if name in means:
@@ -286,11 +288,12 @@ def _changed_by_reading(run: Run, readings_of: pd.DataFrame) -> list[dict[str, s
 def _lacking_numbers(run: Run, readings_of: pd.DataFrame) -> list[str]:
     """Return a note for each reading under which claims lack numbers."""
     refused = readings_of["refused"].astype(object).fillna("")
-    lacking = readings_of[readings_of["holds"].eq(UNKNOWN) & refused.ne("")]
+    undecided = readings_of["holds"].eq(UNKNOWN)
+    lacking = readings_of[undecided & refused.ne("")]
     notes = []
-    for reading, claims in lacking.groupby("reading", sort=False)["refused"]:
-        reason = re.split(r" \[|;", claims.iloc[0])[0]
-        count = f"{len(claims)} claims lack numbers ({reason})."
+    for reading, reasons in lacking.groupby("reading", sort=False)["refused"]:
+        first, *_ = re.split(r" \[|;", reasons.iloc[0])
+        count = f"{len(reasons)} claims lack numbers ({first})."
         notes.append(f"- {run.dataset}, {reading}: {count}")
     return notes
 

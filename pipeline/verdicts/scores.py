@@ -46,21 +46,23 @@ def result(run: Run) -> list[str]:
     sentences = []
     if "predictions" in run.tables:
         means = log_scores(run)["mean"].sort_values(ascending=False, kind="stable")
-        best, pairs = means.index[0], pairs_of(run)
-        matrix, scored = _is_matrix(run, best), pairs.index[pairs["difference"].notna()]
-        rivals = [n for n in means.index if _is_matrix(run, n) != matrix]
-        models = [n for n in ("gaussian", "wishart") if (n, ADDITIVE) in scored]
-        additive = {plain_name(name): pairs.loc[name, ADDITIVE] for name in models}
+        pairs = pairs_of(run)
+        best = means.index[0]
+        matrix = _is_matrix(run, best)
+        rivals = [name for name in means.index if _is_matrix(run, name) != matrix]
         words = {
             "best": plain_name(best),
             "mean": means[best],
             "matrix": matrix,
             "rivals": [pairs.loc[best, name] for name in rivals[:1]],
         }
-        sentences += [
-            say("best", run=run, **words),
-            say("against_additive", models=additive),
-        ]
+        sentences.append(say("best", run=run, **words))
+        scored = pairs.index[pairs["difference"].notna()]
+        additive = {}
+        for model in ("gaussian", "wishart"):
+            if (model, ADDITIVE) in scored:
+                additive[plain_name(model)] = pairs.loc[model, ADDITIVE]
+        sentences.append(say("against_additive", models=additive))
     if FILTERS in run.tables:
         rows = run.tables[FILTERS].query("score == 'log_score' and difference.notna()")
         rows = rows.set_index("model").sort_values("difference", ascending=False)
@@ -74,15 +76,17 @@ def widths(run: Run) -> list[str]:
     """Return a sentence for each matrix model on the joints where its standard deviation is widest
     and narrowest beside the recordings, and where its error is above the error of no noise.
     """
-    rows, sentences = run.evidence.query("quantity == 'std' and rival == ''"), []
-    stds = rows.pivot(index="joint", columns="model", values="value").reindex(
-        [*run.joints]
-    )
-    errors = run.evidence.query(
-        "quantity == 'std_error' and rival == 'no_noise' and low > 0"
-    )
-    for model in (name for name, kind in run.models.items() if kind in MATRIX_KINDS):
-        if model in stds and (ratio := stds[model] / stds["recorded"]).notna().all():
+    rows = run.evidence.query("quantity == 'std' and rival == ''")
+    stds = rows.pivot(index="joint", columns="model", values="value")
+    stds = stds.reindex([*run.joints])
+    above_zero = "quantity == 'std_error' and rival == 'no_noise' and low > 0"
+    errors = run.evidence.query(above_zero)
+    sentences = []
+    for model, kind in run.models.items():
+        if kind not in MATRIX_KINDS or model not in stds:
+            continue
+        ratio = stds[model] / stds["recorded"]
+        if ratio.notna().all():
             above = [*errors["joint"][errors["model"] == model]]
             sentences.append(say("widths", model=model, ratio=ratio, above=above))
     return sentences
@@ -119,10 +123,8 @@ def choice(run: Run) -> str:
     def not_below(model: str, rivals: Iterable[str]) -> list[str]:
         return [plain_name(n) for n in rivals if n != model and not low[model, n] > 0]
 
-    baselines, best = (
-        [name for name in means.index if not _is_matrix(run, name)],
-        means.idxmax(),
-    )
+    best = means.idxmax()
+    baselines = [name for name in means.index if not _is_matrix(run, name)]
     matrix = [name for name in run.models if name in means and name not in baselines]
     above = {name: not_below(name, baselines) for name in matrix}
     passing = [name for name in matrix if not above[name]]
@@ -163,18 +165,12 @@ def predictors(run: Run) -> str:
 def coverage(run: Run) -> str:
     """Return the share of steps within ±1σ of the prediction by group of steps and joint."""
     rows = run.tables["predictions"]
-    means, models = (
-        rows.set_index(["steps", "model", "score"])["mean"],
-        [*rows["model"].unique()],
-    )
-    cells = [
-        [
-            steps,
-            joint,
-            *(means[steps, m, f"coverage_of_one_sigma_{joint}"] for m in models),
-        ]
-        for steps, joint in product(rows["steps"].unique(), run.joints)
-    ]
+    means = rows.set_index(["steps", "model", "score"])["mean"]
+    models = [*rows["model"].unique()]
+    cells = []
+    for steps, joint in product(rows["steps"].unique(), run.joints):
+        score = f"coverage_of_one_sigma_{joint}"
+        cells.append([steps, joint, *(means[steps, model, score] for model in models)])
     return table(["steps", "joint", *map(plain_name, models)], cells)
 
 
@@ -214,29 +210,26 @@ def filter_verdict(run: Run) -> str:
     if FILTERS not in run.tables:
         return ""
     rows = run.tables[FILTERS].query("model != @NONE")
-    low, high = (
-        rows.pivot(index="model", columns="score", values=end)
-        for end in ("low", "high")
-    )
-    names, errors = (
-        [*rows["model"].unique()],
-        [f"rms_error_{joint}_rad" for joint in run.joints],
-    )
+    low = rows.pivot(index="model", columns="score", values="low")
+    high = rows.pivot(index="model", columns="score", values="high")
+    names = [*rows["model"].unique()]
     higher = [name for name in names if low.loc[name, "log_score"] > 0]
     particle = [name for name in higher if name != MEMORY]
-    smaller = [
-        n
-        for n in names
-        if n not in (*higher, MEMORY) and (high.loc[n, errors] < 0).all()
-    ]
+    errors = [f"rms_error_{joint}_rad" for joint in run.joints]
+    smaller = []
+    for name in names:
+        if name not in (*higher, MEMORY) and (high.loc[name, errors] < 0).all():
+            smaller.append(name)
     words = {"higher": _labels(particle), "smaller": _labels(smaller)}
     linear = [MEMORY in higher] if MEMORY in names else []
     return say("filters", run=run, linear=linear, **words)
 
 
 def _labels(names: Iterable[str]) -> str:
-    models = {name: name.removesuffix(CLOSED) for name in names}
-    loops = {
-        n: f"{m}, {'open' if n == m else 'closed'} loop" for n, m in models.items()
-    }
-    return "; ".join(LABELS.get(name, loop) for name, loop in loops.items())
+    """Return the names of filters on the pages, with the loop of a model's filter."""
+    labels = []
+    for name in names:
+        model = name.removesuffix(CLOSED)
+        loop = "open" if name == model else "closed"
+        labels.append(LABELS.get(name, f"{model}, {loop} loop"))
+    return "; ".join(labels)
