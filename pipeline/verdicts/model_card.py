@@ -182,13 +182,18 @@ def compared_laws(scores: pd.DataFrame) -> str:
     """
     moving = scores[scores["samples"] == "commanded"]
     totals = _scores_by_horizon(moving)
-    settled = _scores_by_horizon(scores[scores["samples"] == "settled"]).mean(axis=1)
+    settled = scores[scores["samples"] == "settled"]
+    if settled.empty:  # no commanded speed jumps: all commanded samples are settled
+        settled = moving
+    settled = _scores_by_horizon(settled).mean(axis=1)
     best, rows = chosen_law(scores)[0], []
     for model, by_horizon in totals.iterrows():
         margin, faults = MISSING, MISSING
         if best not in (None, model):
             mean, low, high = margins(moving, best, model)
-            margin = f"{mean:.3g} {interval(low, high)}"
+            margin = f"{mean:.3g}"
+            if np.isfinite(low):  # else one part is held out
+                margin += f" {interval(low, high)}"
         if model != LAST_VALUE:
             faults = len(faults_of(moving, model))
         mean = mean_scores(moving)[model].mean()

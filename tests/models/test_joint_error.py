@@ -21,9 +21,20 @@ from pipeline.models.joint_error.held_out import (
     parts_of,
     score_runs,
 )
-from pipeline.models.joint_error.law import JUMPS, Outlook, build
-from pipeline.models.joint_error.likelihood import CALIBRATION, composite_loss
-from pipeline.models.joint_error.samples import JointRun, lags_of_logs, settled
+from pipeline.models.joint_error.law import INPUTS, JUMPS, build
+from pipeline.models.joint_error.likelihood import (
+    CALIBRATION,
+    NoiseLaw,
+    Residuals,
+    composite_loss,
+)
+from pipeline.models.joint_error.outlook import Outlook
+from pipeline.models.joint_error.samples import (
+    JointRun,
+    lags_of_logs,
+    lasting_speeds,
+    settled,
+)
 
 LAWS = {
     "normal": known_law(),
@@ -122,18 +133,17 @@ def test_the_compiled_loss_is_that_of_the_laws_own_predictions(name):
             expected -= np.mean(density(off / scale) - np.log(scale))
             sizes = variance.mean() + least, np.mean(off**2) + least
             expected += CALIBRATION * np.log(sizes[0] / sizes[1]) ** 2
-        parameters = law.memory[j], law.scale[j], law.drift[j], law.degrees[j]
-        data = past[:, j, 0], past[:, j], inputs.growth[:, j].copy(), np.array(horizons)
-        counts = np.array([len(own) for own in ends])
-        loss = composite_loss(
-            *parameters,
-            law.keep,
-            law.persistence,
-            *data,
-            np.concatenate(ends),
-            counts,
-            least,
+        noise = NoiseLaw(law.memory[j], law.scale[j], law.drift[j], law.degrees[j])
+        residuals = Residuals(
+            r=past[:, j, 0],
+            past=past[:, j],
+            growth=inputs.growth[:, j].copy(),
+            horizons=np.array(horizons),
+            ends=np.concatenate(ends),
+            counts=np.array([len(samples) for samples in ends]),
+            least=least,
         )
+        loss = composite_loss(noise, law.keep, law.persistence, residuals)
         assert loss == pytest.approx(expected, rel=1e-9)
 
 
@@ -231,6 +241,47 @@ def test_the_law_is_right_after_jumps_of_the_commanded_speed():
     rows = pd.DataFrame(score_runs(blind, fresh)[0]).query("samples == 'commanded'")
     blind_error = pooled(rows, ["horizon"])["measured_rad"]
     assert blind_error["0.5 s"] > 2 * after["0.5 s"]
+
+
+def test_a_jump_of_the_speed_counts_whole_and_is_no_acceleration():
+    law = known_law(jump=np.array([5.0, 5.0]))
+    change = np.array([4.9, 5.1])  # rad/s², just below and just above the bound
+    command = np.zeros((4, 2))
+    command[2:] = change / RATE**2 * np.array([[1.0], [2.0]])
+    drive = law.inputs(command)
+    acceleration = drive.mean[2, :, INPUTS.index("acceleration")]
+    np.testing.assert_allclose(acceleration, [4.9, 0.0])
+    np.testing.assert_allclose(
+        drive.growth[2, :, JUMPS], [0.0, (5.1 / RATE) ** 2], atol=1e-15
+    )
+
+
+def test_a_joint_without_jumps_has_the_mean_variance_of_the_others_after_one():
+    runs = []
+    for run, smooth in zip(
+        jumping_runs(np.random.default_rng(3)),
+        runs_of_law(known_law(), np.random.default_rng(4)),
+        strict=True,
+    ):
+        three = {"joints": ("a", "b", "c"), "lag": np.zeros(3), "quantum": np.zeros(3)}
+        for name in ("command", "measured"):
+            jumping, still = getattr(run, name), getattr(smooth, name)
+            three[name] = np.concatenate([jumping, still[:, :1]], axis=1)
+        runs.append(replace(run, **three))
+    variance = fit_joint_error(runs, memory="persistent", tails=False).scale[:, JUMPS]
+    assert variance[2] == pytest.approx(variance[:2].mean())
+    assert abs(np.log(variance[0] / variance[1])) > 1e-3  # control: they differ
+
+
+def test_a_command_between_the_rows_of_a_gap_in_the_clock_is_no_speed():
+    command = np.zeros((60, 2))
+    command[10:40] = np.minimum(np.arange(30), 20)[:, None] * [2e-3, -1e-3]
+    run = jumping_runs(np.random.default_rng(3), 1, 1)[0]
+    run = replace(run, command=command, measured=command)
+    np.testing.assert_allclose(np.abs(lasting_speeds(run)).max(axis=0), [0.2, 0.1])
+    command[30:] += 0.08  # in one sample, 8 rad/s
+    assert np.diff(command, axis=0).max() * RATE > 8
+    np.testing.assert_allclose(np.abs(lasting_speeds(run)).max(axis=0), [0.2, 0.1])
 
 
 @pytest.mark.parametrize("steps", [1, 10, 50])

@@ -25,10 +25,10 @@ OTHER_LOST = {("kr300", "one sample"): 0.6}
 # and more of the errors lie within their own standard deviation (kurtosis above 150): no law has
 # both the right σ and .68 within it. At .1 s the ringing makes the measured σ.
 OTHER_RATIO = {("lwr4", "0.1 s"): (0.57, 3 / 2)}
-OTHER_WITHIN = {("lwr4", "one sample"): (0.58, 0.95), ("ur5", "0.5 s"): (0.58, 0.81)}
-# the law gives a few samples after one jump of a held-out motion a σ that is far too wide: the root
-# mean square of σ is 20 to 40 times the measured, while coverage and score hold
-WIDE_AFTER_A_JUMP = {("ur5", "joint_1")}
+OTHER_WITHIN = {("lwr4", "one sample"): (0.58, 0.95)}
+# only one motion of the UR5 has jumps of joint_1. Without it the variance after a jump is the mean
+# of the other joints: σ is 1.54 times the measured at one sample, .88 and .91 at .1 and .5 s
+OTHER_RATIO |= {("ur5", "one sample"): (2 / 3, 1.6)}
 
 
 def outside(joints: pd.DataFrame, column: str, band: tuple[float, float]) -> pd.Series:
@@ -54,9 +54,8 @@ def test_predictions_of_recorded_errors_are_calibrated_and_lose_to_no_simple_one
         within = OTHER_WITHIN.get((arm, horizon), WITHIN)
         assert outside(joints, "one_sigma", within).empty, joints
         assert outside(joints, "two_sigma", WITHIN_TWO).empty, joints
-        wide = [joint for other_arm, joint in WIDE_AFTER_A_JUMP if other_arm == arm]
         ratio = OTHER_RATIO.get((arm, horizon), RATIO)
-        assert outside(joints.drop(index=wide), "ratio", ratio).empty, joints
+        assert outside(joints, "ratio", ratio).empty, joints
 
         score = totals[LAW, horizon]
         simple = {name: totals[name, horizon] for name in SIMPLE}

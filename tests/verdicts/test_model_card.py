@@ -1,5 +1,6 @@
 """The model card recommends a model by the rule that it states, with predictions and limits."""
 
+import re
 from itertools import permutations, product
 
 import numpy as np
@@ -200,6 +201,27 @@ def test_the_card_names_every_predicted_standard_deviation_that_is_not_confirmed
 )
 def test_the_sound_law_with_the_highest_mean_score_is_named(changes, law):
     assert f"(`{law}`)" in answer(logged(**changes)).splitlines()[0]
+
+
+@pytest.mark.parametrize("motions", [1, 2, 3])
+def test_a_card_has_no_number_that_is_not_one(motions):
+    run = logged(motions=motions)
+    run.tables["joint_scores"]["autocorrelation"] = np.nan  # of single samples
+    page = model_card(run, [])
+    assert not re.search(r"\b(nan|inf)\b", page)
+    # control: with several motions the intervals stand in the card
+    assert ("1.1 [1.1, 1.1]" in page) == (motions > 2)
+    assert ("too few parts for an interval" in page) == (motions < 3)
+
+
+def test_a_card_without_jumps_of_the_speed_repeats_no_rows():
+    run = logged()
+    scores = run.tables["joint_scores"]
+    run.tables["joint_scores"] = scores[scores["samples"] != "settled"]
+    page = model_card(run, [])
+    assert "| those not within 0.6 s of a jump" not in page
+    settled, mean = page.split("| joint error with memory | ")[1].split(" | ")[3:5]
+    assert settled == mean
 
 
 def test_intervals_of_few_motions_are_of_the_possible_values():

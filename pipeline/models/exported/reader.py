@@ -14,7 +14,7 @@ from numpy.random import Generator
 
 from pipeline.arm.chain import ROWS, Chain, PlanarChain, SerialChain
 from pipeline.core.errors import ContractError, ModelDomainError
-from pipeline.models.joint_error.law import Outlook
+from pipeline.models.joint_error.outlook import Outlook
 from pipeline.models.kinds import build_model
 from pipeline.models.model import corrected_command
 

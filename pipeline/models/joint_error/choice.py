@@ -14,9 +14,7 @@ from pipeline.statistics.takes import (
 )
 
 WRONG = 2.0  # greatest factor by which a standard deviation may be wrong at a horizon
-CONFIRMED = (
-    1.4  # greatest factor in the interval of a standard deviation that is confirmed
-)
+CONFIRMED = 1.4  # greatest factor in the interval of a confirmed standard deviation
 GROSS = 10.0  # the same for a joint with few commanded samples
 COVERED = 0.8  # least share of the errors within two standard deviations
 FEW = 20  # least number of commanded samples of a joint that moves
@@ -33,15 +31,15 @@ def pooled(scores: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
     mean squares weighted by the number of errors, and ``ratio``, predicted over measured σ.
     """
     scores = scores.reset_index(drop=True)
-    values = scores[NUMBERS].fillna(0.0).join(scores[SIGMAS] ** 2)
-    parts = scores[[*by, "count"]].join(values.mul(scores["count"], axis=0))
-    sums = parts.groupby([*by], sort=False).sum()
-    sums[values.columns] = sums[values.columns].div(sums["count"], axis=0)
-    sums[SIGMAS] = np.sqrt(sums[SIGMAS])
-    sums["ratio"] = sums["predicted_rad"] / sums["measured_rad"].where(
-        sums["measured_rad"] > 0
-    )
-    return sums
+    counts = scores["count"]
+    means = scores[NUMBERS].fillna(0.0).join(scores[SIGMAS] ** 2)
+    totals = means.mul(counts, axis=0).join(scores[[*by, "count"]])
+    result = totals.groupby([*by], sort=False).sum()
+    result[means.columns] = result[means.columns].div(result["count"], axis=0)
+    result[SIGMAS] = np.sqrt(result[SIGMAS])
+    measured = result["measured_rad"]
+    result["ratio"] = result["predicted_rad"] / measured.where(measured > 0)
+    return result
 
 
 def mean_scores(scores: pd.DataFrame) -> pd.DataFrame:
@@ -60,8 +58,10 @@ def margins(scores: pd.DataFrame, model: str, rival: str) -> tuple[float, float,
     """
     by_part = mean_scores(scores)
     gains = (by_part[model] - by_part[rival]).dropna().to_numpy()
-    if len(gains) < 2:
-        return float(gains.mean()) if len(gains) else np.nan, -np.inf, np.inf
+    if len(gains) == 0:
+        return np.nan, -np.inf, np.inf
+    if len(gains) == 1:
+        return float(gains[0]), -np.inf, np.inf
     return paired_difference(gains, np.zeros(len(gains)))[:3]
 
 
@@ -69,15 +69,11 @@ def left_out(scores: pd.DataFrame) -> pd.DataFrame:
     """Return the :func:`pooled` numbers of ``scores`` as the first row, then without each of the
     held-out motions or blocks.
     """
-    parts = scores.groupby(["motion", "block"], sort=False).ngroup().to_numpy()
-    kept = [
-        np.arange(len(scores)),
-        *(np.flatnonzero(parts != part) for part in np.unique(parts)),
-    ]
-    without = np.repeat(np.arange(len(kept)), [*map(len, kept)])
-    return pooled(
-        scores.iloc[np.concatenate(kept)].assign(without=without), ["without"]
-    )
+    parts = scores.groupby(["motion", "block"], sort=False).ngroup()
+    tables = [scores.assign(without=0)]
+    for part in range(parts.max() + 1):
+        tables.append(scores[parts != part].assign(without=part + 1))
+    return pooled(pd.concat(tables), ["without"])
 
 
 def pooled_interval(parts: pd.DataFrame, name: str) -> Difference:
@@ -88,12 +84,11 @@ def pooled_interval(parts: pd.DataFrame, name: str) -> Difference:
     if len(values) < 3:
         return Difference(values[0])
     if name == "ratio":
-        found = jackknife_difference(np.log(values))
-        return Difference(
-            values[0], float(np.exp(found.low)), float(np.exp(found.high))
-        )
-    found = jackknife_difference(values)
-    return found._replace(low=max(found.low, 0.0), high=min(found.high, 1.0))
+        logarithm = jackknife_difference(np.log(values))
+        low, high = np.exp([logarithm.low, logarithm.high])
+        return Difference(values[0], float(low), float(high))
+    share = jackknife_difference(values)
+    return share._replace(low=max(share.low, 0.0), high=min(share.high, 1.0))
 
 
 def faults_of(scores: pd.DataFrame, model: str) -> list[str]:
@@ -105,12 +100,17 @@ def faults_of(scores: pd.DataFrame, model: str) -> list[str]:
     for (joint, horizon), row in by_horizon.iterrows():
         few = row["count"] < FEW
         factor = GROSS if few else WRONG
-        if np.isfinite(row["ratio"]) and not 1 / factor <= row["ratio"] <= factor:
-            found = f"predicted σ of {joint} at {horizon} is {row['ratio']:.2g} times the measured"
-            faults.append(f"{found} (required: {1 / factor:.2g} to {factor:g})")
-        if row["two_sigma"] < COVERED and not few:
-            found = f"{row['two_sigma']:.3g} of the errors of {joint} at {horizon} are within 2σ"
-            faults.append(f"{found} (required: {COVERED:g})")
+        ratio, covered = row["ratio"], row["two_sigma"]
+        if np.isfinite(ratio) and not 1 / factor <= ratio <= factor:
+            faults.append(
+                f"predicted σ of {joint} at {horizon} is {ratio:.2g} times the measured "
+                f"(required: {1 / factor:.2g} to {factor:g})"
+            )
+        if covered < COVERED and not few:
+            faults.append(
+                f"{covered:.3g} of the errors of {joint} at {horizon} are within 2σ "
+                f"(required: {COVERED:g})"
+            )
     return faults
 
 
@@ -120,14 +120,13 @@ def confirmations(scores: pd.DataFrame, model: str) -> pd.DataFrame:
     held-out motions or blocks (NaN for fewer than two), and whether the interval is
     ``confirmed``: within a factor of CONFIRMED.
     """
-    chosen = (scores["model"] == model) & (scores["samples"] == "commanded")
+    commanded = scores[scores["samples"] == "commanded"]
+    of_model = commanded[commanded["model"] == model]
     rows = []
-    for (joint, horizon), group in scores[chosen].groupby(
-        ["joint", "horizon"], sort=False
-    ):
+    for place, group in of_model.groupby(["joint", "horizon"], sort=False):
         ratio, low, high = pooled_interval(left_out(group), "ratio")[:3]
         confirmed = bool(1 / CONFIRMED <= low and high <= CONFIRMED)
-        rows.append((joint, horizon, ratio, low, high, confirmed))
+        rows.append((*place, ratio, low, high, confirmed))
     columns = ["joint", "horizon", "ratio", "low", "high", "confirmed"]
     return pd.DataFrame(rows, columns=columns)
 
@@ -146,23 +145,27 @@ def unconfirmed(scores: pd.DataFrame, model: str) -> list[dict[str, str]]:
     """
     of_model = scores[scores["model"] == model]
     entries = []
+
+    def add(parameter: str, found: str, required: str) -> None:
+        entries.append({"parameter": parameter, "found": found, "required": required})
+
     if of_model["motion"].astype(str).str.startswith(QUARTER).any():
-        entries.append(
-            ("σ on another motion", "unknown: one motion was recorded", "2 motions")
-        )
-    required = f"{1 / CONFIRMED:.3g} to {CONFIRMED:.3g}"
+        add("σ on another motion", "unknown: one motion was recorded", "2 motions")
     for _, row in confirmations(scores, model).iterrows():
         if not row["confirmed"]:
-            found = f"{ratio_with_interval(row)} times the measured σ"
-            name = f"σ of {row['joint']} at {row['horizon']}"
-            entries.append((name, found, required))
-    if resting := faults_of(of_model[of_model["samples"] == "at rest"], model):
-        found = f"unusable, {len(resting)} fault(s): {resting[0].rpartition(' (')[0]}"
-        entries.append(
-            ("σ at rest", found, f"a factor of {WRONG:g}, {COVERED:g} within 2σ")
+            add(
+                f"σ of {row['joint']} at {row['horizon']}",
+                f"{ratio_with_interval(row)} times the measured σ",
+                f"{1 / CONFIRMED:.3g} to {CONFIRMED:.3g}",
+            )
+    if faults := faults_of(of_model[of_model["samples"] == "at rest"], model):
+        first = faults[0].rpartition(" (")[0]
+        add(
+            "σ at rest",
+            f"unusable, {len(faults)} fault(s): {first}",
+            f"a factor of {WRONG:g}, {COVERED:g} within 2σ",
         )
-    keys = ("parameter", "found", "required")
-    return [dict(zip(keys, entry, strict=True)) for entry in entries]
+    return entries
 
 
 def chosen_law(scores: pd.DataFrame) -> tuple[str | None, str]:
@@ -171,33 +174,32 @@ def chosen_law(scores: pd.DataFrame) -> tuple[str | None, str]:
     motions or blocks (:func:`mean_scores`); the mean is the best guess also where its interval
     includes other laws. No law is chosen if no joint has FEW samples at the longest horizon.
     """
-    moving = scores[
-        (scores["samples"] == "commanded") & (scores["model"] != LAST_VALUE)
-    ]
+    commanded = scores[scores["samples"] == "commanded"]
+    moving = commanded[commanded["model"] != LAST_VALUE]
     if moving.empty:
         return None, "no joint was commanded to move"
     farthest = moving[moving["horizon"] == LONGEST]
     counts = farthest.groupby(["model", "joint"])["count"].sum()
-    if (most := max(counts, default=0)) < FEW:
-        found = (
+    most = max(counts, default=0)
+    if most < FEW:
+        reason = (
             f"at most {most} commanded samples of a joint are predicted {LONGEST} ahead"
         )
-        return None, f"{found} (required: {FEW}); record for longer"
-    sound, refused = [], []
-    for model in dict.fromkeys(moving["model"]):
-        if faults := faults_of(moving, model):
-            refused.append(f"{model}: {faults[0]}, {len(faults)} fault(s)")
+        return None, f"{reason} (required: {FEW}); record for longer"
+    sound, unsound = [], []
+    for model in moving["model"].unique():
+        faults = faults_of(moving, model)
+        if faults:
+            unsound.append(f"{model}: {faults[0]}, {len(faults)} fault(s)")
         else:
             sound.append(model)
     if not sound:
-        return None, "; ".join(refused)
-    means = (
-        mean_scores(moving)[sound].mean().sort_values(ascending=False, kind="stable")
-    )
-    best, *others = means.index
+        return None, "; ".join(unsound)
+    means = mean_scores(moving)[sound].mean()
+    best, *others = means.sort_values(ascending=False, kind="stable").index
     if not others:
         return best, "the only sound law"
     mean, low, high = margins(moving, best, others[0])
     interval = f"[{low:.3g}, {high:.3g}]" if np.isfinite(low) else "(no interval)"
-    found = f"{mean:.3g} {interval} nats a sample above {others[0]}"
-    return best, f"highest mean log score of {len(sound)} sound laws, {found}"
+    margin = f"{mean:.3g} {interval} nats a sample above {others[0]}"
+    return best, f"highest mean log score of {len(sound)} sound laws, {margin}"

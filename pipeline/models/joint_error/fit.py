@@ -22,7 +22,7 @@ from pipeline.models.joint_error.samples import (
     lags_of_logs,
     lasting_speeds,
 )
-from pipeline.models.joint_error.search import LEAST, Memory, fit_one, joint_samples
+from pipeline.models.joint_error.search import LEAST, Memory, fit_joint, joint_samples
 from pipeline.models.steps import Estimate, Recorded, Truth
 
 # options of pipeline/conf/model that a run compares, the simplest first
@@ -58,11 +58,11 @@ def estimate(recorded: Recorded, options: Options) -> Estimate:
     law = fit_joint_error(runs_of(recorded), **options.law())
     values = {}
     for j, joint in enumerate(law.joints):
-        dq = np.zeros(len(law.joints))
-        dq[j] = law.reach[j] / law.rate
-        for name, step in (("at_rest", np.zeros_like(dq)), ("at_greatest_speed", dq)):
-            std = float(np.sqrt(law.covariance_of_joint_step(step)[j, j]))
-            values[f"innovation_std_{name}_{joint}_rad"] = std
+        step = np.zeros(len(law.joints))
+        for name, speed in (("at_rest", 0.0), ("at_greatest_speed", law.reach[j])):
+            step[j] = speed / law.rate
+            variance = law.covariance_of_joint_step(step)[j, j]
+            values[f"innovation_std_{name}_{joint}_rad"] = float(np.sqrt(variance))
     return Estimate(law.parameters(), values, {})
 
 
@@ -89,15 +89,25 @@ def runs_of(recorded: Recorded) -> list[JointRun]:
     for k in range(command.shape[1] - 1):
         v = recorded.v[..., k, :]
         command[:, k + 1] = command[:, k] + chain.nominal_step(command[:, k], v)
-    noise = recorded.known_measurement
-    pose_noise = (
-        None if noise is None else float(np.sqrt(np.trace(noise) / 2 / len(noise)))
-    )
-    zero, rate, joints = np.zeros(poses.shape[-1]), recorded.rate, recorded.joints
-    return [
-        JointRun(f"take {number}", rate, *angles, joints, zero, zero, pose_noise, "1")
-        for number, angles in enumerate(zip(command, poses, strict=True), 1)
-    ]
+    pose_noise = None
+    if (noise := recorded.known_measurement) is not None:
+        pose_noise = float(np.sqrt(np.trace(noise) / 2 / len(noise)))
+    zero = np.zeros(poses.shape[-1])
+    runs = []
+    for number in range(len(poses)):
+        run = JointRun(
+            name=f"take {number + 1}",
+            rate=recorded.rate,
+            command=command[number],
+            measured=poses[number],
+            joints=recorded.joints,
+            lag=zero,
+            quantum=zero,
+            pose_noise=pose_noise,
+            motion="1",
+        )
+        runs.append(run)
+    return runs
 
 
 def fit_joint_error(
@@ -109,7 +119,7 @@ def fit_joint_error(
 ) -> JointErrorModel:
     """Fit the law to ``runs`` of one arm at one rate. Only the ``full`` memory is fitted to three
     horizons, the others to one sample ahead; ``tails`` fits Student's t. A joint with fewer than
-    LEAST samples after a jump of its speed is as uncertain there as the least certain other joint.
+    LEAST samples after a jump of its speed has there the mean variance of the other joints.
     Raises ModelDomainError without errors.
     """
     if not runs or not any(np.any(run.measured != run.command) for run in runs):
@@ -117,19 +127,20 @@ def fit_joint_error(
             "the measured angles equal the commanded ones; name the signals of each"
         )
         raise ModelDomainError(message, runs=len(runs))
-    law, laws, jumps = unfitted_law(runs, power), [], []
-    for j in range(len(law.joints)):
-        samples = joint_samples(law.of_joint(j), runs, j, memory)
-        laws.append(fit_one(law.of_joint(j), samples, memory, tails))
+    unfitted = unfitted_law(runs, power)
+    laws, jumps = [], []
+    for j in range(len(unfitted.joints)):
+        law = unfitted.of_joint(j)
+        samples = joint_samples(law, runs, j, memory)
+        laws.append(fit_joint(law, samples, memory, tails))
         jumps.append(np.count_nonzero(samples.inputs.growth[:, JUMPS]))
-    names = ("memory", "mean_gain", "scale", "drift", "degrees")
-    fitted = {
-        name: np.concatenate([getattr(law, name) for law in laws]) for name in names
-    }
+    fitted = {}
+    for name in ("memory", "mean_gain", "scale", "drift", "degrees"):
+        fitted[name] = np.concatenate([getattr(law, name) for law in laws])
     few = np.array(jumps) < LEAST
     if few.any() and not few.all():
-        fitted["scale"][few, JUMPS] = fitted["scale"][~few, JUMPS].max()
-    return replace(law, **fitted)
+        fitted["scale"][few, JUMPS] = fitted["scale"][~few, JUMPS].mean()
+    return replace(unfitted, **fitted)
 
 
 def unfitted_law(runs: Sequence[JointRun], power: float | str) -> JointErrorModel:

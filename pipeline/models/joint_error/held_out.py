@@ -5,7 +5,7 @@ scored on that one, at three horizons. Of a single motion, quarters of the runs 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from itertools import pairwise, product, starmap
+from itertools import pairwise, product
 from typing import NamedTuple
 
 import numpy as np
@@ -25,24 +25,24 @@ from pipeline.models.joint_error.samples import (
     lags_of_logs,
     lasting_speeds,
 )
-from pipeline.models.joint_error.search import LEAST
+from pipeline.models.joint_error.search import LEAST, QUARTERS
 
-QUARTERS = 4  # parts of the runs of a single motion
-ENOUGH, BLOCKS = (
-    6,
-    4,
-)  # held-out parts that show their variation; else blocks of each, by time
+ENOUGH = 6  # held-out parts that show their variation
+BLOCKS = 4  # else: blocks of each part, by time
 QUANTILES = np.concatenate(
     [[0.001, 0.005], np.linspace(0.01, 0.99, 49), [0.995, 0.999]]
 )
-MOVING, SETTLED, RESTING = "commanded", "settled", "at rest"
-# samples to which a joint was commanded to move; those of them that are not within SETTLING s of a
-# jump of the commanded speed; the others
-SAMPLES = (MOVING, SETTLED, RESTING)
-UNKNOWN_LAG = "lag unknown"  # commanded samples at the mean lag of the other runs
+# kinds of samples
+MOVING = "commanded"  # to which a joint was commanded to move
+SETTLED = "settled"  # of these, not within SETTLING s of a jump of the commanded speed
+RESTING = "at rest"  # not MOVING
+UNKNOWN_LAG = "lag unknown"  # MOVING, at the mean lag of the other runs
 HORIZON_NAMES = ("one sample", *(f"{duration:g} s" for duration in HORIZONS[1:]))
 DRAWN = 400  # about the number of drawn samples of a run
 LEAST_VARIANCE = 1e-300  # rad², of errors that never change
+DIGITS = (
+    6  # significant digits of a score; the standard error of a block is in the third
+)
 Row = dict[str, object]
 MapTrials = Callable[[Callable, Sequence], Iterable]
 
@@ -54,27 +54,38 @@ def parts_of(
     quarter of every run. Raises ModelDomainError if no other runs have LEAST samples.
     """
     if len({run.motion for run in runs}) == 1:
-        quarters = []
-        for run in runs:
-            ends = pairwise(np.linspace(0, len(run.command), QUARTERS + 1).astype(int))
-            for number, cut in enumerate(starmap(slice, ends), 1):
-                if cut.start == cut.stop:
-                    continue
-                own = {"command": run.command[cut], "measured": run.measured[cut]}
-                quarters.append(replace(run, **own, motion=f"{QUARTER} {number}"))
-        runs = quarters
+        runs = quarters_of(runs)
     parts = {}
     for name in dict.fromkeys(run.motion for run in runs):
         others = [run for run in runs if run.motion != name]
         if sum(len(run.command) for run in others) >= LEAST:
             parts[name] = others, [run for run in runs if run.motion == name]
     if not parts:
-        message = "the runs are too short to fit a law to a part of them and score it on the rest: "
-        found = sum(len(run.command) for run in runs)
         raise ModelDomainError(
-            f"{message}record longer motions", samples=found, required=2 * LEAST
+            "the runs are too short to fit a law to a part of them and score it on the rest: "
+            "record longer motions",
+            samples=sum(len(run.command) for run in runs),
+            required=2 * LEAST,
         )
     return parts
+
+
+def quarters_of(runs: Sequence[JointRun]) -> list[JointRun]:
+    """Return the quarters of the ``runs`` as runs of four motions."""
+    quarters = []
+    for run in runs:
+        ends = np.linspace(0, len(run.command), QUARTERS + 1).astype(int)
+        for number, (first, end) in enumerate(pairwise(ends), 1):
+            if first == end:
+                continue
+            quarter = replace(
+                run,
+                command=run.command[first:end],
+                measured=run.measured[first:end],
+                motion=f"{QUARTER} {number}",
+            )
+            quarters.append(quarter)
+    return quarters
 
 
 def of_first_motions(runs: Sequence[JointRun], count: int | None) -> list[JointRun]:
@@ -89,7 +100,7 @@ def held_out(
     """Score the ``laws`` on the held-out parts of ``runs``; ``each`` maps a function over trials.
 
     Returns ``joint_scores``: a row for each model, held-out motion, joint, horizon and kind of
-    samples (:data:`SAMPLES`), also of the last value (:func:`last_values`);
+    samples, also of the last value (:func:`last_values`);
     ``noise_quantiles``: standardised errors of one commanded sample; ``held_out_parameters``: the
     numbers of each law fitted without a motion; and ``held_out_run``: predictions of the longest
     run of the first held-out motion (:func:`run_predictions`).
@@ -97,41 +108,54 @@ def held_out(
     parts = parts_of(runs)
     trials = list(product([*laws, LAST_VALUE], parts))
     results = each(partial(_score_part, laws=laws, parts=parts), trials)
+    first_part = trials[0][1]
+    longest = max(parts[first_part][1], key=lambda run: len(run.command))
     rows, parameters, predictions = [], [], []
-    longest = max(parts[trials[0][1]][1], key=lambda run: len(run.command))
     standard: dict[str, list[list[ndarray]]] = {}
     for (model, part), result in zip(trials, results, strict=True):
         rows += [{"model": model, "motion": part} | row for row in result.rows]
-        if model in laws:
-            standard.setdefault(model, []).append(result.standard)
-            numbers = law_numbers(result.law).assign(model=model, motion=part)
-            parameters.append(numbers)
-            if part == trials[0][1]:
-                predicted = run_predictions(result.law, longest)
-                predictions.append(predicted.assign(model=model))
+        if result.law is None:
+            continue
+        standard.setdefault(model, []).append(result.standard)
+        numbers = law_numbers(result.law)
+        parameters.append(numbers.assign(model=model, motion=part))
+        if part == first_part:
+            predicted = run_predictions(result.law, longest)
+            predictions.append(predicted.assign(model=model))
     return {
-        "joint_scores": pd.DataFrame(rows),
+        "joint_scores": without_repeated_kind(pd.DataFrame(rows)),
         "noise_quantiles": quantile_table(standard, runs[0].joints),
         "held_out_parameters": pd.concat(parameters, ignore_index=True),
         "held_out_run": pd.concat(predictions, ignore_index=True),
     }
 
 
+def without_repeated_kind(scores: pd.DataFrame) -> pd.DataFrame:
+    """Return ``scores`` without the settled samples if they are all commanded samples: then no
+    commanded speed jumps, and their rows repeat others.
+    """
+    counts = scores.groupby("samples")["count"].sum()
+    if counts.get(SETTLED, 0) < counts.get(MOVING, 0):
+        return scores
+    return scores[scores["samples"] != SETTLED]
+
+
 def run_predictions(law: JointErrorModel, run: JointRun) -> pd.DataFrame:
     """Return the error of ``run`` at about DRAWN samples with mean and standard deviation of its
     predictions in rad: a row for each joint, horizon but one sample, and time ``t`` in s.
     """
-    error, inputs, tables = run.measured - run.command, law.inputs(run.command), []
-    for name, steps in zip(
-        HORIZON_NAMES[1:], horizon_samples(law.rate)[1:], strict=True
-    ):
-        if len(error) <= steps:
+    error, inputs = run.measured - run.command, law.inputs(run.command)
+    columns = ["recording", "joint", "horizon", "t", "error", "mean", "std"]
+    tables = [pd.DataFrame(columns=columns)]
+    for name, steps in zip(HORIZON_NAMES, horizon_samples(law.rate), strict=True):
+        if name == HORIZON_NAMES[0] or len(error) <= steps:
             continue
         outlook = law.outlook(error, inputs, steps)
         drawn = np.arange(steps, len(error), max(1, len(error) // DRAWN))
         std = np.sqrt(outlook.variance + run.quantum**2 / 12)
         for j, joint in enumerate(law.joints):
-            columns = {
+            table = {
+                "recording": run.name,
                 "joint": joint,
                 "horizon": name,
                 "t": drawn / run.rate,
@@ -139,9 +163,8 @@ def run_predictions(law: JointErrorModel, run: JointRun) -> pd.DataFrame:
                 "mean": outlook.mean[drawn - steps, j],
                 "std": std[drawn - steps, j],
             }
-            tables.append(pd.DataFrame(columns).assign(recording=run.name))
-    columns = ["recording", "joint", "horizon", "t", "error", "mean", "std"]
-    return pd.concat(tables) if tables else pd.DataFrame(columns=columns)
+            tables.append(pd.DataFrame(table))
+    return pd.concat(tables[1:] or tables)
 
 
 def quantile_table(
@@ -183,12 +206,9 @@ def _score_part(trial: tuple[str, str], *, laws, parts) -> PartScores:
     rows, standard = score_runs(law, runs, blocks)
     if len(lags_of_logs(others)) > 1:
         late = [at_lag(run, law.lag) for run in runs]
-        unknown, _ = score_runs(law, late, blocks, lag_known=False)
-        rows += [
-            row | {"samples": UNKNOWN_LAG}
-            for row in unknown
-            if row["samples"] == MOVING
-        ]
+        for row in score_runs(law, late, blocks, lag_known=False)[0]:
+            if row["samples"] == MOVING:
+                rows.append(row | {"samples": UNKNOWN_LAG})
     return PartScores(rows, standard, law)
 
 
@@ -217,6 +237,17 @@ def at_lag(run: JointRun, lag: ndarray) -> JointRun:
     return replace(run, command=command, lag=lag)
 
 
+class Predictions(NamedTuple):
+    """Predictions of N samples of n joints."""
+
+    off: ndarray  # (N, n) rad, error of the predicted mean
+    variance: ndarray  # (N, n) rad², predicted for the rounded angles
+    score: ndarray  # (N, n) nats, log probability
+    moving: ndarray  # (N, n) True at samples to which a joint was commanded to move
+    calm: ndarray  # (N, n) True if no jump of the speed precedes
+    block: ndarray  # (N,) number of the block of the run's time
+
+
 def score_runs(
     law: JointErrorModel,
     runs: Sequence[JointRun],
@@ -233,53 +264,52 @@ def score_runs(
     steps_ahead = horizon_samples(law.rate)
     for number in horizons:
         steps = steps_ahead[number]
-        scored = []
-        for run in runs:
-            if len(run.command) > steps + 1:
-                scored.append(_score_run(law, run, steps, blocks, lag_known))
-        if not scored:
+        long = [run for run in runs if len(run.command) > steps + 1]
+        if not long:
             continue
-        values, masks, block = (
-            np.concatenate(arrays, axis=1) for arrays in zip(*scored, strict=True)
-        )
+        of_runs = [_predictions(law, run, steps, blocks, lag_known) for run in long]
+        together = Predictions(*map(np.concatenate, zip(*of_runs, strict=True)))
         for j, joint in enumerate(law.joints):
-            place = {"joint": joint, "horizon": HORIZON_NAMES[number]}
-            for samples, mask in zip(SAMPLES, masks[..., j], strict=True):
-                rows += _block_rows(
-                    values[:, mask, j], block[0, mask], place | {"samples": samples}
-                )
+            moving, calm = together.moving[:, j], together.calm[:, j]
+            kinds = {MOVING: moving, SETTLED: moving & calm, RESTING: ~moving}
+            for samples, mask in kinds.items():
+                place = {"joint": joint, "horizon": HORIZON_NAMES[number]}
+                place["samples"] = samples
+                rows += _block_rows(together, j, mask, place)
             if number == 0:
-                standard[j] = values[3, masks[0, :, j], j]
+                z = together.off[:, j] / np.sqrt(together.variance[:, j])
+                standard[j] = z[moving]
     return rows, standard
 
 
-def _score_run(
+def _predictions(
     law: JointErrorModel, run: JointRun, steps: int, blocks: int, lag_known: bool
-) -> tuple[ndarray, ndarray, ndarray]:
-    """Return error, variance, log score and standardised error (4, N − steps, n) of the predictions
-    of ``run``, the masks of SAMPLES (3, N − steps, n) and the block (1, N − steps) of each.
-    """
+) -> Predictions:
+    """Return the predictions of ``run``, ``steps`` ahead, its time in ``blocks``."""
     error = run.measured - run.command
     outlook = law.outlook(error, law.inputs(run.command), steps, lag_known)
     error = error[steps:]
-    score, off = outlook.log_probability(error, run.quantum), error - outlook.mean
-    variance = outlook.variance + run.quantum**2 / 12  # of the rounded angles
-    values = np.stack([off, variance, score, off / np.sqrt(variance)])
-    moving, calm = run.moving[steps:], run.calm[steps:] & run.calm[:-steps]
-    block = np.arange(len(off)) * blocks // len(off) + 1
-    return values, np.stack([moving, moving & calm, ~moving]), block[None]
+    return Predictions(
+        off=error - outlook.mean,
+        variance=outlook.variance + run.quantum**2 / 12,
+        score=outlook.log_probability(error, run.quantum),
+        moving=run.moving[steps:],
+        calm=run.calm[steps:] & run.calm[:-steps],
+        block=np.arange(len(error)) * blocks // len(error) + 1,
+    )
 
 
-def _block_rows(values: ndarray, block: ndarray, place: Row) -> list[Row]:
-    """Return a row for each block that has samples; ``values`` (4, N) as of :func:`_score_run`."""
+def _block_rows(
+    predictions: Predictions, j: int, mask: ndarray, place: Row
+) -> list[Row]:
+    """Return a row for each block that has samples of joint ``j`` in ``mask`` (N,)."""
     rows = []
-    for number in np.unique(block):
-        off, variance, score, z = values[:, block == number]
-        size = float(np.mean(z**2)) or 1.0
+    for number in np.unique(predictions.block[mask]):
+        inside = mask & (predictions.block == number)
+        off, variance = predictions.off[inside, j], predictions.variance[inside, j]
+        z = off / np.sqrt(variance)
         numbers = {
-            "block": int(number),
-            "count": len(off),
-            "score": score.mean(),
+            "score": predictions.score[inside, j].mean(),
             "predicted_rad": np.sqrt(variance.mean()),
             "measured_rad": np.sqrt(np.mean(off**2)),
             "one_sigma": np.mean(np.abs(z) <= 1),
@@ -287,8 +317,12 @@ def _block_rows(values: ndarray, block: ndarray, place: Row) -> list[Row]:
             "autocorrelation": np.nan,
         }
         if len(z) > 1:
-            numbers["autocorrelation"] = float(np.mean(z[1:] * z[:-1])) / size
-        rows.append(place | numbers)
+            size = np.mean(z**2) or 1.0
+            numbers["autocorrelation"] = np.mean(z[1:] * z[:-1]) / size
+        row = place | {"block": int(number), "count": len(off)}
+        for name, value in numbers.items():
+            row[name] = float(f"{value:.{DIGITS}g}")
+        rows.append(row)
     return rows
 
 
@@ -336,7 +370,24 @@ def joint_tables(
     tables = held_out(runs, laws, each)
     refits, predictions = tables.pop("held_out_parameters"), tables.pop("held_out_run")
     shown = chosen_law(tables["joint_scores"])[0] or [*laws][-1]
-    parameters, motions = [], []
+    unused_recordings = pd.DataFrame(unused.items(), columns=["recording", "reason"])
+    return {
+        **tables,
+        "held_out_run": predictions[predictions["model"] == shown],
+        "joint_parameters": _parameters_table(runs, laws, refits),
+        "motions": _motions_table(runs),
+        "motion_ranges": ranges_of_runs(runs),
+        "unused_recordings": unused_recordings,
+    }
+
+
+def _parameters_table(
+    runs: Sequence[JointRun], laws: Mapping[str, Options], refits: pd.DataFrame
+) -> pd.DataFrame:
+    """Return the numbers of the ``laws`` fitted to all ``runs``, with their ranges in
+    ``refits``.
+    """
+    tables = []
     for name, options in laws.items():
         law = fit_joint_error(runs, **options.law())
         numbers = law_numbers(law).assign(
@@ -348,41 +399,41 @@ def joint_tables(
             logs=len(lags_of_logs(runs)),
         )
         ranges = determined_ranges(refits[refits["model"] == name])
-        parameters.append(numbers.join(ranges, on="joint"))
+        tables.append(numbers.join(ranges, on="joint"))
+    return pd.concat(tables, ignore_index=True)
+
+
+def _motions_table(runs: Sequence[JointRun]) -> pd.DataFrame:
+    """Return for each motion the number of its takes, the most steps and the moving joints."""
+    rows = []
     for name in dict.fromkeys(run.motion for run in runs):
-        own = [run for run in runs if run.motion == name]
-        moved = np.any([run.moving.any(axis=0) for run in own], axis=0)
-        moving = ", ".join(np.array(own[0].joints)[moved]) or "none"
-        motions.append(
-            (name, len(own), max(len(run.command) - 1 for run in own), moving)
-        )
-    return {
-        **tables,
-        "held_out_run": predictions[predictions["model"] == shown],
-        "joint_parameters": pd.concat(parameters, ignore_index=True),
-        "motions": pd.DataFrame(
-            motions, columns=["motion", "takes", "steps", "moving"]
-        ),
-        "motion_ranges": ranges_of_runs(runs),
-        "unused_recordings": pd.DataFrame(
-            [*unused.items()], columns=["recording", "reason"]
-        ),
-    }
+        takes = [run for run in runs if run.motion == name]
+        moved = np.any([run.moving.any(axis=0) for run in takes], axis=0)
+        row = {
+            "motion": name,
+            "takes": len(takes),
+            "steps": max(len(run.command) - 1 for run in takes),
+            "moving": ", ".join(np.array(takes[0].joints)[moved]) or "none",
+        }
+        rows.append(row)
+    return pd.DataFrame(rows)
 
 
 def ranges_of_runs(runs: Sequence[JointRun]) -> pd.DataFrame:
     """Ranges of the measured poses and of the commanded joint speeds over all ``runs``."""
-    poses = np.concatenate([run.measured for run in runs])
-    speeds = np.concatenate([lasting_speeds(run) for run in runs])
-    errors = np.concatenate([run.measured - run.command for run in runs])
-    tables = [
-        pd.DataFrame(
-            {"quantity": quantity, "name": runs[0].joints, "unit": unit}
-        ).assign(least=values.min(axis=0), greatest=values.max(axis=0))
-        for quantity, unit, values in (
-            ("pose", "rad", poses),
-            ("joint speed", "rad/s", speeds),
-            ("error", "rad", errors),
-        )
-    ]
+    tables = []
+    for quantity, unit, of_runs in (
+        ("pose", "rad", [run.measured for run in runs]),
+        ("joint speed", "rad/s", [lasting_speeds(run) for run in runs]),
+        ("error", "rad", [run.measured - run.command for run in runs]),
+    ):
+        values = np.concatenate(of_runs)
+        columns = {
+            "quantity": quantity,
+            "name": runs[0].joints,
+            "unit": unit,
+            "least": values.min(axis=0),
+            "greatest": values.max(axis=0),
+        }
+        tables.append(pd.DataFrame(columns))
     return pd.concat(tables, ignore_index=True)

@@ -6,7 +6,8 @@ c are the commanded angles after the run's own lag, z is the exponential mean of
 :data:`MEMORY` s. The mean m = βᵀx depends on the command alone: x has a constant, the commanded
 speed, its step from sample to sample (acceleration), its sign, the part of the sign younger than
 :data:`YOUNG` s (a reversed joint first sticks), and the jumps of the speed that are younger: a
-jump is the part of an acceleration beyond the greatest smooth one. The scale
+step of the speed is a jump, and no acceleration, if it exceeds the greatest smooth one. The whole
+step counts: what exceeds a threshold by a hair would have a gain without bound. The scale
 
     s² = a + b·g(|ċ|) + c·|ċ| + d·ρ² + e·σ²,   g = |ċ|ᵖ and c = 0, or g = ċ²/(ċ² + SLOW²),
 
@@ -22,8 +23,8 @@ Without memory, φ = 1 and ψ = χ = κ = 0, m = 0: the error persists, and its 
 are independent. The law needs no Jacobian.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from math import lgamma
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -34,6 +35,7 @@ from pipeline.arm.chain import Chain
 from pipeline.arm.interface import Mechanism
 from pipeline.core.delays import delayed_angles
 from pipeline.core.errors import ModelDomainError
+from pipeline.models.joint_error.outlook import Outlook
 from pipeline.models.model import MotionModel, Traits, trace_factor
 
 MEMORY, DRIFT = 0.1, 0.1  # s, time constants of z and u
@@ -53,6 +55,16 @@ INPUTS = (
     "late jumps",
 )
 SATURATING = "saturating"
+# parameters with more than a number a joint: shape of the numbers of a joint
+SHAPES = {"memory": (3,), "mean_gain": (len(INPUTS),), "scale": (len(GROWTH),)}
+# parameters that may be negative, or are bounded
+ENDS = {
+    "memory": (-np.inf, np.inf),
+    "mean_gain": (-np.inf, np.inf),
+    "lag": (-np.inf, np.inf),
+    "degrees": (2.0, np.inf),
+    "drift": (0.0, 1.0),
+}
 ROUNDED = 1e-9  # greatest excess of the memory's spectral radius over 1
 CHUNK = 1024  # samples whose variances are computed together
 
@@ -62,52 +74,6 @@ class Drive(NamedTuple):
 
     mean: ndarray  # (N, n, len(INPUTS)) x
     growth: ndarray  # (N, n, len(GROWTH)) factors of a, b, c and d
-
-
-class Outlook(NamedTuple):
-    """Law of the errors h samples after the last of the known ones, Student's t or normal."""
-
-    mean: ndarray  # (..., n) rad
-    variance: ndarray  # (..., n) rad², before the angles are rounded to their quantum
-    degrees: ndarray  # (n,)
-
-    def log_probability(self, error: ndarray, quantum: ndarray) -> ndarray:
-        """(..., n) ln of the probability of the cell of width ``quantum`` (n,) in rad around
-        ``error``, divided by the width; ln of the density where ``quantum`` is 0. In nats (1/rad).
-        """
-        scale = np.sqrt(self.variance * unit_variance_factor(self.degrees))
-        z, half = np.abs(error - self.mean) / scale, quantum / scale / 2
-        degrees = np.broadcast_to(self.degrees, z.shape)
-        density = standard_log_density(z, degrees) - np.log(scale)
-        if not np.any(quantum > 0):
-            return density
-        from scipy.special import ndtr, stdtr
-
-        normal = np.isinf(degrees)
-        finite = np.where(normal, 1.0, degrees)
-        low, high = -(z + half), -(z - half)
-        student = stdtr(finite, high) - stdtr(finite, low)
-        cell = np.where(normal, ndtr(high) - ndtr(low), student)
-        width = np.where(quantum > 0, quantum, 1.0)
-        return np.where(
-            cell > 1e-280, np.log(np.maximum(cell, 1e-300) / width), density
-        )
-
-
-def unit_variance_factor(degrees: ndarray) -> ndarray:
-    """(n,) squared scale of Student's t of variance 1."""
-    finite = np.where(np.isinf(degrees), 3.0, degrees)
-    return np.where(np.isinf(degrees), 1.0, (finite - 2) / finite)
-
-
-def standard_log_density(z: ndarray, degrees: ndarray) -> ndarray:
-    """(...,) log density of Student's t of scale 1, or of the normal law for infinite degrees."""
-    nu = np.where(np.isinf(degrees), 4.0, degrees)
-    gamma = np.vectorize(lambda d: lgamma((d + 1) / 2) - lgamma(d / 2), otypes=[float])
-    known, places = np.unique(nu, return_inverse=True)
-    constant = gamma(known)[places].reshape(nu.shape) - 0.5 * np.log(nu * np.pi)
-    student = constant - (nu + 1) / 2 * np.log1p(z**2 / nu)
-    return np.where(np.isinf(degrees), -0.5 * (np.log(2 * np.pi) + z**2), student)
 
 
 def smoothed(x: ndarray, keep: float) -> ndarray:
@@ -125,29 +91,46 @@ def smoothed(x: ndarray, keep: float) -> ndarray:
 
 def past_of(r: ndarray, keep: float) -> ndarray:
     """(N, ..., 3) r, previous r and z at every sample of ``r`` (N, ...)."""
-    return np.stack([r, np.concatenate([r[:1], r[:-1]]), smoothed(r, keep)], axis=-1)
+    previous = np.concatenate([r[:1], r[:-1]])
+    return np.stack([r, previous, smoothed(r, keep)], axis=-1)
 
 
-def _terms(
+def _drive(
     speed: ndarray,
-    change: ndarray,
+    acceleration: ndarray,
     sign: ndarray,
-    young: list[ndarray],
+    young: Sequence[ndarray],
     power: float | str,
 ) -> Drive:
     """Return the inputs of speed in rad/s, acceleration without jumps, sign and ``young`` parts:
     two of the sign, then two of the jumps.
     """
-    constant, still, size = np.ones_like(speed), np.zeros_like(speed), np.abs(speed)
-    mean = [constant, speed, change, sign, *young]
+    constant, zero, size = np.ones_like(speed), np.zeros_like(speed), np.abs(speed)
+    late = [young[1] ** 2, young[3] ** 2]
     if power == 0:
-        growth = [constant, still, still, still, still]
+        growth = [constant, zero, zero, zero, zero]
     elif power == SATURATING:
         saturated = speed**2 / (speed**2 + SLOW**2)
-        growth = [constant, saturated, size, young[1] ** 2, young[3] ** 2]
+        growth = [constant, saturated, size, *late]
     else:
-        growth = [constant, size**power, still, young[1] ** 2, young[3] ** 2]
+        growth = [constant, size**power, zero, *late]
+    mean = [constant, speed, acceleration, sign, *young]
     return Drive(np.stack(mean, axis=-1), np.stack(growth, axis=-1))
+
+
+class Memory(NamedTuple):
+    """State of P arms of n joints after a sample, each (P, n)."""
+
+    command: ndarray  # rad, commanded pose
+    speed: ndarray  # rad/s, of the command
+    fresh_sign: ndarray  # exponential means of the sign over YOUNG
+    late_sign: ndarray
+    fresh_jumps: ndarray  # rad/s, fading sums of the jumps over YOUNG
+    late_jumps: ndarray
+    mean: ndarray  # rad, m
+    previous: ndarray  # rad, r of the sample before
+    z: ndarray  # rad
+    drift: ndarray  # u
 
 
 @dataclass(frozen=True)
@@ -165,9 +148,7 @@ class JointErrorModel(MotionModel):
     quantum: ndarray  # (n,) rad, step of the recorded angles
     jump: ndarray  # (n,) rad/s², acceleration beyond which the commanded speed jumps
     lag: ndarray  # (n,) s, mean lag of the measured angles behind the command
-    lag_std: (
-        ndarray  # (n,) s, standard deviation of the lag of another run about the mean
-    )
+    lag_std: ndarray  # (n,) s, standard deviation of the lag of another run about it
     power: float | str = SATURATING  # p
     traits: ClassVar = Traits(
         noisy_at_rest=True, needs_jacobian=False, compiled=False, memory=True
@@ -191,9 +172,9 @@ class JointErrorModel(MotionModel):
     def of_joint(self, j: int) -> "JointErrorModel":
         """Return the law of joint ``j``."""
         arrays = {}
-        for field in fields(self):
-            if isinstance(value := getattr(self, field.name), ndarray):
-                arrays[field.name] = value[[j]]
+        for name, value in vars(self).items():
+            if isinstance(value, ndarray):
+                arrays[name] = value[[j]]
         return replace(self, joints=(self.joints[j],), **arrays)
 
     def inputs(self, command: ndarray) -> Drive:
@@ -204,14 +185,15 @@ class JointErrorModel(MotionModel):
             speed[0] = speed[1]
         change = np.zeros_like(speed)
         change[1:] = self.rate * np.diff(speed, axis=0)
-        smooth = np.clip(change, -self.jump, self.jump)
-        sign, young = np.tanh(speed / TURN), []
-        for keep in self.keeps:
-            young.append(sign - smoothed(sign, keep))
-        for keep in self.keeps:
-            jumps = smoothed((change - smooth) / self.rate, keep)
-            young.append(jumps / (1 - keep))
-        return _terms(speed, smooth, sign, young, self.power)
+        smooth = self.smooth_part(change)
+        sign, jumps = np.tanh(speed / TURN), (change - smooth) / self.rate
+        young = [sign - smoothed(sign, keep) for keep in self.keeps]
+        young += [smoothed(jumps, keep) / (1 - keep) for keep in self.keeps]
+        return _drive(speed, smooth, sign, young, self.power)
+
+    def smooth_part(self, acceleration: ndarray) -> ndarray:
+        """(..., n) ``acceleration`` in rad/s², 0 where the commanded speed jumps."""
+        return np.where(np.abs(acceleration) > self.jump, 0.0, acceleration)
 
     def companion(self) -> ndarray:
         """(n, 3, 3) matrix that maps (r_k, r_{k−1}, z_k) to its mean one sample later."""
@@ -225,20 +207,27 @@ class JointErrorModel(MotionModel):
         """Weights (steps, n, 3) of (r, previous r, z) in the mean 1 … ``steps`` samples ahead, and
         impulse response (steps, n) ψ_0 … of an innovation.
         """
-        power, rows = self.companion(), np.zeros((len(self.joints), 1, 3))
+        power = self.companion()
+        rows = np.zeros((len(self.joints), 1, 3))
         rows[:, 0, 0] = 1.0
-        while (
-            rows.shape[1] <= steps
-        ):  # rows k … 2k − 1 are the first k times the k-th power
-            rows, power = np.concatenate([rows, rows @ power], axis=1), power @ power
+        while rows.shape[1] <= steps:
+            # rows k … 2k − 1 are the first k times the k-th power
+            rows = np.concatenate([rows, rows @ power], axis=1)
+            power = power @ power
         impulse = rows[:, :steps] @ np.array([1.0, 0.0, 1 - self.keep])
         return rows[:, 1 : steps + 1].swapaxes(0, 1), impulse.T
 
+    def mean_error(self, inputs: Drive) -> ndarray:
+        """(N, n) m in rad at every sample."""
+        return np.einsum("kji,ji->kj", inputs.mean, self.mean_gain)
+
+    def innovation_std(self, inputs: Drive) -> ndarray:
+        """(N, n) s in rad at every sample."""
+        return np.sqrt(np.einsum("kji,ji->kj", inputs.growth, self.scale))
+
     def residuals(self, error: ndarray, inputs: Drive) -> ndarray:
         """(N, n, 3) r, previous r and z in rad at every sample of ``error`` (N, n)."""
-        return past_of(
-            error - np.einsum("kji,ji->kj", inputs.mean, self.mean_gain), self.keep
-        )
+        return past_of(error - self.mean_error(inputs), self.keep)
 
     def variance(
         self, std: ndarray, ends: ndarray, steps: int, impulse: ndarray
@@ -246,19 +235,18 @@ class JointErrorModel(MotionModel):
         """(len(ends), n) variances in rad² of the errors at samples ``ends``, given those ``steps``
         samples before, for innovations of standard deviation ``std`` (N, n) at each sample.
         """
-        keep, share, parts = self.persistence, self.drift, []
+        keep, share = self.persistence, self.drift
+        parts = []
         for first in range(0, max(len(ends), 1), CHUNK):
             back = ends[first : first + CHUNK] - np.arange(steps)[:, None]
-            each = impulse[:steps, None] * std[back]
-            total = ((1 - share) * each**2).sum(axis=0)
+            response = impulse[:steps, None] * std[back]
+            total = ((1 - share) * response**2).sum(axis=0)
             if np.any(share > 0):
-                for i in range(
-                    1, steps
-                ):  # response to an innovation of the drift i samples ago
-                    each[i] += keep * each[i - 1]
-                total += share * (
-                    (1 - keep**2) * (each**2).sum(axis=0) + keep**2 * each[-1] ** 2
-                )
+                # response to an innovation of the drift i samples ago
+                for i in range(1, steps):
+                    response[i] += keep * response[i - 1]
+                drifted = (1 - keep**2) * (response**2).sum(axis=0)
+                total += share * (drifted + keep**2 * response[-1] ** 2)
             parts.append(total)
         return np.concatenate(parts)
 
@@ -274,10 +262,9 @@ class JointErrorModel(MotionModel):
         last = weights[-1]
         before = self.residuals(error, inputs)[: len(error) - steps]
         mean = np.einsum("kji,ji->kj", before, last)
-        mean += np.einsum("kji,ji->kj", inputs.mean[steps:], self.mean_gain)
-        variance = self.variance(
-            self.innovation_std(inputs), np.arange(steps, len(error)), steps, impulse
-        )
+        mean += self.mean_error(inputs)[steps:]
+        std, ends = self.innovation_std(inputs), np.arange(steps, len(error))
+        variance = self.variance(std, ends, steps, impulse)
         if not lag_known:
             speed = inputs.mean[..., INPUTS.index("speed")]
             past = past_of(speed, self.keep)[: len(error) - steps]
@@ -299,29 +286,24 @@ class JointErrorModel(MotionModel):
         known: a number or (n,); else the mean lag holds, and the covariance includes its spread.
         """
         if steps < 1 or len(commands) < len(errors) + steps:
-            message = f"commands must have a row for each of the {len(errors)} errors and each of "
             raise ModelDomainError(
-                f"{message}the {steps} next samples, got {len(commands)}"
+                f"commands must have a row for each of the {len(errors)} errors and each "
+                f"of the {steps} next samples, got {len(commands)}"
             )
         if not len(errors):  # at rest at the first command before it
             commands = np.concatenate([commands[:1], commands])
         late = self.lag if lag is None else np.broadcast_to(lag, self.lag.shape)
         delayed = delayed_angles(commands, self.rate * late)
         shift = delayed - commands
+        about_delayed = self.mean_gain[None, :, 0]
         if len(errors):
-            known = errors - shift[: len(errors)]
-        else:
-            known = self.mean_gain[None, :, 0]
-        total = len(known) + steps
-        padded = np.concatenate([known, np.tile(known[-1:], (steps, 1))])
+            about_delayed = errors - shift[: len(errors)]
+        total = len(about_delayed) + steps
+        padded = np.pad(about_delayed, ((0, steps), (0, 0)), mode="edge")
         inputs = self.inputs(delayed[:total])
         law = self.outlook(padded, inputs, steps, lag_known=lag is not None)
         covariance = np.diag(law.variance[-1] + self.quantum**2 / 12)
         return law.mean[-1] + shift[total - 1], covariance
-
-    def innovation_std(self, inputs: Drive) -> ndarray:
-        """(N, n) s in rad at every sample."""
-        return np.sqrt(np.einsum("kji,ji->kj", inputs.growth, self.scale))
 
     def covariance_of_joint_step(self, dq: ndarray) -> ndarray:
         """(..., n, n) covariance in rad² of the next error, given the errors until now, for
@@ -353,16 +335,14 @@ class JointErrorModel(MotionModel):
 
     def with_trace(self, chain: Mechanism, q: ndarray, v: ndarray, trace: float):
         """Return the law with all variances times one factor; ModelDomainError for zero noise."""
-        return replace(
-            self, scale=trace_factor(self.covariance(chain, q, v), trace) * self.scale
-        )
+        factor = trace_factor(self.covariance(chain, q, v), trace)
+        return replace(self, scale=factor * self.scale)
 
     def sample(self, chain: Chain, q: ndarray, v: ndarray, rng: Generator) -> ndarray:
         """(..., n) draws of a step without memory."""
         variance = np.diagonal(self.covariance(chain, q, v), axis1=-2, axis2=-1)
-        return self.mean(chain, q, v) + np.sqrt(variance) * self.unit_noise(
-            np.shape(q), rng
-        )
+        noise = self.unit_noise(np.shape(q), rng)
+        return self.mean(chain, q, v) + np.sqrt(variance) * noise
 
     def unit_noise(self, shape: tuple[int, ...], rng: Generator) -> ndarray:
         """Draws of ``shape`` (..., n) with mean 0, variance 1 and the tails of the law."""
@@ -373,14 +353,25 @@ class JointErrorModel(MotionModel):
         return noise
 
     def first_memory(self, q: ndarray, commanded: ndarray, rng: Generator) -> ndarray:
-        """(P, 10n) memory of first poses ``q`` (P, n) in rad at rest at ``commanded`` (n,), in a
-        filter the mean of the training takes' first poses: commanded pose, its speed, the two means
-        of the sign, two sums of jumps, m, previous r and z, and u.
+        """(P, 10n) :class:`Memory` of first poses ``q`` (P, n) in rad at rest at ``commanded``
+        (n,), in a filter the mean of the training takes' first poses.
         """
-        still, offset = np.zeros_like(q), np.zeros_like(q) + self.mean_gain[:, 0]
-        r, command = q - commanded - offset, np.zeros_like(q) + commanded
-        drift = rng.standard_normal(q.shape)
-        return np.concatenate([command, *[still] * 5, offset, r, r, drift], axis=-1)
+        zero = np.zeros_like(q)
+        command, offset = zero + commanded, zero + self.mean_gain[:, 0]
+        r = q - commanded - offset
+        memory = Memory(
+            command=command,
+            speed=zero,
+            fresh_sign=zero,
+            late_sign=zero,
+            fresh_jumps=zero,
+            late_jumps=zero,
+            mean=offset,
+            previous=r,
+            z=r,
+            drift=rng.standard_normal(q.shape),
+        )
+        return np.concatenate(memory, axis=-1)
 
     def advance(
         self, chain: Chain, q: ndarray, v: ndarray, memory: ndarray, rng: Generator
@@ -388,75 +379,95 @@ class JointErrorModel(MotionModel):
         """Return draws (P, n) of the next poses in rad, and their memory (P, 10n), after ``q``
         (P, n) and ``memory`` under the commands ``v`` (m,) or (P, m) of the commanded pose.
         """
-        return self.follow(
-            q, chain.nominal_step(memory[:, : q.shape[-1]], v), memory, rng
-        )
+        command = memory[:, : q.shape[-1]]
+        return self.follow(q, chain.nominal_step(command, v), memory, rng)
 
     def follow(
         self, q: ndarray, dq: ndarray, memory: ndarray, rng: Generator
     ) -> tuple[ndarray, ndarray]:
         """Return :meth:`advance` for the commanded joint steps ``dq`` (n,) or (P, n) in rad."""
-        command, speed, *parts, mean, before, z, drift = np.split(memory, 10, axis=-1)
+        before = Memory(*np.split(memory, len(Memory._fields), axis=-1))
         dq = dq + np.zeros_like(q)
-        now = self.rate * dq
-        sign, change = np.tanh(now / TURN), self.rate * (now - speed)
-        smooth = np.clip(change, -self.jump, self.jump)
-        means, jumps = parts[:2], parts[2:]
-        for i, keep in enumerate(self.keeps):
-            means[i] = keep * means[i] + (1 - keep) * sign
-            jumps[i] = keep * jumps[i] + (change - smooth) / self.rate
-        young = [sign - means[0], sign - means[1], *jumps]
-        inputs = _terms(now, smooth, sign, young, self.power)
-        r = q - command - mean
-        z = self.keep * z + (1 - self.keep) * r
-        moved = np.einsum("kji,ji->kj", np.stack([r, before, z], axis=-1), self.memory)
+        speed = self.rate * dq
+        change = self.rate * (speed - before.speed)
+        smooth = self.smooth_part(change)
+        sign, jump = np.tanh(speed / TURN), (change - smooth) / self.rate
+
+        fresh, late = self.keeps
+        fresh_sign = fresh * before.fresh_sign + (1 - fresh) * sign
+        late_sign = late * before.late_sign + (1 - late) * sign
+        fresh_jumps = fresh * before.fresh_jumps + jump
+        late_jumps = late * before.late_jumps + jump
+        young = [sign - fresh_sign, sign - late_sign, fresh_jumps, late_jumps]
+        inputs = _drive(speed, smooth, sign, young, self.power)
+
+        r = q - before.command - before.mean
+        z = self.keep * before.z + (1 - self.keep) * r
+        past = np.stack([r, before.previous, z], axis=-1)
+        expected = np.einsum("kji,ji->kj", past, self.memory)
         fade = self.persistence
-        drift = fade * drift + np.sqrt(1 - fade**2) * rng.standard_normal(q.shape)
+        white = np.sqrt(1 - fade**2) * rng.standard_normal(q.shape)
+        drift = fade * before.drift + white
         noise = np.sqrt(1 - self.drift) * self.unit_noise(q.shape, rng)
         noise += np.sqrt(self.drift) * drift
-        moved += self.innovation_std(inputs) * noise
-        mean = np.einsum("kji,ji->kj", inputs.mean, self.mean_gain)
-        after = [command + dq, now, *means, *jumps, mean, r, z, drift]
-        return command + dq + mean + moved, np.concatenate(after, axis=-1)
+        next_r = expected + self.innovation_std(inputs) * noise
+
+        command, mean = before.command + dq, self.mean_error(inputs)
+        after = Memory(
+            command=command,
+            speed=speed,
+            fresh_sign=fresh_sign,
+            late_sign=late_sign,
+            fresh_jumps=fresh_jumps,
+            late_jumps=late_jumps,
+            mean=mean,
+            previous=r,
+            z=z,
+            drift=drift,
+        )
+        return command + mean + next_r, np.concatenate(after, axis=-1)
 
     def parameters(self) -> dict[str, Any]:
         """Plain values for :func:`build`; null for infinite degrees of freedom."""
-        plain = {each.name: getattr(self, each.name) for each in fields(self)}
-        plain = {key: np.asarray(value).tolist() for key, value in plain.items()}
-        plain["degrees"] = [
-            each if np.isfinite(each) else None for each in plain["degrees"]
-        ]
-        return {"kind": "joint_error"} | plain
+        plain: dict[str, Any] = {"kind": "joint_error"}
+        for name, value in vars(self).items():
+            plain[name] = np.asarray(value).tolist()
+        degrees = plain["degrees"]
+        plain["degrees"] = [None if np.isinf(nu) else nu for nu in degrees]
+        return plain
 
 
 def build(parameters: dict[str, Any]) -> JointErrorModel:
-    """Build the law from the values of :meth:`JointErrorModel.parameters`."""
-    values = {each.name: parameters[each.name] for each in fields(JointErrorModel)}
-    values["degrees"] = [np.inf if each is None else each for each in values["degrees"]]
-    whole = {name: values.pop(name) for name in ("joints", "rate", "power")}
-    arrays = {name: np.array(each, float) for name, each in values.items()}
-    n, inf = len(whole["joints"]), np.inf
-    sizes = {"memory": (n, 3), "mean_gain": (n, len(INPUTS)), "scale": (n, len(GROWTH))}
-    ends = {
-        "memory": (-inf, inf),
-        "mean_gain": (-inf, inf),
-        "lag": (-inf, inf),
-        "degrees": (2.0, inf),
-        "drift": (0, 1),
-    }
-    for name, array in arrays.items():
-        (low, high), size = ends.get(name, (0.0, inf)), sizes.get(name, (n,))
-        if array.shape != size or not np.all((low <= array) & (array <= high)):
-            rule = f"numbers from {low:g} to {high:g} of shape {size}, got {array.tolist()}"
-            raise ModelDomainError(f"parameters.{name} must be {rule}")
-    if (power := whole["power"]) != SATURATING and not isinstance(power, int | float):
+    """Build the law from the values of :meth:`JointErrorModel.parameters`. Raises ModelDomainError
+    for an invalid value and for a memory whose errors grow.
+    """
+    values = {field.name: parameters[field.name] for field in fields(JointErrorModel)}
+    values["joints"] = tuple(values["joints"])
+    values["degrees"] = [np.inf if nu is None else nu for nu in values["degrees"]]
+    power = values["power"]
+    if power != SATURATING and not isinstance(power, int | float):
         message = f"parameters.power must be a number or {SATURATING!r}, got {power!r}"
         raise ModelDomainError(message)
-    law = JointErrorModel(**arrays, **whole | {"joints": tuple(whole["joints"])})
+    for name in set(values) - {"joints", "rate", "power"}:
+        values[name] = _array(name, values[name], len(values["joints"]))
+    law = JointErrorModel(**values)
     radius = np.abs(np.linalg.eigvals(law.companion())).max()
     if radius > 1 + ROUNDED:
-        message = (
-            f"parameters.memory is unstable: errors grow {radius:.4g} times a sample"
+        raise ModelDomainError(
+            f"parameters.memory is unstable: errors grow {radius:.4g} times a sample; "
+            "a factor of at most 1 is required"
         )
-        raise ModelDomainError(f"{message}; a factor of at most 1 is required")
     return law
+
+
+def _array(name: str, value: object, n: int) -> ndarray:
+    """Return the ``value`` of a parameter of ``n`` joints; ModelDomainError if it is invalid."""
+    array = np.array(value, float)
+    shape = SHAPES.get(name, ())
+    low, high = ENDS.get(name, (0.0, np.inf))
+    if array.shape != (n, *shape) or not np.all((low <= array) & (array <= high)):
+        raise ModelDomainError(
+            f"parameters.{name} must be numbers from {low:g} to {high:g} of shape "
+            f"{(n, *shape)}, got {array.tolist()}"
+        )
+    return array

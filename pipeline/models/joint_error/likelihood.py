@@ -3,6 +3,7 @@ hundred values for a joint. The predictions are those of :class:`JointErrorModel
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy import ndarray
@@ -13,6 +14,27 @@ RADIUS = 0.9995  # greatest spectral radius of the memory
 # weight of the squared log ratio of predicted and measured variance, nats a sample: a likelihood
 # with heavy tails does not determine a variance
 CALIBRATION = 0.25
+
+
+class NoiseLaw(NamedTuple):
+    """Parameters of one joint's law, the residuals being in units of its typical error."""
+
+    memory: ndarray  # (3,) φ, ψ, χ
+    scale: ndarray  # (len(GROWTH),) squared units per unit of the growth
+    drift: float  # κ
+    degrees: float  # ν
+
+
+class Residuals(NamedTuple):
+    """Residuals of one joint and the samples at which their predictions count."""
+
+    r: ndarray  # (N,) residuals
+    past: ndarray  # (N, 3) r, previous r and z
+    growth: ndarray  # (N, len(GROWTH)) factors of the scale
+    horizons: ndarray  # (H,) samples ahead
+    ends: ndarray  # predicted samples of the first horizon, of the second, …
+    counts: ndarray  # (H,) number of ``ends`` of each horizon
+    least: float  # variance that every prediction has in addition
 
 
 @compiled
@@ -45,73 +67,106 @@ def companion_of(memory: ndarray, keep: float) -> ndarray:
 
 @compiled
 def composite_loss(
-    memory,
-    scale,
-    drift,
-    degrees,
-    keep,
-    persistence,
-    r,
-    past,
-    growth,
-    horizons,
-    ends,
-    counts,
-    least,
+    law: NoiseLaw, keep: float, persistence: float, residuals: Residuals
 ) -> float:
-    """Mean negative log density of the residuals ``r`` (N,) at samples ``ends``, summed over the
-    ``horizons``, plus the penalty CALIBRATION. ``counts`` ends belong to each horizon.
-
-    The law has ``memory`` (3,), ``scale`` (4,), ``drift`` κ and ``degrees`` ν; ``past`` (N, 3) are
-    r, previous r and z, ``growth`` (N, 4) the factors of the scale, ``least`` a variance that
-    every prediction has in addition. r, √scale and √least have one unit.
+    """Mean negative log density of the residuals at their ends, summed over the horizons, plus the
+    penalty CALIBRATION. ``keep`` is the weight of the last exponential mean in z, ``persistence``
+    the autocorrelation of the drift at one sample.
     """
-    std = np.sqrt(growth @ scale)
-    companion, longest = companion_of(memory, keep), 0
-    for horizon in horizons:
+    std = np.sqrt(residuals.growth @ law.scale)
+    longest = 0
+    for horizon in residuals.horizons:
         longest = max(longest, horizon)
-    impulse, rows = np.empty(longest), np.zeros((longest + 1, 3))
-    rows[0, 0] = 1.0
+    weights = weights_ahead(law.memory, keep, longest)
+    impulse = weights[:, 0] + (1 - keep) * weights[:, 2]
+    least = residuals.least
+    loss, first = 0.0, 0
+    for number in range(len(residuals.horizons)):
+        horizon, count = residuals.horizons[number], residuals.counts[number]
+        if count == 0:  # no part is as long as the horizon
+            continue
+        ends = residuals.ends[first : first + count]
+        first += count
+        variance = variances(impulse[:horizon], std, ends, law.drift, persistence)
+        square = squared_errors(weights[horizon], residuals, ends, horizon)
+        loss -= mean_log_density(square, variance, law.degrees, least)
+        predicted, measured = variance.sum() / count, square.sum() / count
+        excess = math.log((predicted + least) / (measured + least))
+        loss += CALIBRATION * excess**2
+    return loss
+
+
+@compiled
+def weights_ahead(memory: ndarray, keep: float, longest: int) -> ndarray:
+    """(longest + 1, 3) weights of r, previous r and z in the mean 0 … ``longest`` samples ahead."""
+    companion = companion_of(memory, keep)
+    weights = np.zeros((longest + 1, 3))
+    weights[0, 0] = 1.0
     for i in range(longest):
-        impulse[i] = rows[i, 0] + (1 - keep) * rows[i, 2]
-        row = rows[i] @ companion
+        row = weights[i] @ companion
         for j in range(3):  # an assigned row compiles for two seconds
-            rows[i + 1, j] = row[j]
+            weights[i + 1, j] = row[j]
+    return weights
+
+
+@compiled
+def variances(
+    impulse: ndarray, std: ndarray, ends: ndarray, drift: float, persistence: float
+) -> ndarray:
+    """(len(ends),) variances of the residuals at ``ends``, one horizon after the last known one.
+
+    ``impulse`` (horizon,) is the response to an innovation, ``std`` (N,) their standard deviation.
+    """
+    count = len(ends)
+    white, drifted, response = np.zeros(count), np.zeros(count), np.zeros(count)
+    for i in range(len(impulse)):
+        for k in range(count):
+            innovation = impulse[i] * std[ends[k] - i]
+            white[k] += innovation**2
+            # response to the drift i samples ago
+            response[k] = innovation + persistence * response[k]
+            drifted[k] += response[k] ** 2
+    result = np.empty(count)
+    for k in range(count):
+        first = persistence**2 * response[k] ** 2  # the drift at the last known sample
+        of_drift = (1 - persistence**2) * drifted[k] + first
+        result[k] = (1 - drift) * white[k] + drift * of_drift
+    return result
+
+
+@compiled
+def squared_errors(
+    weights: ndarray, residuals: Residuals, ends: ndarray, horizon: int
+) -> ndarray:
+    """(len(ends),) squared errors of the mean ``horizon`` samples ahead with ``weights`` (3,)."""
+    result = np.empty(len(ends))
+    for k in range(len(ends)):
+        error = residuals.r[ends[k]]
+        for i in range(3):
+            error -= weights[i] * residuals.past[ends[k] - horizon, i]
+        result[k] = error**2
+    return result
+
+
+@compiled
+def mean_log_density(
+    square: ndarray, variance: ndarray, degrees: float, least: float
+) -> float:
+    """Mean log density of errors of these squares under Student's t, normal for infinite degrees,
+    of ``variance`` plus the squared scale ``least``.
+    """
     normal = math.isinf(degrees)
-    unit = 1.0 if normal else (degrees - 2) / degrees
-    constant = -0.5 * math.log(2 * math.pi)
+    unit, constant = 1.0, -0.5 * math.log(2 * math.pi)
     if not normal:
+        unit = (degrees - 2) / degrees
         constant = math.lgamma((degrees + 1) / 2) - math.lgamma(degrees / 2)
         constant -= 0.5 * math.log(degrees * math.pi)
-    loss, first = 0.0, 0
-    for number in range(len(horizons)):
-        horizon, count = horizons[number], counts[number]
-        own_ends = ends[first : first + count]
-        first += count
-        white, own, drifted = np.zeros(count), np.zeros(count), np.zeros(count)
-        for i in range(horizon):
-            for k in range(count):
-                each = impulse[i] * std[own_ends[k] - i]
-                white[k] += each**2
-                own[k] = (
-                    each + persistence * own[k]
-                )  # response to the drift i samples ago
-                drifted[k] += own[k] ** 2
-        density, predicted, measured = 0.0, 0.0, 0.0
-        for k in range(count):
-            off = r[own_ends[k]]
-            for i in range(3):
-                off -= rows[horizon, i] * past[own_ends[k] - horizon, i]
-            of_drift = (1 - persistence**2) * drifted[k] + persistence**2 * own[k] ** 2
-            variance = (1 - drift) * white[k] + drift * of_drift
-            square = variance * unit + least
-            z2 = off**2 / square
-            tail = z2 / 2 if normal else (degrees + 1) / 2 * math.log1p(z2 / degrees)
-            density += constant - tail - math.log(square) / 2
-            predicted += variance
-            measured += off**2
-        if count:  # else no part is as long as the horizon
-            loss -= density / count
-            excess = math.log((predicted / count + least) / (measured / count + least))
-            loss += CALIBRATION * excess**2
-    return loss
+    density = 0.0
+    for k in range(len(square)):
+        scale = variance[k] * unit + least
+        z2 = square[k] / scale
+        tail = z2 / 2
+        if not normal:
+            tail = (degrees + 1) / 2 * math.log1p(z2 / degrees)
+        density += constant - tail - math.log(scale) / 2
+    return density / len(square)

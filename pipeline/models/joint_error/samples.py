@@ -62,10 +62,11 @@ def jump_threshold(commands: Sequence[ndarray], rate: float) -> ndarray:
     """
     change = np.concatenate([accelerations(command, rate) for command in commands])
     moving = np.concatenate([moving_samples(command, rate) for command in commands])
-    usual = []
-    for sizes, used in zip(change.T, moving.T, strict=True):
-        usual.append(np.quantile(sizes[used], USUAL) if used.any() else 0.0)
-    return JUMP * np.maximum(usual, SMALL)
+    usual = np.full(change.shape[1], SMALL)
+    for j in np.flatnonzero(moving.any(axis=0)):
+        in_motion = change[moving[:, j], j]
+        usual[j] = max(np.quantile(in_motion, USUAL), SMALL)
+    return JUMP * usual
 
 
 def settled(command: ndarray, rate: float) -> ndarray:
@@ -93,4 +94,4 @@ def lags_of_logs(runs: Sequence[JointRun]) -> ndarray:
 
 def horizon_samples(rate: float) -> list[int]:
     """Numbers of samples of HORIZONS."""
-    return [max(1, round(each * rate)) for each in HORIZONS]
+    return [max(1, round(horizon * rate)) for horizon in HORIZONS]

@@ -6,25 +6,25 @@ The memory (φ, ψ, χ) is the least-squares regression of r on its past. The ga
 a ridge regression at the three horizons. Its penalty has the least squared error on held-out
 motions, or on held-out quarters of the runs of a single motion; an infinite penalty removes the
 mean. Scale, tails and drift maximise the composite likelihood of the held-out residuals. Only
-commanded steps count that are not within :data:`SETTLING` s of a jump of the commanded speed.
+commanded steps count.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise, product
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy import ndarray
 
-from pipeline.models.joint_error.law import (
-    INPUTS,
-    Drive,
-    JointErrorModel,
-    past_of,
-    unit_variance_factor,
+from pipeline.models.joint_error.law import INPUTS, Drive, JointErrorModel, past_of
+from pipeline.models.joint_error.likelihood import (
+    NoiseLaw,
+    Residuals,
+    composite_loss,
+    damped_memory,
 )
-from pipeline.models.joint_error.likelihood import composite_loss, damped_memory
+from pipeline.models.joint_error.outlook import unit_variance_factor
 from pipeline.models.joint_error.samples import JointRun, horizon_samples
 
 Memory = Literal["none", "persistent", "autoregressive", "full"]
@@ -34,6 +34,8 @@ DEGREES = (4.0, 50.0)  # bounds of ν: σ exists and ±σ holds less than .78
 FIRST, LAST = 20, 60  # iterations of the searches before and after the mean
 ROUNDS = 2  # of memory and likelihood, mean
 LEAST = 20  # commanded samples of a joint that determine its law
+QUARTERS = 4  # parts of the runs of a single motion that are held out
+JUMP_INPUTS = np.array([name.endswith("jumps") for name in INPUTS])
 
 
 @dataclass(frozen=True)
@@ -44,9 +46,14 @@ class JointSamples:
     inputs: Drive  # (N, …) of this joint
     pieces: list[slice]  # of one run and one held-out group
     groups: ndarray  # (N,) number of the part that is held out with a sample
-    one: ndarray  # all samples before a prediction of one sample that counts
+    first: ndarray  # all samples before a prediction of one sample that counts
     # steps ahead → samples before the predictions that count, at most about 2·MOST by horizon
     before: dict[int, ndarray]
+
+    def past(self, law: JointErrorModel, r: ndarray) -> ndarray:
+        """(N, 3, …) r, previous r and z of residuals or inputs ``r`` (N, …), piece by piece."""
+        parts = [past_of(r[piece], law.keep) for piece in self.pieces]
+        return np.moveaxis(np.concatenate(parts), -1, 1)
 
 
 def joint_samples(
@@ -55,143 +62,223 @@ def joint_samples(
     """Return the samples of joint ``j`` of the ``runs`` with the inputs of its ``law``; without
     full ``memory`` only predictions one sample ahead.
     """
-    lengths = [len(run.command) for run in runs]
-    starts, chosen = np.cumsum([0, *lengths[:-1]]), {}
-    error = np.concatenate([run.measured[:, j] - run.command[:, j] for run in runs])
     inputs = [law.inputs(run.command[:, [j]]) for run in runs]
-    together = Drive(
-        *(np.concatenate([each[k][:, 0] for each in inputs]) for k in range(2))
-    )
-    motions = sorted({run.motion for run in runs})
-    # the held-out part of each sample: its motion, or quarter of the run
-    groups = np.repeat([motions.index(run.motion) for run in runs], lengths)
-    if len(motions) == 1:
-        groups = np.concatenate([np.arange(count) * 4 // count for count in lengths])
-    for steps in horizon_samples(runs[0].rate)[: 3 if memory == "full" else 1]:
-        own = [np.flatnonzero(run.moving[steps:, j]) for run in runs]
-        if sum(map(len, own)) < LEAST:  # a joint that stands still: all samples
-            own = [np.arange(max(count - steps, 0)) for count in lengths]
-        before = np.concatenate(
-            [first + each for first, each in zip(starts, own, strict=True)]
-        )
-        inside = groups[before] == groups[before + steps]
-        chosen[steps] = before[inside] if inside.any() else before
-    thin = zip(chosen.items(), MOST, strict=False)  # 0.1 s may be one sample
-    before = {steps: all_[:: max(1, len(all_) // most)] for (steps, all_), most in thin}
-    borders = {0, len(groups), *starts, *(1 + np.flatnonzero(np.diff(groups)))}
-    pieces = [slice(*each) for each in pairwise(sorted(map(int, borders)))]
+    groups = _held_out_groups(runs)
+    horizons = horizon_samples(runs[0].rate)
+    if memory != "full":
+        horizons = horizons[:1]
+    counted = {steps: _counted_samples(runs, j, steps, groups) for steps in horizons}
+    before = {}
+    for (steps, samples), most in zip(counted.items(), MOST, strict=False):
+        before[steps] = samples[:: max(1, len(samples) // most)]
     return JointSamples(
-        error, together, pieces, groups, next(iter(chosen.values())), before
+        error=np.concatenate([run.measured[:, j] - run.command[:, j] for run in runs]),
+        inputs=Drive(
+            mean=np.concatenate([drive.mean[:, 0] for drive in inputs]),
+            growth=np.concatenate([drive.growth[:, 0] for drive in inputs]),
+        ),
+        pieces=_pieces(runs, groups),
+        groups=groups,
+        first=counted[horizons[0]],
+        before=before,
     )
 
 
-def fit_one(
+def _held_out_groups(runs: Sequence[JointRun]) -> ndarray:
+    """(N,) number of the held-out part of each sample: its motion, or quarter of its run."""
+    motions = sorted({run.motion for run in runs})
+    parts = []
+    for run in runs:
+        count = len(run.command)
+        if len(motions) == 1:
+            parts.append(np.arange(count) * QUARTERS // count)
+        else:
+            parts.append(np.full(count, motions.index(run.motion)))
+    return np.concatenate(parts)
+
+
+def _starts(runs: Sequence[JointRun]) -> ndarray:
+    """(len(runs) + 1,) first sample of each run in the runs one after the other, and the end."""
+    return np.cumsum([0, *(len(run.command) for run in runs)])
+
+
+def _pieces(runs: Sequence[JointRun], groups: ndarray) -> list[slice]:
+    """Return the slices of samples of one run and one held-out group."""
+    changes = 1 + np.flatnonzero(np.diff(groups))
+    borders = np.unique(np.concatenate([_starts(runs), changes]))
+    return [slice(first, end) for first, end in pairwise(borders.tolist())]
+
+
+def _counted_samples(
+    runs: Sequence[JointRun], j: int, steps: int, groups: ndarray
+) -> ndarray:
+    """Return the samples ``steps`` before those to which joint ``j`` is commanded to move; of a
+    joint that stands still, ``steps`` before all. Both are of one held-out group if any are.
+    """
+    moving = [run.moving[steps:, j] for run in runs]
+    if sum(map(np.count_nonzero, moving)) < LEAST:
+        moving = [np.ones_like(samples) for samples in moving]
+    before = []
+    for start, samples in zip(_starts(runs), moving, strict=False):
+        before.append(start + np.flatnonzero(samples))
+    before = np.concatenate(before)
+    inside = groups[before] == groups[before + steps]
+    return before[inside] if inside.any() else before
+
+
+def fit_joint(
     law: JointErrorModel, joint: JointSamples, memory: Memory, tails: bool
 ) -> JointErrorModel:
     """Return the ``law`` of one joint, fitted to its samples."""
-    size = float(np.sqrt(np.mean(joint.error**2))) or 1e-9
+    search = NoiseSearch(joint, tails)
     if memory != "full":
-        past = _past(law, joint, joint.error)
         if memory == "none":
             law = replace(law, memory=np.zeros((1, 3)))
         if memory == "autoregressive":
-            law = replace(law, memory=_second_order(law, joint, past)[None])
-        return _likelihood(law, joint, joint.error, past, None, size, tails, None)[0]
-    theta, held = None, joint.error
+            law = replace(law, memory=_second_order(law, joint)[None])
+        return search.fit(law, joint.error, None)
+    residuals = joint.error
     for round_ in range(ROUNDS):
-        past = _past(law, joint, held)
-        values = _regression(joint, held, past)
-        law, theta = _likelihood(law, joint, held, past, values, size, tails, theta)
+        regression = _regression(joint, residuals, joint.past(law, residuals))
+        law = search.fit(law, residuals, regression)
         if round_ < ROUNDS - 1:
-            gain, held = _mean(law, joint, size)
+            gain, residuals = _mean(law, joint, search.size)
             law = replace(law, mean_gain=gain[None])
     return law
 
 
-def _second_order(law: JointErrorModel, joint: JointSamples, past: ndarray) -> ndarray:
-    """(3,) φ, ψ and 0 of an autoregression of order two, by least squares of one sample."""
-    memory = np.zeros(3)
-    memory[:2] = _regression(joint, joint.error, past[:, :2])[0]
-    return damped_memory(memory, 1.0, law.keep)
+class Regression(NamedTuple):
+    """Least-squares coefficients."""
+
+    values: ndarray  # (p,)
+    root: ndarray  # (p, p) a root of their covariance
 
 
-def _past(own: JointErrorModel, joint: JointSamples, r: ndarray) -> ndarray:
-    """(N, 3, …) r, previous r and z of residuals or inputs ``r`` (N, …), piece by piece."""
-    return np.concatenate(
-        [np.moveaxis(past_of(r[p], own.keep), -1, 1) for p in joint.pieces]
-    )
-
-
-def _regression(
-    joint: JointSamples, r: ndarray, past: ndarray
-) -> tuple[ndarray, ndarray]:
-    """Return the coefficients (p,) of the ``past`` (N, p) by least squares of one sample, φ, ψ and
-    χ, and a root (p, p) of their covariance.
-    """
-    a, y = past[joint.one], r[joint.one + 1]
+def _regression(joint: JointSamples, r: ndarray, past: ndarray) -> Regression:
+    """Return the coefficients of the ``past`` (N, p) in ``r`` (N,) one sample later."""
+    a, y = past[joint.first], r[joint.first + 1]
     moment = a.T @ a
     moment += np.diag(1e-9 * np.diag(moment) + 1e-300)
     values = np.linalg.solve(moment, a.T @ y)
-    error = np.mean((y - a @ values) ** 2) + 1e-300
-    return values, np.linalg.cholesky(np.linalg.inv(moment / len(y) / error))
+    variance = np.mean((y - a @ values) ** 2) + 1e-300
+    covariance = np.linalg.inv(moment / len(y) / variance)
+    return Regression(values, np.linalg.cholesky(covariance))
 
 
-def _likelihood(
-    own, joint: JointSamples, r, past, values, size: float, tails: bool, start
-):
-    """Return the law with the most likely scale, drift, tails and damping of the memory ``values``
-    (None: none), and the search's result.
+def _second_order(law: JointErrorModel, joint: JointSamples) -> ndarray:
+    """(3,) φ, ψ and 0 of an autoregression of order two, by least squares of one sample."""
+    past = joint.past(law, joint.error)[:, :2]
+    memory = np.zeros(3)
+    memory[:2] = _regression(joint, joint.error, past).values
+    return damped_memory(memory, 1.0, law.keep)
+
+
+class NoiseSearch:
+    """Search for the most likely scale, drift, tails and damping of the memory of a joint. A search
+    starts where the last one ended.
+
+    Its variables θ are ln s of each growth, ln(ν − 4), the logit of κ, ln of the damping, and the
+    shift of the memory in units of its standard errors.
     """
-    from scipy.optimize import minimize
 
-    growth, bases = joint.inputs.growth, own.scale.shape[1]
-    counts = np.array([len(each) for each in joint.before.values()])
-    ends = [before + steps for steps, before in joint.before.items()]
-    horizons, ends = np.array([*joint.before]), np.concatenate(ends)
+    def __init__(self, joint: JointSamples, tails: bool):
+        self.joint, self.tails = joint, tails
+        self.size = (
+            float(np.sqrt(np.mean(joint.error**2))) or 1e-9
+        )  # rad, a typical error
+        self.theta: ndarray | None = None  # result of the last search
+        self.horizons = np.array([*joint.before])
+        self.counts = np.array([len(samples) for samples in joint.before.values()])
+        ends = [before + steps for steps, before in joint.before.items()]
+        self.ends = np.concatenate(ends)
 
-    def parameters(theta: ndarray) -> tuple[ndarray, ndarray, float, float]:
-        """Return memory, scale / size², drift and degrees."""
+    def fit(
+        self, law: JointErrorModel, r: ndarray, regression: Regression | None
+    ) -> JointErrorModel:
+        """Return ``law`` with the most likely noise of the residuals ``r`` (N,) in rad; without
+        ``regression`` with its own memory.
+        """
+        from scipy.optimize import minimize
+
+        growth, size = self.joint.inputs.growth, self.size
+        past = self.joint.past(law, r)
+        residuals = Residuals(
+            r=r / size,
+            past=past / size,
+            growth=growth,
+            horizons=self.horizons,
+            ends=self.ends,
+            counts=self.counts,
+            least=1e-14 + float(law.quantum[0] / size) ** 2 / 12,
+        )
+
+        def loss(theta: ndarray) -> float:
+            noise = self.noise(theta, law, regression)
+            return composite_loss(noise, law.keep, law.persistence, residuals)
+
+        memory = law.memory[0] if regression is None else regression.values
+        level = self.log_level(residuals, memory)
+        bounds = self.bounds(level)
+        rounds = LAST
+        if self.theta is None:
+            self.theta = self.start(level)
+            rounds = LAST if regression is None else FIRST
+        found = minimize(
+            loss,
+            np.clip(self.theta, *np.array(bounds).T),
+            method="L-BFGS-B",
+            bounds=bounds,
+            options={"maxiter": rounds, "ftol": 1e-6},
+        )
+        self.theta = found.x
+        noise = self.noise(found.x, law, regression)
+        scale = np.where(growth.any(axis=0), noise.scale * size**2, 0.0)
+        return replace(
+            law,
+            memory=noise.memory[None],
+            scale=scale[None],
+            drift=np.array([noise.drift]),
+            degrees=np.array([noise.degrees]),
+        )
+
+    def noise(
+        self, theta: ndarray, law: JointErrorModel, regression: Regression | None
+    ) -> NoiseLaw:
+        """Return the law of the variables ``theta``, in units of the typical error."""
+        bases = law.scale.shape[1]
         scale = np.exp(2 * theta[:bases])
-        degrees = DEGREES[0] + np.exp(theta[bases]) if tails else np.inf
-        if values is None:
-            return own.memory[0], scale, 0.0, degrees
+        degrees = np.inf
+        if self.tails:
+            degrees = DEGREES[0] + np.exp(theta[bases])
+        if regression is None:
+            return NoiseLaw(law.memory[0], scale, 0.0, degrees)
         drift = 1 / (1 + np.exp(-theta[bases + 1]))
-        shifted = values[0] + values[1] @ theta[bases + 3 :]
-        memory = damped_memory(shifted, 1 - np.exp(theta[bases + 2]), own.keep)
-        return memory, scale, drift, degrees
+        damping = 1 - np.exp(theta[bases + 2])
+        shifted = regression.values + regression.root @ theta[bases + 3 :]
+        return NoiseLaw(
+            damped_memory(shifted, damping, law.keep), scale, drift, degrees
+        )
 
-    floor = 1e-14 + float(own.quantum[0] / size) ** 2 / 12
-    data = (r / size, past / size, growth, horizons, ends, counts, floor)
+    def log_level(self, residuals: Residuals, memory: ndarray) -> float:
+        """Return ln of the rms error of the mean with ``memory`` (3,) one sample ahead."""
+        steps, before = next(iter(self.joint.before.items()))
+        off = residuals.r[before + steps] - residuals.past[before] @ memory
+        return np.log(max(float(np.sqrt(np.mean(off**2))), 1e-6))
 
-    def loss(theta: ndarray) -> float:
-        return composite_loss(*parameters(theta), own.keep, own.persistence, *data)
+    def start(self, level: float) -> ndarray:
+        """Return the first variables: each growth has half of the variance ``level``."""
+        first = self.ends[: self.counts[0]]
+        growth = self.joint.inputs.growth[first]
+        typical = [typical_growth(column) for column in growth.T]
+        scales = level - 0.7 - np.log(typical) / 2
+        return np.r_[scales, np.log(4.0), -4.0, -7.0, np.zeros(3)]
 
-    steps, before = next(iter(joint.before.items()))
-    first = past[before] @ (own.memory[0] if values is None else values[0])
-    rms = np.log(
-        max(float(np.sqrt(np.mean((r[before + steps] - first) ** 2))) / size, 1e-6)
-    )
-    rounds = FIRST if start is None and values is not None else LAST
-    if start is None:
-        mean = [typical_growth(column) for column in growth[before + steps].T]
-        start = np.r_[
-            rms - 0.7 - np.log(mean) / 2, np.log(4.0), -4.0, -7.0, np.zeros(3)
-        ]
-    bounds = [(rms - 7, rms + 7)] * bases + [(-6.0, np.log(DEGREES[1] - DEGREES[0]))]
-    bounds += [(-9.0, 4.0), (-14.0, -1.5), *[(-3.0, 3.0)] * 3]
-    start = np.clip(start, *np.array(bounds).T)
-    search = {"maxiter": rounds, "ftol": 1e-6}
-    found = minimize(loss, start, method="L-BFGS-B", bounds=bounds, options=search).x
-    memory, scale, drift, degrees = parameters(found)
-    best = {
-        "memory": memory,
-        "scale": np.where(growth.any(axis=0), scale * size**2, 0.0),
-        "drift": drift,
-        "degrees": degrees,
-    }
-    return replace(
-        own, **{name: np.array([each]) for name, each in best.items()}
-    ), found
+    def bounds(self, level: float) -> list[tuple[float, float]]:
+        """Return the bounds of the variables."""
+        scales = [(level - 7, level + 7)] * self.joint.inputs.growth.shape[1]
+        degrees = (-6.0, np.log(DEGREES[1] - DEGREES[0]))
+        drift, damping, shift = (-9.0, 4.0), (-14.0, -1.5), (-3.0, 3.0)
+        return [*scales, degrees, drift, damping, shift, shift, shift]
 
 
 def typical_growth(column: ndarray) -> float:
@@ -200,58 +287,84 @@ def typical_growth(column: ndarray) -> float:
     return float(active.mean()) if len(active) else 1.0
 
 
+class Moments(NamedTuple):
+    """Moments of the regression for β, weighted: of G held-out groups, of inputs of rms 1."""
+
+    inputs: ndarray  # (G, p, p)
+    across: ndarray  # (G, p) of inputs and errors
+    square: ndarray  # (G,) of errors
+
+    def gains(self, penalty: ndarray) -> ndarray:
+        """(G, p) ridge regressions without each group; ``penalty`` (p,) adds to the diagonal."""
+        inputs = self.inputs.sum(axis=0) - self.inputs
+        across = self.across.sum(axis=0) - self.across
+        return np.stack(
+            [ridge(*group, penalty) for group in zip(inputs, across, strict=True)]
+        )
+
+    def loss(self, gains: ndarray) -> float:
+        """Weighted squared errors of the groups under their ``gains`` (G, p)."""
+        linear = np.sum(self.across * gains)
+        quadratic = np.einsum("gi,gij,gj->", gains, self.inputs, gains)
+        return float(self.square.sum() - 2 * linear + quadratic)
+
+
+def ridge(inputs: ndarray, across: ndarray, penalty: ndarray) -> ndarray:
+    """(p,) ridge regression from moments; an input of infinite ``penalty`` has no gain."""
+    used = np.isfinite(penalty)
+    gains = np.zeros(len(across))
+    if used.any():
+        moment = inputs[np.ix_(used, used)] + np.diag(penalty[used])
+        gains[used] = np.linalg.solve(moment, across[used])
+    return gains
+
+
 def _mean(
-    own: JointErrorModel, joint: JointSamples, size: float
+    law: JointErrorModel, joint: JointSamples, size: float
 ) -> tuple[ndarray, ndarray]:
     """Return β, and the residuals (N,) of the errors under a β fitted without their group."""
-    weights, impulse = own.response([*joint.before][-1])
-    x = joint.inputs.mean
-    unit = np.sqrt(np.mean(x**2, axis=0)) + 1e-12
-    x = x / unit
-    past_e, past_x = _past(own, joint, joint.error), _past(own, joint, x)
-    std = np.sqrt(joint.inputs.growth @ own.scale[0])[:, None]
-    factor, nu = unit_variance_factor(own.degrees)[0], own.degrees[0]
-    numbers = np.unique(joint.groups)
-    normal = {g: [0.0, 0.0, 0.0] for g in numbers}
+    unit = np.sqrt(np.mean(joint.inputs.mean**2, axis=0)) + 1e-12
+    x = joint.inputs.mean / unit
+    _, groups = np.unique(joint.groups, return_inverse=True)
+    moments = _moments(law, joint, x, groups, size)
+    total = moments.inputs.sum(axis=0)
+    # of all groups: inputs that a fold lacks have no gain in it
+    size_of_input = np.diag(total) + 1e-12 * np.trace(total) + 1e-300
+    jump_penalties = PENALTIES if x[:, JUMP_INPUTS].any() else PENALTIES[-1:]
+    least, penalty, gains = np.inf, size_of_input, np.zeros_like(moments.across)
+    for smooth, jump in product(PENALTIES, jump_penalties):
+        trial = size_of_input * np.where(JUMP_INPUTS, jump, smooth)
+        trial_gains = moments.gains(trial)
+        if (loss := moments.loss(trial_gains)) <= least:
+            least, penalty, gains = loss, trial, trial_gains
+    gain = ridge(total, moments.across.sum(axis=0), penalty) / unit
+    return gain, joint.error - np.sum(x * gains[groups], axis=1)
+
+
+def _moments(
+    law: JointErrorModel, joint: JointSamples, x: ndarray, groups: ndarray, size: float
+) -> Moments:
+    """Return the moments of the errors and inputs ``x`` (N, p) that their past does not predict,
+    each with the weight that the law's noise gives it, by the numbers ``groups`` (N,).
+    """
+    weights, impulse = law.response([*joint.before][-1])
+    past_error, past_x = joint.past(law, joint.error), joint.past(law, x)
+    std = np.sqrt(joint.inputs.growth @ law.scale[0])[:, None]
+    nu, factor = law.degrees[0], unit_variance_factor(law.degrees)[0]
+    count, p = groups.max() + 1, x.shape[1]
+    moments = Moments(np.zeros((count, p, p)), np.zeros((count, p)), np.zeros(count))
     for steps, before in joint.before.items():
         row, end = weights[steps - 1, 0], before + steps
-        u = joint.error[end] - past_e[before] @ row
-        a = x[end] - np.einsum("kif,i->kf", past_x[before], row)
-        variance = own.variance(std, end, steps, impulse)[:, 0] + 1e-14 * size**2
+        error = joint.error[end] - past_error[before] @ row
+        inputs = x[end] - np.einsum("kif,i->kf", past_x[before], row)
+        variance = law.variance(std, end, steps, impulse)[:, 0] + 1e-14 * size**2
         weight = 1 / variance
         if np.isfinite(nu):
-            weight = weight * (nu + 1) / (nu + u**2 / (variance * factor))
-        for g in numbers:
-            inside = joint.groups[end] == g
-            w, v, b = weight[inside], u[inside], a[inside]
-            parts = (b.T * w) @ b, (b.T * w) @ v, float(w @ v**2)
-            normal[g] = [old + new for old, new in zip(normal[g], parts, strict=True)]
-    total = [sum(normal[g][i] for g in numbers) for i in range(2)]
-
-    # of all groups: inputs that a fold lacks have no gain in it
-    size_of_input = np.diag(total[0]) + 1e-12 * np.trace(total[0]) + 1e-300
-
-    def ridge(moment: ndarray, across: ndarray, penalty: ndarray) -> ndarray:
-        used = np.isfinite(penalty)
-        gains = np.zeros(len(across))
-        if used.any():
-            penalised = np.diag(penalty[used] * size_of_input[used])
-            moment = moment[np.ix_(used, used)] + penalised
-            gains[used] = np.linalg.solve(moment, across[used])
-        return gains
-
-    best = (np.inf, np.inf, {})
-    jumped = np.array([name.endswith("jumps") for name in INPUTS])
-    for smooth, jump in product(
-        PENALTIES, PENALTIES if x[:, jumped].any() else PENALTIES[-1:]
-    ):
-        penalty = np.where(jumped, jump, smooth)
-        gains, loss = {}, 0.0
-        for g in numbers:
-            gains[g] = ridge(total[0] - normal[g][0], total[1] - normal[g][1], penalty)
-            moment, across, square = normal[g]
-            loss += square - 2 * across @ gains[g] + gains[g] @ moment @ gains[g]
-        if loss <= best[0]:
-            best = (loss, penalty, gains)
-    held = np.array([best[2][g] for g in joint.groups])
-    return ridge(*total, best[1]) / unit, joint.error - np.einsum("kf,kf->k", x, held)
+            weight *= (nu + 1) / (nu + error**2 / (variance * factor))
+        for group in range(count):
+            inside = groups[end] == group
+            w, v, b = weight[inside], error[inside], inputs[inside]
+            moments.inputs[group] += (b.T * w) @ b
+            moments.across[group] += (b.T * w) @ v
+            moments.square[group] += w @ v**2
+    return moments

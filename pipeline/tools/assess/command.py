@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from jinja2 import Template
+from jinja2 import Environment, FileSystemLoader
 
 from pipeline.configuration import config
 from pipeline.core import contracts
@@ -33,24 +33,20 @@ from pipeline.recordings.repetitions import SLACK
 from pipeline.recordings.runs import joint_runs
 from pipeline.recordings.steps import training_steps
 from pipeline.statistics.scores import normal_log_score
-from pipeline.tools.characterize.logs import folder_logs
+from pipeline.tools.characterize.logs import FolderLogs, folder_logs
 from pipeline.tools.new_dataset.command import assigned_values, command_with
 
 HERE, EXPORTS = Path(__file__).parent, Path("data/export")
-CHARACTERIZED = Path(
-    "data/characterize"
-)  # runs of characterize, one folder per dataset
-TAKE_TEXT, RUN_TEXT = (
-    Template((HERE / f"{name}.txt").read_text(encoding="utf-8"), trim_blocks=True)
-    for name in ("take", "run")
-)
+CHARACTERIZED = Path("data/characterize")  # runs of characterize, a folder per dataset
+TEXTS = Environment(loader=FileSystemLoader(HERE), trim_blocks=True)
+TAKE_TEXT, RUN_TEXT = TEXTS.get_template("take.txt"), TEXTS.get_template("run.txt")
 MOTION, TRACK = Path("data/ingest/motion"), Path("data/track")
 FACTOR = 2.0  # greatest factor between predicted and measured standard deviation
 ENOUGH = 20  # least number of test takes for a comparison without training takes
 # false positive rate: half of it for the whole take, half for the greatest difference of a span
 LEVEL = 0.05
 MOST_CHANCE = (
-    0.25  # greatest false positive rate; with a greater rate nothing can be shown
+    0.25  # greatest false positive rate; with a greater one nothing can be shown
 )
 FEWEST = round(2 / MOST_CHANCE) - 1  # least number of takes to compare with
 SPANS = 10  # number of parts of the motion that are compared
@@ -58,24 +54,30 @@ SPANS = 10  # number of parts of the motion that are compared
 
 def run(file: Path, model: Path | None = None, set: Sequence[str] = ()) -> None:
     """Predict each take in the recording by the exported model and print the verdict."""
-    if model is None:
-        name = config.sections("assess", HERE / "reads.yaml").dataset.name
-        files = sorted(EXPORTS.glob(f"{name}_*.json"))
-        if len(files) != 1:
-            present = ", ".join(map(str, files)) or f"none of {name} in {EXPORTS}"
-            message = f"name one exported model by --model; there is {present}; "
-            message += "`python -m pipeline export MODEL` writes one"
-            raise ConfigError(message, key="--model")
-        model = files[0]
-    law, file = load(model), file.resolve()
+    export = model or _only_export()
+    law, file = load(export), file.resolve()
     if isinstance(law, ExportedErrors):
-        runs = _runs_in(file, law, model, assigned_values(set))
-        for text in assessments_of_runs(runs, law, model.name):
+        runs = _runs_in(file, law, export, assigned_values(set))
+        for text in assessments_of_runs(runs, law, export.name):
             print(text)
         return
-    with chdir(run_folder(law.record["dataset"], model)):
-        for text in _assessments(file, law, model.name):
+    with chdir(run_folder(law.record["dataset"], export)):
+        for text in _assessments(file, law, export.name):
             print(text)
+
+
+def _only_export() -> Path:
+    """Return the exported model of params.yaml's dataset; ConfigError unless there is one."""
+    name = config.sections("assess", HERE / "reads.yaml").dataset.name
+    files = sorted(EXPORTS.glob(f"{name}_*.json"))
+    if len(files) != 1:
+        present = ", ".join(map(str, files)) or f"none of {name} in {EXPORTS}"
+        raise ConfigError(
+            f"name one exported model by --model; there is {present}; "
+            "`python -m pipeline export MODEL` writes one",
+            key="--model",
+        )
+    return files[0]
 
 
 def _runs_in(
@@ -85,35 +87,55 @@ def _runs_in(
     takes of the model's dataset in another ``file``; print what is not used.
     """
     logs = folder_logs(file.parent, assigned, only=file)
-    joints = [*model.law.joints]
     if logs.movements:
-        names = [*next(iter(logs.movements.values())).joints]
-        if missing := [joint for joint in joints if joint not in names]:
-            message = (
-                f"the log has no joint {', '.join(missing)}; it has {', '.join(names)}"
-            )
-            raise RecordingError(message, file=file)
-        found = joint_runs(logs.movements, logs.rate, joints)
-        for name, reason in (logs.unused | found.unused).items():
-            print(f"assess: not used: {name}: {reason}")
-        if standing := [joint for joint in joints if joint in found.unused]:
-            reason = found.unused[standing[0]]
-            message = f"{', '.join(standing)} of the model stands still: {reason}"
-            raise RecordingError(message, file=file)
-        return found.runs
+        return _runs_of_logs(logs, list(model.law.joints), file)
     with chdir(run_folder(model.record["dataset"], export)):
         dataset = config.sections("assess", HERE / "reads.yaml").dataset
         if dataset.mocap is None:
             reason = next(iter(logs.unused.values()), "no log of joints")
-            message = f"no measured and commanded joint angles: {reason}"
+            advice = ""
             if logs.missing:
                 words = f"assess {file} --model {export}"
                 command = command_with(words, {**assigned, **logs.missing})
-                message += f"; correct the values and run `{command}`"
-            raise RecordingError(message, file=file)
+                advice = f"; correct the values and run `{command}`"
+            raise RecordingError(
+                f"no measured and commanded joint angles: {reason}{advice}", file=file
+            )
         first = runs_of(training_steps(dataset.robot, dataset.motion))[0]
         takes = new_takes(file, dataset, first.command)
     return [replace(first, name=name, measured=q) for name, q in takes.items()]
+
+
+def _runs_of_logs(
+    logs: FolderLogs, joints: Sequence[str], file: Path
+) -> list[JointRun]:
+    """Return the runs of the model's ``joints`` in ``logs``; print what is not used."""
+    logged = next(iter(logs.movements.values())).joints
+    if missing := [joint for joint in joints if joint not in logged]:
+        raise RecordingError(
+            f"the log has no joint {', '.join(missing)}; it has {', '.join(logged)}",
+            file=file,
+        )
+    runs, unused = joint_runs(logs.movements, logs.rate, joints)
+    for name, reason in (logs.unused | unused).items():
+        print(f"assess: not used: {name}: {reason}")
+    if standing := [joint for joint in joints if joint in unused]:
+        reason = unused[standing[0]]
+        raise RecordingError(
+            f"{', '.join(standing)} of the model stands still: {reason}", file=file
+        )
+    return runs
+
+
+class HorizonVerdict(NamedTuple):
+    """Predictions of a run at one horizon."""
+
+    low: float  # least and greatest predicted over measured standard deviation of a joint
+    high: float
+    inside: float  # share of the errors within one standard deviation
+    score: float  # nats a joint and sample
+    lower: float  # share of the ``count`` runs with a score that is not higher
+    count: int  # runs of the fit and this one
 
 
 def assessments_of_runs(
@@ -123,28 +145,38 @@ def assessments_of_runs(
     deviation and coverage at three horizons, and the rank of its log score among the runs of the
     fit, which stand in the exported file.
     """
-    known = model.record["runs"]
+    fitted = model.record["runs"]
     for run in runs:
         model.require_period(1 / run.rate)
-        scores, all_rows = scores_by_horizon(model.law, run)
-        rows = {}
+        scores, rows = scores_by_horizon(model.law, run)
+        verdicts = {}
         for horizon, score in scores.items():
-            own = all_rows[all_rows["horizon"] == horizon]
-            share = own["predicted_rad"] / own["measured_rad"]
-            inside = np.average(own["one_sigma"], weights=own["count"])
-            others = np.array(
-                [one["scores"][horizon] for one in known if horizon in one["scores"]]
+            at_horizon = rows[rows["horizon"] == horizon]
+            ratio = at_horizon["predicted_rad"] / at_horizon["measured_rad"]
+            of_fit = [record["scores"].get(horizon) for record in fitted]
+            of_fit = np.array([value for value in of_fit if value is not None])
+            count = 1 + len(of_fit)
+            verdicts[horizon] = HorizonVerdict(
+                low=ratio.min(),
+                high=ratio.max(),
+                inside=np.average(at_horizon["one_sigma"], weights=at_horizon["count"]),
+                score=score,
+                lower=(1 + np.sum(of_fit <= score)) / count,
+                count=count,
             )
-            count = 1 + len(others)
-            lower = (1 + np.sum(others <= score)) / count
-            rows[horizon] = share.min(), share.max(), inside, score, lower, count
-        if not rows:
+        if not verdicts:
             yield f"assess: {run.name}: no joint is commanded to move; nothing can be compared"
             continue
-        columns = ["low", "high", "inside", "score", "lower", "count"]
-        table = pd.DataFrame.from_dict(rows, orient="index", columns=columns)
+        lows = [verdict.low for verdict in verdicts.values()]
+        highs = [verdict.high for verdict in verdicts.values()]
+        behaves = min(lows) >= 1 / FACTOR and max(highs) <= FACTOR
         yield RUN_TEXT.render(
-            run=run, rows=table, known=len(known), export=export, factor=FACTOR
+            run=run,
+            behaves=behaves,
+            verdicts=verdicts,
+            fitted=len(fitted),
+            export=export,
+            factor=FACTOR,
         )
 
 
@@ -156,36 +188,41 @@ def run_folder(dataset: str, model: Path) -> Path:
         composed = folder / config.COMPOSED
         if composed.is_file() and read_yaml(composed)["dataset"]["name"] == dataset:
             return folder
-    message = (
+    raise ConfigError(
         f"the model is of the dataset {dataset}, which has no run here; set dataset: "
+        f"{dataset} in params.yaml and run `dvc repro`, or run characterize",
+        file=model,
     )
-    message += f"{dataset} in params.yaml and run `dvc repro`, or run characterize"
-    raise ConfigError(message, file=model)
 
 
 def _assessments(file: Path, law: ExportedModel, export: str) -> Iterator[str]:
     """Yield the verdict on each take in the recording."""
     dataset = config.sections("assess", HERE / "reads.yaml").dataset
-    names, q = contracts.stacked(joints := contracts.read("joints", TRACK), "q")
+    joints = contracts.read("joints", TRACK)
+    names, q = contracts.stacked(joints, "q")
     fitted = (joints.drop_duplicates("take")["part"] == "training").to_numpy()
-    reference = ~fitted if np.sum(~fitted) >= ENOUGH else np.ones_like(fitted)
-    known, mean, rate = (
-        np.array(names)[reference],
-        q[fitted].mean(axis=0),
-        dataset.motion.rate,
-    )
+    reference = np.ones_like(fitted)
+    if np.sum(~fitted) >= ENOUGH:
+        reference = ~fitted
+    names, fitted_names = np.array(names)[reference], fitted[reference]
+    mean, rate = q[fitted].mean(axis=0), dataset.motion.rate
     takes = new_takes(file, dataset, mean)
+
+    share = law.record["closed_loop_share"]
+    path = MeanPath(law.chain, mean)
+    if share > 0:
+        commands = path.commands(share)
+    else:
+        steps = commanded_steps(contracts.read("trajectory", MOTION), rate)
+        commands = Commands(steps, path.path, 0.0)
     poses = np.concatenate([q[reference], [*takes.values()]])
-    path, share = MeanPath(law.chain, mean), law.record["closed_loop_share"]
-    steps = commanded_steps(contracts.read("trajectory", MOTION), rate)
-    commands = path.commands(share) if share > 0 else Commands(steps, path.path, 0.0)
-    innovations = innovations_of(law, commands, poses)
-    for number, name in enumerate(takes, len(known)):
+    error, covariance = innovations_of(law, commands, poses)
+    for number, name in enumerate(takes, len(names)):
         # a take of the dataset is compared with the others
-        others = np.pad(known != name, (0, len(takes)))
-        verdict = judge(*innovations, number, others, dataset.robot.joints, rate)
-        among = int(np.sum(fitted[reference] & (known != name)))
-        yield assessment(name, export, among, verdict)
+        others = np.pad(names != name, (0, len(takes)))
+        verdict = judge(error, covariance, number, others, dataset.robot.joints, rate)
+        compared_and_fitted = int(np.sum(fitted_names & (names != name)))
+        yield assessment(name, export, compared_and_fitted, verdict)
 
 
 def new_takes(
@@ -201,27 +238,22 @@ def new_takes(
         raise RecordingError("there is no such file", file=file)
     if dataset.mocap is not None:
         rows, _ = marker_rows(file.stem, file, "test", dataset)
-        return {
-            file.stem: follower(dataset.robot, dataset.mocap)(rows, take=file.stem).q
-        }
-    options, steps = dataset.joint_log, dataset.motion.steps
-    moving, rest = steps - 2 * options.rest, options.rest
+        track = follower(dataset.robot, dataset.mocap)
+        return {file.stem: track(rows, take=file.stem).q}
+    steps, rest = dataset.motion.steps, dataset.joint_log.rest
     movement = file.name if file.is_dir() else file.stem
-    read = {movement: read_dataset_movement(movement, file, dataset)}
-    takes, observed, _ = find_takes(read, dataset)
-    if not takes:
+    log = read_dataset_movement(movement, file, dataset)
+    repetitions, observed, _ = find_takes({movement: log}, dataset)
+    if not repetitions:
         motions = "; ".join(sorted(set(observed))) or "no motion"
         message = f"no repetition of the dataset's motion; the file has {motions}"
         raise RecordingError(message, file=file)
-    path, near = mean[rest : rest + moving + 1], (SLACK, rest > 0)
-    return {
-        name: stretch(
-            take.actual,
-            in_phase(take.actual, take.first, path, *near) - rest,
-            steps + 1,
-        )
-        for name, take in takes.items()
-    }
+    path = mean[rest : steps - rest + 1]
+    takes = {}
+    for name, take in repetitions.items():
+        first = in_phase(take.actual, take.first, path, SLACK, rest > 0)
+        takes[name] = stretch(take.actual, first - rest, steps + 1)
+    return takes
 
 
 def innovations_of(
@@ -235,16 +267,18 @@ def innovations_of(
     The covariance Σ of a measured pose is exported with the model, or zero if unknown. Raises
     ModelDomainError where the model has no moments, or no noise at a pose.
     """
-    known, before = model.record["pose_covariance_rad2"], poses[:, :-1]
+    before = poses[:, :-1]
     v = model.command(before, commands.path[: before.shape[1]], task_step=commands.v)
     error = poses[:, 1:] - model.mean(before, task_step=v)
-    S = model.covariance(before, task_step=v) + (
-        0.0 if known is None else 2 * np.array(known)
-    )
+    S = model.covariance(before, task_step=v)
+    measured = model.record["pose_covariance_rad2"]
+    if measured is not None:
+        S = S + 2 * np.array(measured)
     if not np.all(np.linalg.eigvalsh(S)[..., 0] > 0):
-        message = "the model has no noise at a pose, so no measurement can be compared with it;"
-        advice = "set dataset.motion.pose_noise and export the model again"
-        raise ModelDomainError(f"{message} {advice}")
+        raise ModelDomainError(
+            "the model has no noise at a pose, so no measurement can be compared with it; "
+            "set dataset.motion.pose_noise and export the model again"
+        )
     return error, S
 
 
@@ -253,7 +287,7 @@ class TakeVerdict(NamedTuple):
 
     evidence: (
         pd.DataFrame
-    )  # all joints, then each joint: own, mean, std (nats per step) and p
+    )  # all joints, then each joint: own, mean, std (nats per step), p
     p_whole: float  # p of the greatest |t| of the whole take
     ends: np.ndarray  # (SPANS + 1,) s, limits of the spans
     span_t: np.ndarray  # (n, SPANS) t by joint and span
@@ -294,51 +328,74 @@ def judge(
     in a Random World, 2005).
     """
     std = np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1))
-    alone = -0.5 * ((error / std) ** 2 + np.log(2 * np.pi)) - np.log(std)
+    by_joint = -0.5 * ((error / std) ** 2 + np.log(2 * np.pi)) - np.log(std)
     together = normal_log_score(error, covariance)
-    evidence = np.concatenate([together[..., None], alone], axis=-1)  # (T, M, 1 + n)
+    evidence = np.concatenate([together[..., None], by_joint], axis=-1)  # (T, M, 1 + n)
     whole = evidence.mean(axis=1)
-    steps = np.array_split(np.arange(evidence.shape[1]), SPANS)
-    spans = np.stack([evidence[:, part, 1:].mean(axis=1) for part in steps], axis=-1)
-    _, p_whole, p = _distances(whole[number], whole[others])
-    span_t, p_spans, _ = _distances(spans[number], spans[others])
-    table = {"own": whole[number], "mean": whole[others].mean(axis=0)}
-    table |= {"std": whole[others].std(axis=0, ddof=1), "p": p}
-    table = pd.DataFrame(table, index=["all joints", *joints])
-    ends = np.array([0, *(part[-1] + 1 for part in steps)]) / rate
-    return TakeVerdict(table, p_whole, ends, span_t, p_spans, int(others.sum()))
+    spans = np.array_split(np.arange(evidence.shape[1]), SPANS)
+    means = [evidence[:, steps, 1:].mean(axis=1) for steps in spans]
+    by_span = np.stack(means, axis=-1)
+    of_whole = _distances(whole[number], whole[others])
+    of_spans = _distances(by_span[number], by_span[others])
+    columns = {
+        "own": whole[number],
+        "mean": whole[others].mean(axis=0),
+        "std": whole[others].std(axis=0, ddof=1),
+        "p": of_whole.p,
+    }
+    ends = [0, *(steps[-1] + 1 for steps in spans)]
+    return TakeVerdict(
+        evidence=pd.DataFrame(columns, index=["all joints", *joints]),
+        p_whole=of_whole.p_greatest,
+        ends=np.array(ends) / rate,
+        span_t=of_spans.t,
+        p_spans=of_spans.p_greatest,
+        count=int(others.sum()),
+    )
 
 
-def _distances(
-    own: np.ndarray, theirs: np.ndarray
-) -> tuple[np.ndarray, float, np.ndarray]:
-    """Return t (...) of ``own`` (...) from N takes ``theirs`` (N, ...); p of the greatest |t| by
-    its rank among the greatest of the N takes; and p of each |t| alone.
-    """
+class Distances(NamedTuple):
+    """Distances t of the numbers of a take from those of N other takes."""
 
-    def distance(one: np.ndarray, rest: np.ndarray) -> np.ndarray:
-        scale = rest.std(axis=0, ddof=1) * np.sqrt(1 + 1 / len(rest))
-        return (one - rest.mean(axis=0)) / scale
+    t: np.ndarray  # (...)
+    p_greatest: float  # rank of the greatest |t| among the greatest of the N takes
+    p: np.ndarray  # (...) rank of each |t|
 
-    t, count = distance(own, theirs), len(theirs)
-    others = [np.delete(theirs, i, axis=0) for i in range(count)]
-    sizes = np.abs(np.stack(list(map(distance, theirs, others))))
+
+def _distances(take: np.ndarray, others: np.ndarray) -> Distances:
+    """Return the distances of ``take`` (...) from the ``others`` (N, ...)."""
+    t, count = _distance(take, others), len(others)
+    sizes = []
+    for number in range(count):
+        rest = np.delete(others, number, axis=0)
+        sizes.append(np.abs(_distance(others[number], rest)))
+    sizes = np.stack(sizes)
     greatest = sizes.reshape(count, -1).max(axis=1)
-    p = (1 + np.sum(greatest >= np.abs(t).max())) / (1 + count)
-    return t, float(p), (1 + np.sum(sizes >= np.abs(t), axis=0)) / (1 + count)
+    farther = np.sum(greatest >= np.abs(t).max())
+    p = (1 + np.sum(sizes >= np.abs(t), axis=0)) / (1 + count)
+    return Distances(t, float((1 + farther) / (1 + count)), p)
+
+
+def _distance(take: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """(...) t of ``take`` (...) from the ``others`` (N, ...)."""
+    scale = others.std(axis=0, ddof=1) * np.sqrt(1 + 1 / len(others))
+    return (take - others.mean(axis=0)) / scale
 
 
 def assessment(take: str, model: str, fitted: int, verdict: TakeVerdict) -> str:
     """Return the verdict as a sentence, and one line of numbers per joint. ``fitted`` is the number
     of takes to compare with to which the ``model`` was fitted.
     """
-    joint, span = np.unravel_index(
-        np.argmax(np.abs(verdict.span_t)), verdict.span_t.shape
+    sizes = np.abs(verdict.span_t)
+    joint, span = np.unravel_index(np.argmax(sizes), sizes.shape)
+    return TAKE_TEXT.render(
+        take=take,
+        model=model,
+        v=verdict,
+        joint=verdict.evidence.index[1 + joint],
+        t=verdict.span_t[joint, span],
+        begins=verdict.ends[span],
+        ends=verdict.ends[span + 1],
+        fewest=FEWEST,
+        fitted=fitted,
     )
-    begins, ends = verdict.ends[span : span + 2]
-    values = {
-        "joint": verdict.evidence.index[1 + joint],
-        "t": verdict.span_t[joint, span],
-    }
-    values |= {"begins": begins, "ends": ends, "fewest": FEWEST, "fitted": fitted}
-    return TAKE_TEXT.render(take=take, model=model, v=verdict, **values)

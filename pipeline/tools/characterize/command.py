@@ -11,6 +11,7 @@ import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import chdir, contextmanager, redirect_stdout
 from pathlib import Path
+from typing import NamedTuple
 
 import pandas as pd
 from jinja2 import Template
@@ -32,9 +33,10 @@ from pipeline.models.joint_error.held_out import joint_tables
 from pipeline.recordings import quality
 from pipeline.recordings.runs import RunsOfLogs, joint_runs
 from pipeline.stages import fit, ingest, predict, track
-from pipeline.tools.characterize.logs import folder_logs
+from pipeline.tools.characterize.logs import FolderLogs, folder_logs
 from pipeline.tools.export.command import EXPORTS, exported_record
 from pipeline.tools.new_dataset.command import (
+    Draft,
     assigned_values,
     command_with,
     dataset_files,
@@ -80,38 +82,18 @@ def run(
     logged = _logged_runs(folder, assigned)
     if logged and not urdf:
         # the report of a dataset that exists is not overwritten
-        name += "_logs" * datasheet.path_of(name).exists()
-        tables = joint_tables(logged.runs, config.model_options(FAMILY), logged.unused)
-        place = folder
-        card = Run(name, scale, False, list(logged.runs[0].joints), [], {}, {}, tables)
-        exported = model or chosen_law(tables["joint_scores"])[0]
-        record = exported and _record_of_runs(
-            exported, logged, name, tables["joint_scores"]
-        )
+        if datasheet.path_of(name).exists():
+            name += "_logs"
+        result = _result_of_logs(logged, name, scale, model)
+        source = folder
     else:
         _write_dataset(name, folder, assigned, ask, motion)
-        with _project(name, folder.resolve(), scale) as place:
-            settings = config.composed_config()
-            tables, metrics = _results(settings, logged)
-            models = {key: options.kind for key, options in settings.models.items()}
-            robot = settings.dataset.robot
-            joints, task = list(robot.joints), list(chain_of(robot).task)
-            card = Run(name, scale, False, joints, task, models, metrics, tables)
-            exported = model or chosen_law(tables["joint_scores"])[0]
-            record = exported and (
-                _record_of_runs(exported, logged, name, tables["joint_scores"])
-                if logged and exported in FAMILY
-                else exported_record(exported, settings)
-            )
-    report = REPORTS / name
-    _draw_figures(card.tables, report / "figures")
-    text = model_card(with_plain_names(card), [])
-    # drop the card's export command, which would export a model of params.yaml's dataset
-    contracts.write_text(TO_EXPORT.sub("", text), report / "model_card.md")
-    print(f"\n{TO_EXPORT.sub('', answer(card)).rstrip()}\n")
-    print(f"characterize: wrote {report / 'model_card.md'} from {place}")
-    if record is not None:
-        write_export(record, file := EXPORTS / f"{name}_{exported}.json")
+        with _project(name, folder.resolve(), scale) as source:
+            result = _result_of_stages(logged, name, scale, model)
+    _write_card(result.card, source)
+    if result.record is not None:
+        file = EXPORTS / f"{name}_{result.exported}.json"
+        write_export(result.record, file)
         of_logs = {
             key: text
             for key, text in assigned.items()
@@ -121,17 +103,85 @@ def run(
         print(f"characterize: `{command}` compares another recording with these")
 
 
+class Result(NamedTuple):
+    """Contents of the card, and name and record of the exported model; None without a model."""
+
+    card: Run
+    exported: str | None
+    record: dict | None
+
+
+def _result_of_logs(
+    logged: RunsOfLogs, name: str, scale: str, model: str | None
+) -> Result:
+    """Return the result of the joint error laws on the ``logged`` runs. A ``model`` of the task
+    step is refused.
+    """
+    if model is not None and model not in FAMILY:
+        raise ConfigError(
+            f"the model {model} needs a Jacobian: give --urdf FILE", key="--model"
+        )
+    tables = joint_tables(logged.runs, config.model_options(FAMILY), logged.unused)
+    joints = [*logged.runs[0].joints]
+    card = Run(name, scale, False, joints, [], {}, {}, tables)
+    exported = model or chosen_law(tables["joint_scores"])[0]
+    record = None
+    if exported is not None:
+        record = _record_of_runs(exported, logged, card)
+    return Result(card, exported, record)
+
+
+def _result_of_stages(
+    logged: RunsOfLogs | None, name: str, scale: str, model: str | None
+) -> Result:
+    """Run the stages in the current folder; return their result."""
+    settings = config.composed_config()
+    tables, metrics = _stage_tables(settings, logged)
+    robot = settings.dataset.robot
+    card = Run(
+        name,
+        scale,
+        synthetic=False,
+        joints=list(robot.joints),
+        task=list(chain_of(robot).task),
+        models={key: options.kind for key, options in settings.models.items()},
+        metrics=metrics,
+        tables=tables,
+    )
+    exported = model or chosen_law(tables["joint_scores"])[0]
+    if exported is None:
+        return Result(card, None, None)
+    if logged and exported in FAMILY:
+        return Result(card, exported, _record_of_runs(exported, logged, card))
+    return Result(card, exported, exported_record(exported, settings))
+
+
+def _record_of_runs(model: str, logged: RunsOfLogs, card: Run) -> dict:
+    """Return the record of a joint error law, fitted to all ``logged`` runs."""
+    options = config.model_options([model])[model]
+    scores = card.tables["joint_scores"]
+    return error_record(model, options, logged.runs, card.dataset, scores)
+
+
+def _write_card(card: Run, source: Path) -> None:
+    """Write the card and its figures; print its first paragraphs."""
+    report = REPORTS / card.dataset
+    _draw_figures(card.tables, report / "figures")
+    text = model_card(with_plain_names(card), [])
+    # drop the card's export command, which would export a model of params.yaml's dataset
+    contracts.write_text(TO_EXPORT.sub("", text), report / "model_card.md")
+    print(f"\n{TO_EXPORT.sub('', answer(card)).rstrip()}\n")
+    print(f"characterize: wrote {report / 'model_card.md'} from {source}")
+
+
 def _draw_figures(tables: Mapping[str, pd.DataFrame], folder: Path) -> None:
     """Draw the FIGURES of ``tables`` into ``folder``."""
     folder.mkdir(parents=True, exist_ok=True)
     figures = figures_in()
     for name in FIGURES:
         figure = figures[name]
-        save(
-            figure.draw(**{table: tables[table] for table in figure.tables}),
-            folder,
-            name,
-        )
+        drawn = figure.draw(**{table: tables[table] for table in figure.tables})
+        save(drawn, folder, name)
 
 
 def _logged_runs(folder: Path, assigned: dict[str, str]) -> RunsOfLogs | None:
@@ -140,40 +190,35 @@ def _logged_runs(folder: Path, assigned: dict[str, str]) -> RunsOfLogs | None:
     """
     logs = folder_logs(folder, assigned)
     if not logs.movements:
-        reasons = [f"{name}: {reason}" for name, reason in logs.unused.items()]
-        if "robot.urdf" not in assigned and not [*folder.rglob("*.urdf")]:
-            found = "; ".join(reasons) or "there is no table or log in it"
-            message = f"no joint log in the folder can be used: {found}. "
-            if logs.missing:
-                command = command_with(
-                    f"characterize {folder}", assigned | logs.missing
-                )
-                message += f"Correct the values and run `{command}`. "
-            raise ConfigError(
-                f"{message}Other recordings need --urdf FILE", file=folder
-            )
-        for reason in reasons:
-            print(f"characterize: not used as a joint log: {reason}")
+        _report_no_log(logs, folder, assigned)
         return None
     stated = parse_yaml(assigned.get("motion.pose_noise", "null"))
     if stated is not None and not (isinstance(stated, int | float) and stated > 0):
         message = f"motion.pose_noise must be a number > 0 in rad, got {stated!r}"
         raise ConfigError(message, key="--set")
-    found = joint_runs(logs.movements, logs.rate, pose_noise=stated)
-    unused = logs.unused | found.unused
-    print(LOGGED.render(**logs._asdict() | {"runs": found.runs, "unused": unused}))
-    return RunsOfLogs(found.runs, unused)
+    logged = joint_runs(logs.movements, logs.rate, pose_noise=stated)
+    unused = logs.unused | logged.unused
+    print(LOGGED.render(**logs._asdict() | {"runs": logged.runs, "unused": unused}))
+    return RunsOfLogs(logged.runs, unused)
 
 
-def _record_of_runs(
-    model: str, logged: RunsOfLogs, name: str, scores: pd.DataFrame
-) -> dict:
-    if model not in FAMILY:
-        raise ConfigError(
-            f"the model {model} needs a Jacobian: give --urdf FILE", key="--model"
-        )
-    options = config.model_options([model])[model]
-    return error_record(model, options, logged.runs, name, scores)
+def _report_no_log(logs: FolderLogs, folder: Path, assigned: Mapping[str, str]) -> None:
+    """Print why no joint log of the ``folder`` is used; raise ConfigError if there is no arm."""
+    reasons = [f"{name}: {reason}" for name, reason in logs.unused.items()]
+    if "robot.urdf" in assigned or any(folder.rglob("*.urdf")):
+        for reason in reasons:
+            print(f"characterize: not used as a joint log: {reason}")
+        return
+    reason = "; ".join(reasons) or "there is no table or log in it"
+    advice = ""
+    if logs.missing:
+        command = command_with(f"characterize {folder}", {**assigned, **logs.missing})
+        advice = f"Correct the values and run `{command}`. "
+    raise ConfigError(
+        f"no joint log in the folder can be used: {reason}. {advice}"
+        "Other recordings need --urdf FILE",
+        file=folder,
+    )
 
 
 def _write_dataset(
@@ -181,52 +226,62 @@ def _write_dataset(
 ) -> None:
     """Write the dataset's files if missing or incomplete; ConfigError if a value is still ???."""
     sheet, option = dataset_files(name)
-    if exists := option.exists() and sheet.exists():
+    exists = option.exists() and sheet.exists()
+    if exists:
         print(
             f"characterize: the dataset {name} exists; its values are used, and --set changes "
             f"them; to write it again, delete {sheet} and {option}"
         )
         values = config.dataset_values(option)
-        known = {key: get_filled(values, key) for key in assigned}
-        assigned = {
-            key: text
-            for key, text in assigned.items()
-            if known[key] is None or parse_yaml(text) != known[key]
-        }
+        assigned = _changed_values(assigned, values)
         if not assigned and not datasheet.is_open(values):
             return
     draft = open_draft(name, None if exists else folder, assigned)
     draft.fill(assigned, suggested=True, motion=motion if ask else None, ask=ask)
     if not ask:
-        usual = {"about.subject": f"recordings of {name}", "about.source": str(folder)}
-        usual["about.licence"] = "not stated"
-        if urdf := get_filled(draft.values(), "robot.urdf"):
-            links = read_urdf(Path(urdf)).links
-            usual |= dict([("robot.tool", tool) for tool in TOOLS if tool in links][:1])
-        taken = {
-            key: value for key, value in usual.items() if key in draft.open_values()
-        }
-        for key, value in taken.items():
-            print(
-                f"characterize: {key} is set to {value}; --set {key}=VALUE changes it"
-            )
-        draft.fill(taken, suggested=True)
-        if "joint_log.start" in (keys := draft.open_values()) and {*keys} <= {*KEYS}:
-            draft.fill({}, motion=motion or 1)
-            print(
-                f"characterize: motion {motion or 1} is analysed; --motion NUMBER changes it"
-            )
+        _fill_usual_values(draft, name, folder, motion or 1)
     draft.write()
     if keys := draft.open_values():
         values = assigned | draft.proposals()
         command = command_with(f"characterize {folder} --name {name}", values)
-        message = (
+        choices = "".join(f"; {choice}" for choice in draft.choices())
+        raise ConfigError(
             f"the recordings do not state {', '.join(keys)}; run again with --ask, or "
+            f"correct the values of this command and run it: `{command}`{choices}",
+            file=option,
         )
-        message += f"correct the values of this command and run it: `{command}`"
-        if choices := "; ".join(draft.choices()):
-            message += f" ({choices})"
-        raise ConfigError(message, file=option)
+
+
+def _changed_values(assigned: dict[str, str], values: dict) -> dict[str, str]:
+    """Return the ``assigned`` values that differ from the dataset's ``values``."""
+    changed = {}
+    for key, text in assigned.items():
+        value = get_filled(values, key)
+        if value is None or parse_yaml(text) != value:
+            changed[key] = text
+    return changed
+
+
+def _fill_usual_values(draft: Draft, name: str, folder: Path, motion: int) -> None:
+    """Fill in values of the ``draft`` that need no answer; print them."""
+    usual = {
+        "about.subject": f"recordings of {name}",
+        "about.source": str(folder),
+        "about.licence": "not stated",
+    }
+    if urdf := get_filled(draft.values(), "robot.urdf"):
+        links = read_urdf(Path(urdf)).links
+        for tool in [tool for tool in TOOLS if tool in links][:1]:
+            usual["robot.tool"] = tool
+    open_keys = draft.open_values()
+    usual = {key: value for key, value in usual.items() if key in open_keys}
+    for key, value in usual.items():
+        print(f"characterize: {key} is set to {value}; --set {key}=VALUE changes it")
+    draft.fill(usual, suggested=True)
+    open_keys = {*draft.open_values()}
+    if "joint_log.start" in open_keys and open_keys <= {*KEYS}:
+        draft.fill({}, motion=motion)
+        print(f"characterize: motion {motion} is analysed; --motion NUMBER changes it")
 
 
 @contextmanager
@@ -248,37 +303,41 @@ def _project(name: str, recordings: Path, scale: str) -> Iterator[Path]:
         yield place
 
 
-def _results(
+def _stage_tables(
     settings: config.Config, logged: RunsOfLogs | None
 ) -> tuple[dict[str, pd.DataFrame], dict]:
     """Return tables and metrics; of the joint error laws only, if a stage fails."""
-    metrics = {}
     try:
-        for part in (
-            ["motion", "depth"] if settings.dataset.depth is not None else ["motion"]
-        ):
-            _run_stage(ingest.run, part)
-        _run_stage(track.run)
-        for model in settings.models:
-            _run_stage(fit.run, model)
-            metrics[f"fit_{model}"] = json.loads(
-                (fit.OUT / model / "fit.json").read_text()
-            )
-        _run_stage(predict.run)
+        metrics = _run_stages(settings)
     except PipelineError as error:
         if logged is None:
             raise
         print(
             f"characterize: only joint error laws; the motion cannot be analysed: {error}"
         )
-        return joint_tables(
-            logged.runs, config.model_options(FAMILY), logged.unused
-        ), {}
-    files = predict.OUT.glob("*.parquet")
-    tables = {file.stem: contracts.read(file.stem, predict.OUT) for file in files}
+        laws = config.model_options(FAMILY)
+        return joint_tables(logged.runs, laws, logged.unused), {}
+    tables = {}
+    for file in predict.OUT.glob("*.parquet"):
+        tables[file.stem] = contracts.read(file.stem, predict.OUT)
     tables["takes"] = quality.side_by_side(contracts.read("takes", track.OUT))
     recorded = contracts.read("joints", track.OUT)["take"].nunique()
     return tables, metrics | {"motion": {"recorded_takes": int(recorded)}}
+
+
+def _run_stages(settings: config.Config) -> dict[str, dict]:
+    """Run the stages until predict; return the numbers of the fits."""
+    _run_stage(ingest.run, "motion")
+    if settings.dataset.depth is not None:
+        _run_stage(ingest.run, "depth")
+    _run_stage(track.run)
+    metrics = {}
+    for model in settings.models:
+        _run_stage(fit.run, model)
+        text = (fit.OUT / model / "fit.json").read_text()
+        metrics[f"fit_{model}"] = json.loads(text)
+    _run_stage(predict.run)
+    return metrics
 
 
 def _run_stage(run: Callable[..., None], *words: str) -> None:

@@ -42,16 +42,11 @@ def folder_logs(
     what a file states.
     """
     recorded = _recorded_logs(folder, assigned, only)
-    read: dict[str, tuple[LoggedMovement, float]] = {}
-    taken: dict[str, dict[str, str]] = {}
-    clocks: dict[str, str] = {}
+    read: dict[str, ReadLog] = {}
     unused: dict[str, str] = {}
     for take in recorded.of("joint_log"):
         try:
-            values, suggested = _values(recorded, take, folder, assigned)
-            read[take.name] = _read(take, values)
-            taken[take.name] = suggested
-            clocks[take.name] = _clock_of(take, values)
+            read[take.name] = _read_log(recorded, take, folder, assigned)
         except PipelineError as error:
             unused[take.name] = str(error)
     for finding in recorded.unplaced:
@@ -59,27 +54,65 @@ def folder_logs(
             unused[printable_path(finding.file, folder)] = _reason_unplaced(finding)
     if not read:
         return FolderLogs({}, 0.0, unused, {}, [], missing_values(recorded, assigned))
-    rows = Counter()
-    for movement, rate in read.values():
-        rows[(*movement.joints,), rate] += len(movement.actual)
-    (joints, usual_rate), _ = rows.most_common(1)[0]
-    for name, (movement, rate) in read.items():
-        if (*movement.joints,) != joints:
-            unused[name] = (
-                f"a log of another arm: {', '.join(movement.joints)}, not {', '.join(joints)}"
-            )
-        elif rate != usual_rate:
-            unused[name] = (
-                f"recorded at {rate:g}/s, most rows at {usual_rate:g}/s; resample the log"
-            )
-    movements = {
-        name: movement for name, (movement, _) in read.items() if name not in unused
-    }
-    suggested = _recordings_by_suggestion({name: taken[name] for name in movements})
-    used = {name: clocks[name] for name in movements}
+    joints, rate = _usual_arm(read)
+    for name, log in read.items():
+        if log.joints != joints:
+            arms = f"{', '.join(log.joints)}, not {', '.join(joints)}"
+            unused[name] = f"a log of another arm: {arms}"
+        elif log.rate != rate:
+            rates = f"recorded at {log.rate:g}/s, most rows at {rate:g}/s"
+            unused[name] = f"{rates}; resample the log"
+    used = {name: log for name, log in read.items() if name not in unused}
     return FolderLogs(
-        movements, usual_rate, unused, suggested, [*dict.fromkeys(used.values())], {}
+        movements={name: log.movement for name, log in used.items()},
+        rate=rate,
+        unused=unused,
+        suggested=_recordings_by_suggestion(used),
+        clocks=list(dict.fromkeys(log.clock for log in used.values())),
+        missing={},
     )
+
+
+class ReadLog(NamedTuple):
+    """A log and how it was read."""
+
+    movement: LoggedMovement
+    rate: float  # Hz
+    suggested: dict[str, str]  # suggestion that was taken → its reason
+    clock: str  # column, array or file of the times, in words
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of the joints."""
+        return tuple(self.movement.joints)
+
+
+def _read_log(
+    recorded: RecordingLayout,
+    take: PlacedTake,
+    folder: Path,
+    assigned: Mapping[str, str],
+) -> ReadLog:
+    """Read a log of the layout by what it states and by the ``assigned`` values."""
+    values, suggested = _values(recorded, take, folder, assigned)
+    rate = values.get("motion.rate")
+    if not isinstance(rate, int | float):
+        questions = "; ".join(map(str, take.finding.open))
+        if "joint_log.signals" in values or not questions:
+            questions = "the log states no times; --set motion.rate=HZ"
+        raise ConfigError(questions)
+    section = _log_values(values) | UNSTATED | {"movements": take.path.name}
+    options = validated(JointLogSection, section, "joint_log")
+    movement = read_logged_movement(take.name, take.path, options, float(rate))
+    return ReadLog(movement, float(rate), suggested, _clock_of(take, values))
+
+
+def _usual_arm(read: Mapping[str, ReadLog]) -> tuple[tuple[str, ...], float]:
+    """Return the joints and the rate in Hz of the most rows."""
+    rows = Counter()
+    for log in read.values():
+        rows[log.joints, log.rate] += len(log.movement.actual)
+    return max(rows, key=lambda arm: rows[arm])
 
 
 def _recorded_logs(
@@ -124,22 +157,30 @@ def missing_values(
     without such a log.
     """
     logs = [take.finding for take in recorded.of("joint_log")] + recorded.unplaced
-    missing: dict[str, str] = {}
     for log in logs:
         if log.stops or log.kind not in (Kind.TABLE, Kind.JOINTS):
             continue
-        asked = {question.option for question in log.open}
-        clock = log.facts.get("time")
-        if any("joint_log" in option and "signals" in option for option in asked):
-            clock = 0 if log.facts.get("timed") else clock
-            missing["joint_log.signals"] = _proposed_signals(log, clock)
-            if log.kind == Kind.TABLE:
-                missing["joint_log.time"] = "null" if clock is None else str(clock)
-        if log.kind == Kind.TABLE and clock is None:
-            missing["motion.rate"] = "HZ"
-        if missing := {key: v for key, v in missing.items() if key not in assigned}:
+        missing = _missing_of(log)
+        missing = {key: text for key, text in missing.items() if key not in assigned}
+        if missing:
             return missing
     return {}
+
+
+def _missing_of(log: Finding) -> dict[str, str]:
+    """Return key → value to correct, of the signals and times that a ``log`` does not state."""
+    missing: dict[str, str] = {}
+    clock = log.facts.get("time")
+    options = [question.option for question in log.open]
+    if any("joint_log" in option and "signals" in option for option in options):
+        if log.facts.get("timed"):
+            clock = 0
+        missing["joint_log.signals"] = _proposed_signals(log, clock)
+        if log.kind == Kind.TABLE:
+            missing["joint_log.time"] = "null" if clock is None else str(clock)
+    if log.kind == Kind.TABLE and clock is None:
+        missing["motion.rate"] = "HZ"
+    return missing
 
 
 def _proposed_signals(log: Finding, clock: int | str | None) -> str:
@@ -156,17 +197,15 @@ def _proposed_signals(log: Finding, clock: int | str | None) -> str:
     return f"{{actual: [{actual}], target: [{target}]}}"
 
 
-def _recordings_by_suggestion(
-    taken: Mapping[str, Mapping[str, str]],
-) -> dict[str, list[str]]:
-    """Return suggestion with the reason in the first log → recordings that it was ``taken`` for."""
-    notes: dict[str, str] = {}
-    for suggestions in taken.values():
-        notes = {**suggestions, **notes}
-    return {
-        f"{suggestion} ({note})": [n for n in taken if suggestion in taken[n]]
-        for suggestion, note in notes.items()
-    }
+def _recordings_by_suggestion(used: Mapping[str, ReadLog]) -> dict[str, list[str]]:
+    """Return suggestion with the reason in the first log → recordings that it was taken for."""
+    recordings: dict[str, list[str]] = {}
+    reasons: dict[str, str] = {}
+    for name, log in used.items():
+        for suggestion, reason in log.suggested.items():
+            first = reasons.setdefault(suggestion, reason)
+            recordings.setdefault(f"{suggestion} ({first})", []).append(name)
+    return recordings
 
 
 def _values(
@@ -175,30 +214,30 @@ def _values(
     folder: Path,
     assigned: Mapping[str, str],
 ) -> tuple[dict[str, Any], dict[str, str]]:
-    """Return key → value of the log ``take`` alone, and suggestion → reason of guessed values."""
+    """Return key → value of the log ``take``, and suggestion → reason of guessed values."""
     if stops := [stop for log in take.files for stop in log.stops]:
         raise ConfigError(stops[0], file=take.path)
-    stated = {key: parse_yaml(text) for key, text in assigned.items()}
-    values: dict[str, Any] = {}
+    only = recorded._replace(takes=[take])
+    before: dict[str, Any] = {}
     while True:  # repeat, since the rate depends on the unit of the times
-        found, taken = dict(stated), {}
-        nested = {"joint_log": _log_values(values)}
-        for key, entry in entries(
-            "", recorded._replace(takes=[take]), folder, nested
-        ).items():
-            log_key = key.startswith(SECTION) or key == "motion.rate"
-            if log_key and key not in found and entry.text:
-                found[key] = parse_yaml(entry.text)
-                if not entry.certain and entry.note:
-                    taken[f"{key}: {entry.value}"] = entry.note
-        if isinstance(found.get("joint_log.signals"), str):  # advice, not a value
+        values = {key: parse_yaml(text) for key, text in assigned.items()}
+        suggested = {}
+        nested = {"joint_log": _log_values(before)}
+        for key, entry in entries("", only, folder, nested).items():
+            if key in values or not entry.text:
+                continue
+            if key.startswith(SECTION) or key == "motion.rate":
+                values[key] = parse_yaml(entry.text)
+                if entry.note and not entry.certain:
+                    suggested[f"{key}: {entry.value}"] = entry.note
+        if isinstance(values.get("joint_log.signals"), str):  # advice, not a value
             raise ConfigError("; ".join(map(str, take.finding.open)), file=take.path)
-        if found.get("joint_log.joints") is None:
-            count = _count_joints(take, _log_values(found))
-            found["joint_log.joints"] = [f"joint_{n}" for n in range(1, count + 1)]
-        if found == values:
-            return values, taken
-        values = found
+        if values.get("joint_log.joints") is None:
+            count = _count_joints(take, _log_values(values))
+            values["joint_log.joints"] = [f"joint_{n}" for n in range(1, count + 1)]
+        if values == before:
+            return values, suggested
+        before = values
 
 
 def _log_values(values: Mapping[str, Any]) -> dict[str, Any]:
@@ -224,17 +263,13 @@ def _clock_of(take: PlacedTake, values: Mapping[str, Any]) -> str:
 
 def _count_joints(take: PlacedTake, log: Mapping[str, Any]) -> int:
     """Return the number of joints of a ``take`` with the values ``log`` of its section."""
-    signals = log.get("signals") or {}
-    facts = take.finding.facts
-    if tables := facts.get("tables"):
-        target = next(
-            (one for one in tables.values() if one.facts.get("role") == "target"),
-            next(iter(tables.values())),
-        )
-        columns = signals.get("actual")
-        return len(columns or range(target.facts["columns"] - (log.get("time") == 0)))
+    signals, facts = log.get("signals") or {}, take.finding.facts
+    columns, tables = signals.get("actual", ()), facts.get("tables")
+    if tables and not columns:
+        clock = log.get("time") == 0  # a column of each table
+        return _target_table(tables).facts["columns"] - int(clock)
     if take.finding.kind == Kind.TABLE:
-        return len(signals.get("actual") or ())
+        return len(columns)
     if "joints" in facts and not signals:
         return int(facts["joints"])
     form = format_of(take.path, formats_in(joint_formats, Kind.JOINTS))
@@ -244,17 +279,9 @@ def _count_joints(take: PlacedTake, log: Mapping[str, Any]) -> int:
     return int(read.signals["actual"].shape[1])
 
 
-def _read(take: PlacedTake, values: Mapping[str, Any]) -> tuple[LoggedMovement, float]:
-    log = _log_values(values) | UNSTATED
-    options = validated(
-        JointLogSection, log | {"movements": take.path.name}, "joint_log"
-    )
-    rate = values.get("motion.rate")
-    if not isinstance(rate, int | float):
-        asked = (
-            ""
-            if "joint_log.signals" in values
-            else "; ".join(map(str, take.finding.open))
-        )
-        raise ConfigError(asked or "the log states no times; --set motion.rate=HZ")
-    return read_logged_movement(take.name, take.path, options, float(rate)), float(rate)
+def _target_table(tables: Mapping[str, Finding]) -> Finding:
+    """Return the table of commanded angles of a movement, else its first table."""
+    for table in tables.values():
+        if table.facts.get("role") == "target":
+            return table
+    return next(iter(tables.values()))
