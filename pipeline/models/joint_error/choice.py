@@ -173,6 +173,11 @@ def chosen_law(scores: pd.DataFrame) -> tuple[str | None, str]:
     reason. It is the sound law (:func:`faults_of`) with the highest mean log score over held-out
     motions or blocks (:func:`mean_scores`); the mean is the best guess also where its interval
     includes other laws. No law is chosen if no joint has FEW samples at the longest horizon.
+
+    Cost of the rule, simulated (``tests/laboratory/test_recommendation.py``): of two laws whose
+    true margin has a standard deviation of 1 nat, and varies by as much from block to block, the
+    chosen one loses on average 0.06, 0.06 and 0.02 nats a sample to the better one with 2, 4 and 8
+    blocks; a rule that requires an interval above zero loses 0.31, 0.28 and 0.16.
     """
     commanded = scores[scores["samples"] == "commanded"]
     moving = commanded[commanded["model"] != LAST_VALUE]
