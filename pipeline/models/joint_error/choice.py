@@ -57,7 +57,8 @@ def margins(scores: pd.DataFrame, model: str, rival: str) -> tuple[float, float,
     of them.
     """
     by_part = mean_scores(scores)
-    gains = (by_part[model] - by_part[rival]).dropna().to_numpy()
+    gains = by_part[model] - by_part[rival]
+    gains = gains.dropna().to_numpy()
     if len(gains) == 0:
         return np.nan, -np.inf, np.inf
     if len(gains) == 1:

@@ -216,18 +216,19 @@ def last_values(runs: Sequence[JointRun]) -> list[JointErrorModel]:
     """Return for each horizon the law that predicts the last value with the standard deviation of
     that horizon in the commanded samples of ``runs``.
     """
-    law, laws = unfitted_law(runs, 0.0), []
+    law = unfitted_law(runs, 0.0)
+    laws = []
     for steps in horizon_samples(law.rate):
-        changes = []
+        total = np.zeros(len(law.joints))
+        count = np.zeros(len(law.joints))
         for run in runs:
-            error = run.measured - run.command
+            error, moving = run.measured - run.command, run.moving[steps:]
             change = error[steps:] - error[:-steps]
-            changes.append(np.where(run.moving[steps:], change, np.nan))
-        squares = np.concatenate(changes) ** 2
-        counts = np.maximum(np.isfinite(squares).sum(axis=0), 1)
-        scale = np.zeros((len(law.joints), len(GROWTH)))
-        scale[:, 0] = np.nansum(squares, axis=0) / counts / steps
-        laws.append(replace(law, scale=np.maximum(scale, LEAST_VARIANCE)))
+            total += np.sum(change**2, axis=0, where=moving)
+            count += np.sum(moving, axis=0)
+        scale = np.full((len(law.joints), len(GROWTH)), LEAST_VARIANCE)
+        scale[:, 0] += total / np.maximum(count, 1) / steps
+        laws.append(replace(law, scale=scale))
     return laws
 
 
@@ -334,7 +335,8 @@ def law_numbers(law: JointErrorModel) -> pd.DataFrame:
     step = np.diag(law.reach / law.rate)
     fastest = np.einsum("jjj->j", law.covariance_of_joint_step(step))
     still = np.einsum("jjj->j", law.covariance_of_joint_step(0 * step))
-    modes = np.abs(np.linalg.eigvals(law.companion())).max(axis=-1)
+    eigenvalues = np.linalg.eigvals(law.companion())
+    modes = np.abs(eigenvalues).max(axis=-1)
     decay = np.full(len(modes), np.nan)
     fading = (modes > 0) & (modes < 1 - 1e-9)
     decay[fading] = -1 / (law.rate * np.log(modes[fading]))

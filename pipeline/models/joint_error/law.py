@@ -186,9 +186,12 @@ class JointErrorModel(MotionModel):
         change = np.zeros_like(speed)
         change[1:] = self.rate * np.diff(speed, axis=0)
         smooth = self.smooth_part(change)
-        sign, jumps = np.tanh(speed / TURN), (change - smooth) / self.rate
+        sign = np.tanh(speed / TURN)
+        jumps = (change - smooth) / self.rate
         young = [sign - smoothed(sign, keep) for keep in self.keeps]
-        young += [smoothed(jumps, keep) / (1 - keep) for keep in self.keeps]
+        for keep in self.keeps:
+            fading_sum = smoothed(jumps, keep) / (1 - keep)
+            young.append(fading_sum)
         return _drive(speed, smooth, sign, young, self.power)
 
     def smooth_part(self, acceleration: ndarray) -> ndarray:
@@ -212,10 +215,13 @@ class JointErrorModel(MotionModel):
         rows[:, 0, 0] = 1.0
         while rows.shape[1] <= steps:
             # rows k … 2k − 1 are the first k times the k-th power
-            rows = np.concatenate([rows, rows @ power], axis=1)
+            following = rows @ power
+            rows = np.concatenate([rows, following], axis=1)
             power = power @ power
-        impulse = rows[:, :steps] @ np.array([1.0, 0.0, 1 - self.keep])
-        return rows[:, 1 : steps + 1].swapaxes(0, 1), impulse.T
+        innovation = np.array([1.0, 0.0, 1 - self.keep])
+        impulse = rows[:, :steps] @ innovation
+        weights = rows[:, 1 : steps + 1]
+        return weights.swapaxes(0, 1), impulse.T
 
     def mean_error(self, inputs: Drive) -> ndarray:
         """(N, n) m in rad at every sample."""
@@ -347,9 +353,10 @@ class JointErrorModel(MotionModel):
     def unit_noise(self, shape: tuple[int, ...], rng: Generator) -> ndarray:
         """Draws of ``shape`` (..., n) with mean 0, variance 1 and the tails of the law."""
         noise = rng.standard_normal(shape)
-        for j in np.flatnonzero(np.isfinite(self.degrees)):
-            chi = rng.chisquare(self.degrees[j], shape[:-1])
-            noise[..., j] *= np.sqrt((self.degrees[j] - 2) / chi)
+        for j, degrees in enumerate(self.degrees):
+            if np.isfinite(degrees):
+                chi = rng.chisquare(degrees, shape[:-1])
+                noise[..., j] *= np.sqrt((degrees - 2) / chi)
         return noise
 
     def first_memory(self, q: ndarray, commanded: ndarray, rng: Generator) -> ndarray:

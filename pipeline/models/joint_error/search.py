@@ -156,12 +156,15 @@ class Regression(NamedTuple):
 
 def _regression(joint: JointSamples, r: ndarray, past: ndarray) -> Regression:
     """Return the coefficients of the ``past`` (N, p) in ``r`` (N,) one sample later."""
-    a, y = past[joint.first], r[joint.first + 1]
-    moment = a.T @ a
-    moment += np.diag(1e-9 * np.diag(moment) + 1e-300)
-    values = np.linalg.solve(moment, a.T @ y)
-    variance = np.mean((y - a @ values) ** 2) + 1e-300
-    covariance = np.linalg.inv(moment / len(y) / variance)
+    before = past[joint.first]
+    after = r[joint.first + 1]
+    moment = before.T @ before
+    ridge = 1e-9 * np.diag(moment) + 1e-300
+    moment += np.diag(ridge)
+    values = np.linalg.solve(moment, before.T @ after)
+    off = after - before @ values
+    variance = np.mean(off**2) + 1e-300
+    covariance = np.linalg.inv(moment / len(after) / variance)
     return Regression(values, np.linalg.cholesky(covariance))
 
 
@@ -271,7 +274,9 @@ class NoiseSearch:
         growth = self.joint.inputs.growth[first]
         typical = [typical_growth(column) for column in growth.T]
         scales = level - 0.7 - np.log(typical) / 2
-        return np.r_[scales, np.log(4.0), -4.0, -7.0, np.zeros(3)]
+        degrees, drift, damping = np.log(4.0), -4.0, -7.0
+        shift = np.zeros(3)
+        return np.r_[scales, degrees, drift, damping, shift]
 
     def bounds(self, level: float) -> list[tuple[float, float]]:
         """Return the bounds of the variables."""
@@ -293,6 +298,13 @@ class Moments(NamedTuple):
     inputs: ndarray  # (G, p, p)
     across: ndarray  # (G, p) of inputs and errors
     square: ndarray  # (G,) of errors
+
+    def add(self, group: int, weight: ndarray, inputs: ndarray, error: ndarray) -> None:
+        """Add samples of ``group`` with ``weight`` (M,), ``inputs`` (M, p) and ``error`` (M,)."""
+        weighted = inputs.T * weight
+        self.inputs[group] += weighted @ inputs
+        self.across[group] += weighted @ error
+        self.square[group] += weight @ error**2
 
     def gains(self, penalty: ndarray) -> ndarray:
         """(G, p) ridge regressions without each group; ``penalty`` (p,) adds to the diagonal."""
@@ -363,8 +375,5 @@ def _moments(
             weight *= (nu + 1) / (nu + error**2 / (variance * factor))
         for group in range(count):
             inside = groups[end] == group
-            w, v, b = weight[inside], error[inside], inputs[inside]
-            moments.inputs[group] += (b.T * w) @ b
-            moments.across[group] += (b.T * w) @ v
-            moments.square[group] += w @ v**2
+            moments.add(group, weight[inside], inputs[inside], error[inside])
     return moments
