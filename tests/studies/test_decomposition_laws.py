@@ -47,17 +47,18 @@ def paths(arm, stated):
 @pytest.fixture(scope="module")
 def drawn(arm, paths, stated):
     """Return the widths of both models on all paths."""
-    return np.concatenate(
-        [laws.widths(arm, part, stated, kind) for kind, part in paths.items()]
-    )
+    widths = [laws.widths(arm, paths[kind], stated, kind) for kind in KINDS]
+    return np.concatenate(widths)
 
 
 def made_by(drawn, stated, reading, path):
     """Return the models and the numbers that would have been printed with ``reading`` on ``path``,
     at equal widths of the two models.
     """
-    joints, alike = drawn["wishart"][path, laws.READINGS.index(reading)], drawn.copy()
-    alike["gaussian"] *= np.sqrt(np.mean(joints**2)) / drawn["gaussian"][path]
+    joints = drawn["wishart"][path, laws.READINGS.index(reading)]
+    width = np.sqrt(np.mean(joints**2))
+    alike = drawn.copy()
+    alike["gaussian"] *= width / drawn["gaussian"][path]
     return alike, stated._replace(covariance=np.diag(joints**2))
 
 
@@ -65,7 +66,7 @@ def made_by(drawn, stated, reading, path):
 def test_the_reading_that_made_the_numbers_is_the_most_likely_on_its_path(
     drawn, stated, reading
 ):
-    number, found = laws.READINGS.index(reading), []
+    number, most_likely = laws.READINGS.index(reading), []
     for path in range(0, 120, 6):
         models, printed = made_by(drawn, stated, reading, path)
         quantities = laws.log_quantities(models, printed)
@@ -73,8 +74,8 @@ def test_the_reading_that_made_the_numbers_is_the_most_likely_on_its_path(
         # the path itself is one of the prior's, and the numbers are met there exactly
         assert density[number, path] == density.max()
         likelihood = density.mean(axis=1)
-        found.append(likelihood[number] >= 0.99 * likelihood.max())
-    assert np.mean(found) >= 0.7
+        most_likely.append(likelihood[number] >= 0.99 * likelihood.max())
+    assert np.mean(most_likely) >= 0.7
 
 
 def test_the_likelihood_is_the_mean_of_normal_densities(stated):
@@ -82,13 +83,11 @@ def test_the_likelihood_is_the_mean_of_normal_densities(stated):
     two["wishart"] = np.sqrt(np.diag(stated.covariance))
     two["wishart"][1] *= 2
     two["gaussian"] = np.sqrt(np.trace(stated.covariance) / 3)
-    density = laws.densities(
-        laws.log_quantities(two, stated), ("joint 1", "gaussian"), 2.0
-    )
+    quantities = laws.log_quantities(two, stated)
+    density = laws.densities(quantities, ("joint 1", "gaussian"), 2.0)
     at_zero = 1 / (2 * np.pi * np.log(2) ** 2)
-    np.testing.assert_allclose(
-        density, np.tile([at_zero, at_zero * np.exp(-0.5)], (9, 1))
-    )
+    due = [at_zero, at_zero * np.exp(-0.5)]
+    np.testing.assert_allclose(density, np.tile(due, (9, 1)))
 
 
 def test_pivoted_lu_is_more_than_twice_as_wide_as_the_gaussian_model_on_every_path(
@@ -103,34 +102,25 @@ def test_pivoted_lu_is_more_than_twice_as_wide_as_the_gaussian_model_on_every_pa
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_path_keeps_the_limits_and_the_bound(arm, stated, paths, kind):
-    part = paths[kind]
-    assert part.q.shape == part.step.shape == (40, 320, 3)
-    assert np.all(arm.within_limits(part.q))
-    assert (
-        np.linalg.norm(np.linalg.inv(arm.jacobian(part.q)), axis=(2, 3)).max()
-        < stated.u
-    )
-    speed = np.abs(part.step * 100 / arm.max_speed).max(axis=(1, 2))
+    q, step = paths[kind]
+    assert q.shape == step.shape == (40, 320, 3)
+    assert np.all(arm.within_limits(q))
+    inverse = np.linalg.inv(arm.jacobian(q))
+    assert np.linalg.norm(inverse, axis=(2, 3)).max() < stated.u
+    speed = np.abs(step * 100 / arm.max_speed).max(axis=(1, 2))
     assert 0.19 < speed.min() and speed.max() < 1.13 and speed.std() > 0.1
-    np.testing.assert_allclose(np.diff(part.q, axis=1), part.step[:, :-1], atol=1e-12)
+    np.testing.assert_allclose(np.diff(q, axis=1), step[:, :-1], atol=1e-12)
 
 
 def test_lines_are_straight_and_loops_close(arm, paths, stated):
-    def task_rows(q):
-        return np.stack([arm.coordinates(path) for path in q])
-
-    for kind, points in (("joint line", lambda q: q), ("task line", task_rows)):
-        q = points(paths[kind].q)
+    in_task = [arm.coordinates(q) for q in paths["task line"].q]
+    for q in (paths["joint line"].q, np.stack(in_task)):
         middle = q[:, 150] - q[:, 0]
-        off = (
-            np.cross(q - q[:, :1], middle[:, None])
-            / np.vecdot(middle, middle)[:, None, None]
-        )
+        square = np.vecdot(middle, middle)
+        off = np.cross(q - q[:, :1], middle[:, None]) / square[:, None, None]
         assert np.abs(off).max() < 1e-6
-    loop = paths["loop"]
-    np.testing.assert_allclose(
-        loop.q[:, -1] + loop.step[:, -1], loop.q[:, 0], atol=1e-9
-    )
+    q, step = paths["loop"]
+    np.testing.assert_allclose(q[:, -1] + step[:, -1], q[:, 0], atol=1e-9)
 
 
 SIGMA_B, DRAWS = 0.25, 40_000
@@ -141,13 +131,13 @@ def first_factor(reading, jacobian):
     if reading not in PLAIN:
         return printed_algorithms.first_factor(jacobian, Decomposition(reading))
     rows, first = list(PLAIN[reading]), np.eye(3)
+
+    def minor(k: int, row: int) -> float:
+        return np.linalg.det(jacobian[[*rows[:k], row], : k + 1])
+
     for k in range(2):
         for i in range(k + 1, 3):
-            minors = [
-                np.linalg.det(jacobian[[*rows[:k], r], : k + 1])
-                for r in (rows[i], rows[k])
-            ]
-            first[i, k] = minors[0] / minors[1]
+            first[i, k] = minor(k, rows[i]) / minor(k, rows[k])
     result = np.empty((3, 3))
     result[rows] = first
     return result
@@ -156,9 +146,12 @@ def first_factor(reading, jacobian):
 @pytest.fixture(scope="module")
 def poses(arm, paths):
     """Return (J, v) at three moving steps."""
-    chosen = [(part, i, 160 - 50 * i) for i, part in enumerate(paths.values())]
-    jacobians = [(arm.jacobian(part.q[i, k]), part.step[i, k]) for part, i, k in chosen]
-    return [(jacobian, jacobian @ step) for jacobian, step in jacobians]
+    result = []
+    for i, (q, step) in enumerate(paths.values()):
+        k = 160 - 50 * i
+        jacobian = arm.jacobian(q[i, k])
+        result.append((jacobian, jacobian @ step[i, k]))
+    return result
 
 
 @pytest.mark.parametrize("reading", laws.READINGS)
@@ -168,26 +161,23 @@ def test_the_variances_are_those_of_algorithm_1(poses, reading):
     """
     rng = np.random.default_rng(5)
     d = degrees_of_freedom(SIGMA_B, 3)
-    redundant = (
-        [] if reading in PLAIN else [(rng.normal(size=(3, 5)), rng.normal(size=3))]
-    )
-    for jacobian, v in [*poses, *redundant]:
+    cases = list(poses)
+    if reading not in PLAIN:  # also a redundant arm
+        cases.append((rng.normal(size=(3, 5)), rng.normal(size=3)))
+    for jacobian, v in cases:
         first = first_factor(reading, jacobian)
         second = np.linalg.solve(first, jacobian)
         draws = wishart(d, np.eye(3) / d).rvs(DRAWS, random_state=rng)
         steps = np.linalg.solve(draws, np.linalg.solve(first, v)[:, None])
         drawn = (np.linalg.pinv(second) @ steps)[..., 0].std(axis=0)
-        np.testing.assert_allclose(
-            np.sqrt(laws.wishart_variance(reading, jacobian, v, SIGMA_B)),
-            drawn,
-            rtol=0.025,
-        )
+        variance = laws.wishart_variance(reading, jacobian, v, SIGMA_B)
+        np.testing.assert_allclose(np.sqrt(variance), drawn, rtol=0.025)
 
 
 def test_the_gaussian_width_is_the_models_root_mean_variance(arm, paths, drawn, stated):
-    part, own = paths["task line"], drawn[drawn["kind"] == "task line"]
-    v = np.matvec(arm.jacobian(part.q), part.step)
-    model = GaussianModel(stated.alpha, stated.u).covariance(arm, part.q, v)
-    np.testing.assert_allclose(
-        own["gaussian"] ** 2, model[..., 2, 2].mean(axis=1), rtol=1e-9
-    )
+    q, step = paths["task line"]
+    widths = drawn[drawn["kind"] == "task line"]
+    v = np.matvec(arm.jacobian(q), step)
+    covariance = GaussianModel(stated.alpha, stated.u).covariance(arm, q, v)
+    variance = covariance[..., 2, 2].mean(axis=1)
+    np.testing.assert_allclose(widths["gaussian"] ** 2, variance, rtol=1e-9)

@@ -30,13 +30,9 @@ def correlated(system, sigma_s, samples, rng):
     """Draws of the matrix model that stay for 20 samples each: the law is the model's, a twentieth
     of them are independent.
     """
-    return np.repeat(
-        models.sample_wrenches(
-            models.matrix_model(system), sigma_s, samples // 20, rng
-        ),
-        20,
-        axis=0,
-    )
+    model = models.matrix_model(system)
+    independent = models.sample_wrenches(model, sigma_s, samples // 20, rng)
+    return np.repeat(independent, 20, axis=0)
 
 
 @pytest.mark.slow
@@ -47,26 +43,27 @@ def test_a_record_of_the_model_itself_passes_the_test_and_one_of_less_steady_ten
     systems = models.draw_systems(BOUNDS, 1000, 3, np.random.default_rng(25))
     sigma_s = averaged_sigma_s(systems)["diagonal"].mean
     rngs = np.random.default_rng(44).spawn(30)
-    own = [
-        force_test(correlated(SYSTEM, sigma_s, 6000, rng), SYSTEM, sigma_s, rng)
-        for rng in rngs
-    ]
-    p_values = np.array([test["two_sample_p_value"] for test in own])
+    outcomes = []
+    for rng in rngs:
+        record = correlated(SYSTEM, sigma_s, 6000, rng)
+        outcomes.append(force_test(record, SYSTEM, sigma_s, rng))
+    outcomes = pd.DataFrame(outcomes)
     # a binomial of 30 draws with 0.05 exceeds it with probability 6e-4
-    assert np.mean(p_values <= 0.05) <= 0.2
-    assert np.mean([test["effective_samples"] for test in own]) == pytest.approx(
-        300, rel=0.15
-    )
-    assert all(75 <= test["tested_samples"] <= 300 for test in own)
+    assert np.mean(outcomes["two_sample_p_value"] <= 0.05) <= 0.2
+    assert outcomes["effective_samples"].mean() == pytest.approx(300, rel=0.15)
+    assert outcomes["tested_samples"].between(75, 300).all()
     model = models.matrix_model(SYSTEM)
     share = model.sigma_s_factor() * sigma_s[0, 0] / model.covariance(sigma_s)[0, 0]
-    assert own[0]["matrix_share_fx"] == pytest.approx(share) and share < 0.5
+    assert outcomes["matrix_share_fx"][0] == pytest.approx(share)
+    assert share < 0.5
+
     loose = replace(SYSTEM, tension_sd=1.6 * SYSTEM.tension_sd)
-    other = [correlated(loose, sigma_s, 6000, rng) for rng in rngs]
-    tests = [
-        force_test(o, SYSTEM, sigma_s, rng) for o, rng in zip(other, rngs, strict=True)
-    ]
-    assert np.mean([test["two_sample_p_value"] <= 0.05 for test in tests]) >= 0.9
+    records = [correlated(loose, sigma_s, 6000, rng) for rng in rngs]
+    p_values = []
+    for record, rng in zip(records, rngs, strict=True):
+        outcome = force_test(record, SYSTEM, sigma_s, rng)
+        p_values.append(outcome["two_sample_p_value"])
+    assert np.mean(np.array(p_values) <= 0.05) >= 0.9
 
 
 TOWED = models.CableSystem(
@@ -87,56 +84,54 @@ def sigma_s_of(system: models.CableSystem) -> np.ndarray:
 
 
 def test_the_divergence_is_the_mean_log_ratio_of_the_two_normal_densities():
-    law = multivariate_normal([1.0, 2.0], [[2.0, 0.5], [0.5, 1.0]])
-    other = multivariate_normal([0.0, 2.5], [[3.0, -1.0], [-1.0, 4.0]])
+    measured = NormalLaw(np.array([1.0, 2.0]), np.array([[2.0, 0.5], [0.5, 1.0]]))
+    nominal = NormalLaw(np.array([0.0, 2.5]), np.array([[3.0, -1.0], [-1.0, 4.0]]))
+    law = multivariate_normal(*measured)
     drawn = law.rvs(200_000, random_state=np.random.default_rng(7))
-    ratios = law.logpdf(drawn) - other.logpdf(drawn)
+    ratios = law.logpdf(drawn) - multivariate_normal(*nominal).logpdf(drawn)
     error = ratios.std() / np.sqrt(len(ratios))
-    measured, nominal = NormalLaw(law.mean, law.cov), NormalLaw(other.mean, other.cov)
     divergence = measured.divergence_from(nominal)
     assert divergence == pytest.approx(ratios.mean(), abs=4 * error)
     # control: the term of the log-determinant is far larger than the band
-    ratio = np.linalg.det(np.linalg.solve(other.cov, law.cov))
-    assert abs(np.log(ratio)) / 2 > 100 * error
+    ratio = np.linalg.solve(nominal.covariance, measured.covariance)
+    assert abs(np.log(np.linalg.det(ratio))) / 2 > 100 * error
 
 
 def test_rows_are_those_that_the_cables_give_and_moments_are_over_the_length():
     met = replace(TOWED, attachment=None)
     angles = planar_cables([5.0, 4.0], [0.1, 2.0], [0.5, 0.5], [900.0, 900.0])
     planar = replace(angles, attachment=np.ones((2, 2)))
-    assert rows_of(angles) == ("fx", "fy") and rows_of(planar) == ("fx", "fy", "mz")
-    assert rows_of(met) == SIX[:3] and rows_of(TOWED) == SIX
-    record = pd.DataFrame(
-        sample_wrench(TOWED, 50, np.random.default_rng(1)), columns=SIX
-    )
+    assert rows_of(angles) == ("fx", "fy")
+    assert rows_of(planar) == ("fx", "fy", "mz")
+    assert rows_of(met) == SIX[:3]
+    assert rows_of(TOWED) == SIX
+    wrenches = sample_wrench(TOWED, 50, np.random.default_rng(1))
+    record = pd.DataFrame(wrenches, columns=SIX)
     measured = measured_wrenches(record, TOWED, LENGTH)
-    np.testing.assert_allclose(measured[:, :3], record[["fx", "fy", "fz"]])
-    np.testing.assert_allclose(LENGTH * measured[:, 3:], record[["mx", "my", "mz"]])
+    np.testing.assert_allclose(measured[:, :3], wrenches[:, :3])
+    np.testing.assert_allclose(LENGTH * measured[:, 3:], wrenches[:, 3:])
     moment = measured_wrenches(record, planar, LENGTH)[:, 2]
     np.testing.assert_array_equal(moment, record["mz"] / LENGTH)
 
 
 def test_six_rows_of_a_record_of_the_cables_have_the_moments_of_the_matrix_model():
     system, rng = TOWED.in_units_of(LENGTH), np.random.default_rng(45)
-    sigma_s = sigma_s_of(system)
     record = pd.DataFrame(sample_wrench(TOWED, 20_000, rng), columns=SIX)
+    model, sigma_s = models.matrix_model(system), sigma_s_of(system)
     wrenches = {
         "measured": measured_wrenches(record, system, LENGTH),
-        "modelled": models.sample_wrenches(
-            models.matrix_model(system), sigma_s, 20_000, rng
-        ),
+        "modelled": models.sample_wrenches(model, sigma_s, 20_000, rng),
     }
     moments = force_moments("T3", wrenches, SIX).set_index("source")
-    exact = models.wrench_covariance(system)
+    exact = np.diag(models.wrench_covariance(system))
+    # of vMF(κ) cables pull 1/κ less than their tension
+    band = 4.5 * np.sqrt(exact / 20_000) + 0.03
     for source in wrenches:
         variances = moments.loc[source, [f"var_{row}" for row in SIX]].astype(float)
-        np.testing.assert_allclose(variances, np.diag(exact), rtol=0.06)
-        size = 4.5 * np.sqrt(np.diag(exact) / 20_000)
+        np.testing.assert_allclose(variances, exact, rtol=0.06)
         mean = moments.loc[source, list(SIX)].astype(float)
-        # of vMF(κ) cables pull 1/κ less than their tension
-        assert np.all(np.abs(mean - system.jacobian() @ system.tension) < size + 0.03)
+        assert np.all(np.abs(mean - system.jacobian() @ system.tension) < band)
     # the control: of other attachments the moments differ and the forces do not
-    other = models.wrench_covariance(
-        replace(system, attachment=0.5 * system.attachment)
-    )
-    assert np.all(np.abs(np.diag(other)[3:] / np.diag(exact)[3:] - 1) > 0.2)
+    nearer = replace(system, attachment=0.5 * system.attachment)
+    ratio = np.diag(models.wrench_covariance(nearer)) / exact
+    assert np.all(np.abs(ratio[3:] - 1) > 0.2)

@@ -16,6 +16,7 @@ from scipy.stats import ks_2samp, vonmises, vonmises_fisher
 from pipeline.core.errors import ModelDomainError
 from pipeline.wrench.models import (
     FORMS,
+    CableSystem,
     MatrixModel,
     matrix_model,
     mean_resultant_length,
@@ -34,26 +35,18 @@ def covariance_z(samples, covariance):
     centred = samples - samples.mean(axis=0)
     i, j = np.triu_indices(samples.shape[1])
     products = centred[:, i] * centred[:, j]
-    return (
-        (products.mean(axis=0) - covariance[i, j])
-        * np.sqrt(len(samples))
-        / products.std(axis=0)
-    )
+    error = products.std(axis=0) / np.sqrt(len(samples))
+    return (products.mean(axis=0) - covariance[i, j]) / error
 
 
 def test_the_mean_length_is_a_ratio_of_bessel_functions_in_the_plane_and_of_hyperbolic_in_space():
     kappa = np.array([0.01, 0.5, 4.0, 169.35, 600.0])
-    np.testing.assert_allclose(
-        mean_resultant_length(kappa, 2), i1(kappa) / i0(kappa), rtol=1e-13
-    )
+    in_plane = mean_resultant_length(kappa, 2)
+    in_space = mean_resultant_length(kappa, 3)
+    np.testing.assert_allclose(in_plane, i1(kappa) / i0(kappa), rtol=1e-13)
     closed = 1 / np.tanh(kappa) - 1 / kappa  # which loses digits as κ falls
-    np.testing.assert_allclose(
-        mean_resultant_length(kappa, 3), closed, rtol=1e-13 / kappa.min()
-    )
-    assert (
-        np.abs(mean_resultant_length(kappa, 3) - mean_resultant_length(kappa, 2)).min()
-        > 1e-4
-    )
+    np.testing.assert_allclose(in_space, closed, rtol=1e-13 / kappa.min())
+    assert np.abs(in_space - in_plane).min() > 1e-4
     for p in (2, 3):
         lengths = mean_resultant_length(np.array([1e-8, 1e8]), p)
         np.testing.assert_allclose(lengths, [1e-8 / p, 1 - (p - 1) / 2e8], rtol=1e-9)
@@ -86,20 +79,23 @@ def test_moments_of_one_cable_equal_those_integrated_over_its_direction(theta, k
         return quad(density, -edge, edge, epsabs=1e-13, epsrel=1e-13)[0]
 
     mean = tension * np.array([expectation(np.cos), expectation(np.sin)])
-    square, mixed = (
-        expectation(lambda a: np.cos(a) ** 2),
-        expectation(lambda a: np.sin(2 * a) / 2),
-    )
+    square = expectation(lambda angle: np.cos(angle) ** 2)
+    mixed = expectation(lambda angle: np.sin(2 * angle) / 2)
     second = (tension**2 + sd**2) * np.array([[square, mixed], [mixed, 1 - square]])
-    cable = planar_cables(*(np.array([value]) for value in (tension, theta, sd, kappa)))
+    covariance = second - np.outer(mean, mean)
+    cable = one_cable(tension, theta, sd, kappa)
     np.testing.assert_allclose(wrench_mean(cable), mean, atol=1e-10)
-    np.testing.assert_allclose(
-        wrench_covariance(cable), second - np.outer(mean, mean), atol=1e-9
-    )
+    np.testing.assert_allclose(wrench_covariance(cable), covariance, atol=1e-9)
+
+
+def one_cable(*values: float) -> CableSystem:
+    """A system of one cable with tension, angle, σ_T and κ."""
+    return planar_cables(*(np.array([value]) for value in values))
 
 
 def test_in_the_plane_the_variances_of_the_force_are_the_papers_formulas():
-    angle = np.arctan2(WIDE.direction[:, 1], WIDE.direction[:, 0])
+    x, y = WIDE.direction.T
+    angle = np.arctan2(y, x)
     length = i1e(WIDE.concentration) / i0e(WIDE.concentration)
     second_moment = WIDE.tension**2 + WIDE.tension_sd**2
     a = second_moment - (length * WIDE.tension) ** 2
@@ -107,13 +103,11 @@ def test_in_the_plane_the_variances_of_the_force_are_the_papers_formulas():
     xx = np.sum(a * np.cos(angle) ** 2 - b * np.cos(2 * angle))
     yy = np.sum(a * np.sin(angle) ** 2 + b * np.cos(2 * angle))
     xy = np.sum(np.sin(2 * angle) * (a - 2 * b) / 2)
-    np.testing.assert_allclose(
-        wrench_covariance(WIDE), [[xx, xy], [xy, yy]], rtol=1e-13
-    )
+    papers = [[xx, xy], [xy, yy]]
+    np.testing.assert_allclose(wrench_covariance(WIDE), papers, rtol=1e-13)
     # the forces of cables with attachments apart are the same
-    np.testing.assert_allclose(
-        wrench_covariance(APART)[:2, :2], [[xx, xy], [xy, yy]], rtol=1e-13
-    )
+    of_forces = wrench_covariance(APART)[:2, :2]
+    np.testing.assert_allclose(of_forces, papers, rtol=1e-13)
 
 
 @pytest.mark.parametrize("place", SYSTEMS)
@@ -123,14 +117,16 @@ def test_simulated_wrenches_have_the_closed_forms_moments_and_the_small_angle_la
     system = SYSTEMS[place]
     samples = sample_wrench(system, 100_000, np.random.default_rng(1))
     mean, covariance = wrench_mean(system), wrench_covariance(system)
-    mean_z = (samples.mean(axis=0) - mean) / np.sqrt(np.diag(covariance) / len(samples))
     assert samples.shape[1] == {"plane": 3, "space": 6}.get(place, system.dimension)
-    assert np.abs(mean_z).max() < BAND
+    error = np.sqrt(np.diag(covariance) / len(samples))
+    assert np.abs((samples.mean(axis=0) - mean) / error).max() < BAND
     assert np.abs(covariance_z(samples, covariance)).max() < BAND
+    # the control: the small-angle law
     maps, columns = system.maps(), system.jacobian()
     across = system.tension**2 / system.concentration
+    along = system.tension_sd**2 - across
     small_angle = np.einsum("mip,m,mjp->ij", maps, across, maps)
-    small_angle += (columns * (system.tension_sd**2 - across)) @ columns.T
+    small_angle += (columns * along) @ columns.T
     assert np.abs(covariance_z(samples, small_angle)).max() > 5 * BAND
 
 
@@ -138,16 +134,11 @@ def test_concentrations_whose_bessel_functions_overflow_give_the_small_angle_law
     kappa = 1e5
     with np.errstate(over="ignore"):
         assert np.isinf(i0(kappa))
-    assert mean_resultant_length(kappa, 2) == pytest.approx(
-        1 - 1 / (2 * kappa), abs=1 / kappa**2
-    )
-    cable = planar_cables(*(np.array([v]) for v in (6.0, np.pi / 2, 2.0, kappa)))
-    np.testing.assert_allclose(
-        np.diag(wrench_covariance(cable)), [36.0 / kappa, 4.0], rtol=0.2
-    )
-    np.testing.assert_allclose(
-        wrench_covariance(cable)[0, 0], (36.0 + 4.0) / kappa, rtol=1e-4
-    )
+    length = mean_resultant_length(kappa, 2)
+    assert length == pytest.approx(1 - 1 / (2 * kappa), abs=1 / kappa**2)
+    variances = np.diag(wrench_covariance(one_cable(6.0, np.pi / 2, 2.0, kappa)))
+    np.testing.assert_allclose(variances[0], (36.0 + 4.0) / kappa, rtol=1e-4)
+    np.testing.assert_allclose(variances[1], 4.0, rtol=0.2)
 
 
 @pytest.mark.parametrize(
@@ -170,37 +161,40 @@ N = 100_000
 
 def whole_matrix_wrenches(rng):
     """W = S·T with S drawn entry by entry: S̲ + Σ_S^½ Z Ψ_S^½."""
-    left, right, of_actuation = map(
-        np.linalg.cholesky, (SIGMA_S, MODEL.psi, MODEL.actuation_cov)
-    )
-    noise = left @ rng.standard_normal((N, 2, 3)) @ right.T
+    left = np.linalg.cholesky(SIGMA_S)
+    right = np.linalg.cholesky(MODEL.psi)
+    of_actuation = np.linalg.cholesky(MODEL.actuation_cov)
+    jacobian = MODEL.jacobian + left @ rng.standard_normal((N, 2, 3)) @ right.T
     actuation = MODEL.actuation + rng.standard_normal((N, 3)) @ of_actuation.T
-    return np.einsum("knm,km->kn", MODEL.jacobian + noise, actuation)
+    return np.einsum("knm,km->kn", jacobian, actuation)
 
 
 def random_systems(count, agents, rng):
-    ends = ((1.8, 14), (0, 6.3), (0.5, 2.3), (100, 2400))
-    return planar_cables(*(rng.uniform(*each, (count, agents)) for each in ends))
+    ranges = ((1.8, 14), (0, 6.3), (0.5, 2.3), (100, 2400))
+    values = [rng.uniform(low, high, (count, agents)) for low, high in ranges]
+    return planar_cables(*values)
 
 
 def test_products_of_whole_random_matrices_have_the_closed_forms_moments():
     samples = whole_matrix_wrenches(np.random.default_rng(3))
     covariance = MODEL.covariance(SIGMA_S)
+    error = np.sqrt(np.diag(covariance) / N)
     off = samples.mean(axis=0) - MODEL.jacobian @ MODEL.actuation
-    assert np.abs(off / np.sqrt(np.diag(covariance) / N)).max() < BAND
+    assert np.abs(off / error).max() < BAND
     assert np.abs(covariance_z(samples, covariance)).max() < BAND
-    identity = replace(MODEL, psi=np.eye(3))
-    assert np.abs(covariance_z(samples, identity.covariance(SIGMA_S))).max() > 2 * BAND
+    # the control
+    identity = replace(MODEL, psi=np.eye(3)).covariance(SIGMA_S)
+    assert np.abs(covariance_z(samples, identity)).max() > 2 * BAND
 
 
 def test_reduced_sampling_has_the_law_of_the_whole_product_and_a_normal_law_has_not():
     rng = np.random.default_rng(4)
-    whole, reduced = whole_matrix_wrenches(rng), sample_wrenches(MODEL, SIGMA_S, N, rng)
-    normal = rng.multivariate_normal(
-        MODEL.jacobian @ MODEL.actuation, MODEL.covariance(SIGMA_S), N
-    )
+    whole = whole_matrix_wrenches(rng)
+    reduced = sample_wrenches(MODEL, SIGMA_S, N, rng)
     for direction in ([1.0, 0.0], [0.0, 1.0], [0.6, -0.8]):
         assert ks_2samp(whole @ direction, reduced @ direction).pvalue > 1e-3
+    mean = MODEL.jacobian @ MODEL.actuation
+    normal = rng.multivariate_normal(mean, MODEL.covariance(SIGMA_S), N)
     assert ks_2samp(whole[:, 0], normal[:, 0]).pvalue < 1e-6
 
 
@@ -211,31 +205,28 @@ def test_the_optimum_has_the_conditions_of_a_minimum_and_no_feasible_step_from_i
     rng = np.random.default_rng(6)
     systems = random_systems(400, 2, rng)
     model, covariance = matrix_model(systems), wrench_covariance(systems)
-    unbounded, mask = unbounded_sigma_s(systems), np.eye(2) if form == "diagonal" else 1
-    closed, held = optimal_sigma_s(unbounded, form)
+    mask = np.eye(2) if form == "diagonal" else np.ones((2, 2))
+    target = unbounded_sigma_s(systems) * mask
+    closed, held = optimal_sigma_s(unbounded_sigma_s(systems), form)
     # Karush-Kuhn-Tucker of min ‖Σ − M‖ over Σ ≥ 0, a convex problem
-    multiplier, size = closed - unbounded * mask, np.abs(unbounded).max()
-    for cone in (closed, multiplier):
-        assert np.linalg.eigvalsh(cone).min() > -1e-12 * size
-    assert (
-        np.abs(np.trace(closed @ multiplier, axis1=1, axis2=2)).max() < 1e-12 * size**2
-    )
-    np.testing.assert_array_equal(
-        held, np.sum(np.linalg.eigvalsh(unbounded * mask) < 0, axis=-1)
-    )
+    multiplier, size = closed - target, np.abs(target).max()
+    assert np.linalg.eigvalsh(closed).min() > -1e-12 * size
+    assert np.linalg.eigvalsh(multiplier).min() > -1e-12 * size
+    product = np.trace(closed @ multiplier, axis1=1, axis2=2)
+    assert np.abs(product).max() < 1e-12 * size**2
+    negative = np.sum(np.linalg.eigvalsh(target) < 0, axis=-1)
+    np.testing.assert_array_equal(held, negative)
     assert np.sum(held > 0) >= 10 and np.sum(held == 0) >= 10
 
     def objective(sigma_s):
         """The paper's norm of the difference of the variances, or of the whole covariances."""
-        return np.linalg.norm(
-            (model.covariance(sigma_s) - covariance) * mask, axis=(1, 2)
-        )
+        difference = model.covariance(sigma_s) - covariance
+        return np.linalg.norm(difference * mask, axis=(1, 2))
 
+    least = objective(closed) * (1 - 1e-12)
     for factor in [np.zeros((2, 2)), *rng.normal(size=(20, 2, 2))]:
-        other = 1e-2 * (factor @ factor.T) * mask
-        assert np.all(
-            objective(0.9 * closed + 0.1 * other) >= objective(closed) * (1 - 1e-12)
-        )
+        feasible = 1e-2 * (factor @ factor.T) * mask
+        assert np.all(objective(0.9 * closed + 0.1 * feasible) >= least)
 
 
 def test_without_active_bounds_the_moments_are_the_parametric_ones_and_else_variances_are_greater():
@@ -243,17 +234,15 @@ def test_without_active_bounds_the_moments_are_the_parametric_ones_and_else_vari
     model, covariance = matrix_model(systems), wrench_covariance(systems)
     unbounded = unbounded_sigma_s(systems)
     full, held = optimal_sigma_s(unbounded, "full")
-    fitted = model.covariance(full)
-    assert 0.5 < np.mean(held == 0) < 1
-    np.testing.assert_allclose(
-        fitted[held == 0], covariance[held == 0], rtol=1e-11, atol=1e-12
-    )
-    assert np.all(np.trace(fitted - covariance, axis1=-2, axis2=-1)[held > 0] > 0)
-    diagonal, entries = optimal_sigma_s(unbounded, "diagonal")
+    difference = model.covariance(full) - covariance
+    free = held == 0
+    assert 0.5 < np.mean(free) < 1
+    np.testing.assert_allclose(difference[free], 0.0, atol=1e-11)
+    assert np.all(np.trace(difference[~free], axis1=-2, axis2=-1) > 0)
+    diagonal, held = optimal_sigma_s(unbounded, "diagonal")
     difference = model.covariance(diagonal) - covariance
-    np.testing.assert_allclose(
-        np.einsum("...ii->...i", difference)[entries == 0], 0.0, atol=1e-12
-    )
+    variances = np.diagonal(difference, axis1=-2, axis2=-1)
+    np.testing.assert_allclose(variances[held == 0], 0.0, atol=1e-12)
     # without off-diagonal terms the covariance of the two components is that of the actuation alone
     assert np.abs(difference[..., 0, 1]).max() > 0.01
 
@@ -271,28 +260,34 @@ CABLES = MatrixModel(MEAN, np.array([3.0, 5.0, 4.0, 4.5]), 0.2 * np.eye(4), PSI)
 
 def test_the_columns_of_directions_are_independent_and_their_variances_go_with_1_over_kappa():
     kappa = np.array([100.0, 700.0, 200.0, 400.0])
-    mean = planar_cables(*np.ones((4, 4))).direction
-    cables, rng = zip(mean, kappa, strict=True), np.random.default_rng(6)
-    laws = [vonmises_fisher(*each, seed=rng) for each in cables]
-    directions = np.stack([law.rvs(20_000) for law in laws], axis=1)
+    rng = np.random.default_rng(6)
+    draws = []
+    for mean, concentration in zip(
+        planar_cables(*np.ones((4, 4))).direction, kappa, strict=True
+    ):
+        draws.append(vonmises_fisher(mean, concentration, seed=rng).rvs(20_000))
+    directions = np.stack(draws, axis=1)
     # E[XᵀX] = tr(Σ_S)·Ψ_S, X = S − E[S] (Theorem 5), with tr Ψ_S = 4
     x = directions - directions.mean(axis=0)
     psi = np.einsum("kai,kbi->ab", x, x) / len(x)
     psi *= 4 / np.trace(psi)
-    due = np.diag(4 / kappa / np.sum(1 / kappa))
     # a variance of 20 000 draws is known to 1 %, a correlation to 0.007
-    np.testing.assert_allclose(np.diag(psi), np.diag(due), rtol=0.045)
+    due = 4 / kappa / np.sum(1 / kappa)
+    np.testing.assert_allclose(np.diag(psi), due, rtol=0.045)
     scale = np.sqrt(np.diag(psi))
-    assert np.abs(psi / np.outer(scale, scale) - np.eye(4)).max() < 0.032
+    correlation = psi / np.outer(scale, scale)
+    assert np.abs(correlation - np.eye(4)).max() < 0.032
     assert np.abs(psi - np.eye(4)).max() > 0.5
 
 
 def test_one_law_of_the_tensions_tells_a_trace_with_psi_times_sigma_but_neither_of_the_two():
-    other = replace(CABLES, psi=PSI[::-1, ::-1])
-    sigma_s = SIGMA_CABLES * CABLES.sigma_s_factor() / other.sigma_s_factor()
+    exchanged = replace(CABLES, psi=PSI[::-1, ::-1])
+    ratio = CABLES.sigma_s_factor() / exchanged.sigma_s_factor()
     due = CABLES.covariance(SIGMA_CABLES)
-    np.testing.assert_allclose(other.covariance(sigma_s), due, rtol=1e-12)
-    assert np.abs(other.covariance(SIGMA_CABLES) / due - 1).max() > 0.001
+    of_exchanged = exchanged.covariance(ratio * SIGMA_CABLES)
+    np.testing.assert_allclose(of_exchanged, due, rtol=1e-12)
+    # the control: with the same Σ_S
+    assert np.abs(exchanged.covariance(SIGMA_CABLES) / due - 1).max() > 0.001
 
 
 def test_several_known_tensions_tell_psi_and_sigma_but_for_one_factor():
@@ -304,8 +299,10 @@ def test_several_known_tensions_tell_psi_and_sigma_but_for_one_factor():
     rng = np.random.default_rng(42)
     tensions = rng.uniform(1, 4, (10, 4))  # as many as Ψ has entries
     still = np.zeros((4, 4))
-    known = [replace(CABLES, actuation=t, actuation_cov=still) for t in tensions]
-    covariances = np.array([model.covariance(SIGMA_CABLES) for model in known])
+    covariances = []
+    for tension in tensions:
+        model = replace(CABLES, actuation=tension, actuation_cov=still)
+        covariances.append(model.covariance(SIGMA_CABLES))
     traces = np.trace(covariances, axis1=1, axis2=2)  # tr Σ_S·TᵀΨT
     psi = np.zeros((4, 4))
     psi[i, j] = psi[j, i] = np.linalg.solve(psi_coefficients(tensions), traces)

@@ -3,7 +3,7 @@ integration and averages, standard errors, errors of fresh systems, and what the
 numbers of cables.
 """
 
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -54,14 +54,14 @@ def characteristics(system):
 def test_systems_stay_within_their_bounds_and_fill_them(bounds):
     system = draw_systems(bounds, 4000, 3, np.random.default_rng(12))
     assert system.direction.shape == (4000, 3, bounds.dimension)
-    stated = {f.name: getattr(bounds, f.name) for f in fields(bounds)}
-    stated = {name: ends for name, ends in stated.items() if ends is not None}
     drawn = characteristics(system)
+    stated = {name: ends for name, ends in vars(bounds).items() if ends is not None}
     assert drawn.keys() == stated.keys()
     for name, (low, high) in stated.items():
-        margin, values = 0.01 * (high - low), drawn[name]
-        assert low - 1e-12 <= values.min() < low + margin
-        assert high + 1e-12 >= values.max() > high - margin
+        margin = 0.01 * (high - low)
+        least, greatest = drawn[name].min(), drawn[name].max()
+        assert low - 1e-12 <= least < low + margin
+        assert high + 1e-12 >= greatest > high - margin
 
 
 def test_directions_in_space_are_uniform_on_the_sphere_and_not_in_elevation():
@@ -113,16 +113,21 @@ def test_a_configuration_in_space_has_elevations_and_attachments_over_the_length
     np.testing.assert_allclose(np.arcsin(z), SPATIAL["elevation"])
     np.testing.assert_allclose(np.arctan2(y, x), SPATIAL["direction"])
     np.testing.assert_allclose(0.2 * system.attachment, SPATIAL["attachment"])
-    planar = Arrangement(**PLANAR)
-    met = nominal_system(force(planar), planar)
-    x, y = met.direction.T
-    np.testing.assert_allclose(np.arctan2(y, x), PLANAR["direction"])
-    assert met.tension_sd.tolist() == [0.5, 0.6] and met.attachment is None
-    bounds = configuration_bounds(force(planar), planar)
-    assert (bounds.dimension, bounds.attachment) == (2, None)
     bounds = configuration_bounds(options, configuration)
     assert bounds.elevation == [-0.5, 0.5]
     np.testing.assert_allclose(bounds.attachment, [-0.5, 0.5])
+
+
+def test_a_configuration_in_the_plane_has_neither():
+    configuration = Arrangement(**PLANAR)
+    options = force(configuration)
+    system = nominal_system(options, configuration)
+    x, y = system.direction.T
+    np.testing.assert_allclose(np.arctan2(y, x), PLANAR["direction"])
+    assert system.tension_sd.tolist() == [0.5, 0.6]
+    assert system.attachment is None
+    bounds = configuration_bounds(options, configuration)
+    assert (bounds.dimension, bounds.attachment) == (2, None)
 
 
 def test_more_cables_than_robots_and_a_length_that_is_none_are_refused():
@@ -178,9 +183,8 @@ def test_without_the_bound_it_is_what_averages_over_systems_tend_to(bounds, agen
     systems = draw_systems(bounds, 20_000, agents, np.random.default_rng(45))
     unbounded = unbounded_sigma_s(systems)
     error = unbounded.std(axis=0, ddof=1) / np.sqrt(len(unbounded))
-    distance = (
-        unbounded.mean(axis=0) - expected_unbounded_sigma_s(bounds, agents)
-    ) / error
+    expected = expected_unbounded_sigma_s(bounds, agents)
+    distance = (unbounded.mean(axis=0) - expected) / error
     assert np.abs(distance).max() < 4
 
 
@@ -195,13 +199,13 @@ def test_with_its_own_bounds_alone_it_is_what_averages_over_systems_tend_to(
     assert estimate.clipped > 1000
     assert np.abs(z_scores(estimate, expected)).max() < 4
     # the standard error tends to the deviation of single systems over √systems
-    deviations = np.diag(estimate.standard_error) * np.sqrt(estimate.systems)
-    np.testing.assert_allclose(deviations, np.diag(expected.deviation), rtol=0.05)
     error = np.diag(estimate.standard_error)
+    deviations = error * np.sqrt(estimate.systems)
+    np.testing.assert_allclose(deviations, np.diag(expected.deviation), rtol=0.05)
     # controls: without the bound, and of wider directions
     without_bound = estimate.mean - expected_unbounded_sigma_s(WIDE, agents)
     assert np.max(np.diag(without_bound) / error) > 8
-    wider = Bounds(WIDE.tension, (0.1, 0.8), WIDE.tension_sd, WIDE.concentration)
+    wider = replace(WIDE, direction=(0.1, 0.8))
     of_wider = expected_sigma_s(wider, agents, np.random.default_rng(48))[form]
     moved = np.diag(estimate.mean - of_wider.mean)
     assert np.max(np.abs(moved) / error) > 8
@@ -212,20 +216,19 @@ def study_options(agents: list[int], repeats: int) -> Wrench:
     return Wrench(agents, *map(list, ranges), 1000, 2000, repeats, 1)
 
 
+def test_errors_are_relative_to_the_parametric_model():
+    whole = np.array([[3.0, 1.0], [1.0, 4.0]])
+    assert variance_errors(2 * whole, whole) == 1
+    assert covariance_errors(2 * whole, whole) == 1
+
+
 def test_off_diagonal_terms_lower_the_error_of_the_covariance_and_less_so_with_few_cables():
-    whole = np.array(
-        [[3.0, 1.0], [1.0, 4.0]]
-    )  # errors are relative to the parametric model
-    assert variance_errors(2 * whole, whole) == covariance_errors(2 * whole, whole) == 1
     _, errors, _ = run_study(study_options([3, 20], 1), np.random.default_rng(42))
-    gain = (
-        errors["covariance_error_diagonal"] - errors["covariance_error_full"]
-    ).groupby(errors["agents"])
-    assert (gain.mean() > 4 * gain.sem()).all()
-    relative = (
-        gain.mean()
-        / errors["covariance_error_diagonal"].groupby(errors["agents"]).mean()
-    )
+    diagonal = errors["covariance_error_diagonal"]
+    gain = diagonal - errors["covariance_error_full"]
+    of_agents = gain.groupby(errors["agents"])
+    assert (of_agents.mean() > 4 * of_agents.sem()).all()
+    relative = of_agents.mean() / diagonal.groupby(errors["agents"]).mean()
     assert relative[20] > 2 * relative[3]
 
 
@@ -245,12 +248,12 @@ def test_the_error_falls_with_the_number_of_cables_in_every_repeat():
     means = spread.pivot(index="repeat", columns="agents", values="mean").to_numpy()
     assert (np.diff(means, axis=1) < 0).all()
     # and with the root of their number, as the error of one covariance for every system does
-    both = [
-        [wrench_covariance(draw_systems(STUDY, 2000, m, rng)) for _ in "ab"]
-        for m in agents
-    ]
-    alike = [variance_errors(other.mean(axis=0), own).mean() for own, other in both]
-    for errors in (means.mean(axis=0), np.array(alike)):
-        assert np.ptp(errors * np.sqrt(agents)) < 0.1 * np.mean(
-            errors * np.sqrt(agents)
+    alike = []
+    for m in agents:
+        systems, fresh = (
+            wrench_covariance(draw_systems(STUDY, 2000, m, rng)) for _ in "ab"
         )
+        alike.append(variance_errors(fresh.mean(axis=0), systems).mean())
+    for errors in (means.mean(axis=0), np.array(alike)):
+        scaled = errors * np.sqrt(agents)
+        assert np.ptp(scaled) < 0.1 * np.mean(scaled)
