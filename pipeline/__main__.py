@@ -49,7 +49,9 @@ TRACE = (
 )
 # but for tab and line end; with the marks that turn the direction of a line
 CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
-OUT_OF_MEMORY = "free some memory and run the command again"
+OUT_OF_MEMORY = (
+    "free some memory, or raise the limit (ulimit -v), and run the command again"
+)
 PERMISSIONS = "change the permissions of the file or of its folder (ls -ld shows them)"
 NO_ROOM = (
     "free some space, or raise the limit (quota, ulimit -f), and run the command again"
@@ -125,7 +127,8 @@ def error_summary(error: Exception) -> str:
         place = "standard output" if file is None else os.fsdecode(file)
         remedy = REMEDIES.get(error.errno, "check the file and run the command again")
         return f"{place}: {os.strerror(error.errno)}; {remedy}"
-    if isinstance(error, MemoryError):
+    unloaded = isinstance(error, ImportError) and "failed to map" in str(error)
+    if isinstance(error, MemoryError) or unloaded:
         return f"out of memory; {OUT_OF_MEMORY}"
     frames = traceback.extract_tb(error.__traceback__)
     inside = [frame for frame in frames if HERE in Path(frame.filename).parents]

@@ -92,6 +92,7 @@ FAULTS = [  # exit code, words of the message
     (READ_ONLY, 1, ["b: Read-only file system", "in a copy that"]),
     (RuntimeError("no\nfile"), 1, ["RuntimeError: no file", "PIPELINE_TRACEBACK=1"]),
     (MemoryError(), 1, ["out of memory"]),
+    (ImportError("x.so: failed to map segment"), 1, ["out of memory", "ulimit -v"]),
     (KeyboardInterrupt(), 130, ["interrupted"]),
 ]
 

@@ -38,6 +38,7 @@ MISSING = (
 )
 MISSING += ("null", "NULL", "Null", "N/A", "n/a", "NA", "#N/A")
 
+BLANKS = re.compile("[\xa0\u2009\u202f]")  # blanks that break no line
 SPACE = " "  # separator that stands for any number of blanks
 
 _STATED = read_yaml(Path(__file__).with_suffix(".yaml"))
@@ -72,7 +73,7 @@ def read_text(file: Path) -> Text:
             "this is not plain text (the file has zero bytes); export it as UTF-8 text"
         )
         raise RecordingError(message, file=file)
-    *lines, last = text.replace("\xa0", " ").replace("\ufeff", "").split("\n")
+    *lines, last = BLANKS.sub(" ", text).replace("\ufeff", "").split("\n")
     return Text(lines, last or "\0" * content.endswith(b"\0\0") or None)
 
 

@@ -34,7 +34,8 @@ IN_DEGREES = {"yes": "deg", "no": "rad"}
 LONGEST_GAP = 10  # longest interpolated gap, in median steps of the column
 SPARSEST = 50  # greatest number of rows per number in a column
 MEND = "export it again, or mend the line"
-LIST = re.compile(r"[\[(]\s*[-+.\d][-+.\deE,;\s]*[\])]")
+LIST = re.compile(r"(?:array\()?[\[(]\s*[-+.\d][-+.\deE,;\s]*[\])]\)?")
+SPLIT_LIST = re.compile(r"[\[(]\s*[-+.\d][-+.\deE\s]*,[-+.\deE,\s]*[\])]")
 LISTS = "lists of numbers"
 WIDE, WIDER = 100, 10  # least columns, and columns over rows, of a table on its side
 # number with a mark for thousands and a decimal mark, or with two marks for thousands
@@ -303,20 +304,9 @@ def _sheet(
     above = lines[:top], labels, units, label_line
     lines, places = [lines[n] for n in rows], [places[n] for n in rows]
     _require_upright(len(lines), len(last), file, places[0])
+    _require_no_split_lists(lines[-1], places[-1], mark, file)
     _require_plain_numbers(lines, places, mark, numeric, file)
-    signs = [
-        sign for sign in ".," if sign != mark and any(sign in row for row in lines)
-    ]
-    # marks in columns without numbers do not count
-    if decimal is None and len(signs) > 1:
-        split = [split_line(row, mark) for row in lines]
-        numbers = "".join(
-            cell for cells in split for n, cell in enumerate(cells) if n in numeric
-        )
-        if len(signs := [sign for sign in signs if sign in numbers]) > 1:
-            message = "decimal points and decimal commas in one table; mend it, or set decimal"
-            raise RecordingError(message, file=file, key=key)
-    sign = decimal or "".join(signs)
+    sign = decimal or _decimal_mark(lines, places, mark, numeric, file, key)
     if not sign and mark == "," and separator is None and len(last) > 1 and not labels:
         message = "the commas may separate whole numbers or be decimal commas: set separator and "
         message += "decimal, or save it with semicolons"
@@ -348,6 +338,49 @@ def _require_plain_numbers(
                 message = f"column {column + 1} holds {cell!r} from this line on: a {sign} for "
                 message += "thousands; write the numbers without it"
                 raise RecordingError(message, file=file, line=place)
+
+
+def _decimal_mark(
+    lines: list[str],
+    places: list[int],
+    mark: str,
+    numeric: list[int],
+    file: Path,
+    key: str,
+) -> str:
+    """Return the decimal mark in ``numeric`` cells, empty for whole numbers; RecordingError for
+    both marks. Marks in columns without numbers do not count.
+    """
+    seen: dict[str, tuple[str, int]] = {}  # mark → first cell with it, line
+    for line, place in zip(lines, places, strict=True):
+        for sign in ".,":
+            if sign == mark or sign in seen or sign not in line:
+                continue
+            cells = split_line(line, mark)
+            marked = [cells[n] for n in numeric if n < len(cells) and sign in cells[n]]
+            if marked:
+                seen[sign] = marked[0], place
+        if len(seen) == 2:
+            (first, above), (second, line_number) = seen.values()
+            raise RecordingError(
+                f"decimal points and decimal commas in one table ({first!r} in line {above}, "
+                f"{second!r} in line {line_number}), or marks for thousands: write all numbers "
+                "with one decimal mark and without marks for thousands, or set decimal",
+                file=file,
+                key=key,
+            )
+    return "".join(seen)
+
+
+def _require_no_split_lists(line: str, place: int, mark: str, file: Path) -> None:
+    """Raise RecordingError where the commas of lists in brackets also separate the cells."""
+    if mark == "," and '"' not in line and SPLIT_LIST.search(line):
+        raise RecordingError(
+            "lists of numbers in brackets, whose commas also separate the cells: write each number "
+            "in a column of its own, or save the table as Parquet",
+            file=file,
+            line=place,
+        )
 
 
 def _sections(lines: list[str], places: list[int], mark: str) -> tuple[int, int]:

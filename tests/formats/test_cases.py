@@ -179,6 +179,15 @@ def test_a_file_is_read_or_refused_as_its_kind_says(tmp_path, one, public):
     assert ("! " in said) == one.stops, said
 
 
+def test_numbered_files_of_two_robots_are_two_findings_and_copies_are_one(tmp_path):
+    texts = urdf("hand"), urdf("hand"), urdf("hand").replace("elbow", "knee")
+    for number, text in enumerate(texts, start=1):
+        (tmp_path / f"arm_{number}.urdf").write_text(text)
+    findings = seen(tmp_path)
+    assert "arm_*.urdf (2): URDF" in findings and "(shoulder, elbow" in findings
+    assert "arm_3.urdf: URDF" in findings and "(shoulder, knee" in findings
+
+
 @pytest.mark.parametrize("link", ["wrist", "elbow", "universe", "hand"])
 @pytest.mark.parametrize("locked", [{}, {"wrist": 0.4}])
 def test_the_tip_is_where_forward_kinematics_puts_it_whatever_names_are_shared(

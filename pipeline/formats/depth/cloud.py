@@ -36,6 +36,8 @@ NO_POSITION = (
     "-inf",
     "+inf",
 )  # as C++ prints it, in addition to MISSING
+# byte-order mark and blank lines of an editor are no part of the header
+PLY_MARK = re.compile(rb"(\xef\xbb\xbf)?\s*ply[ \t]*[\r\n]")
 AGAIN = "copy the cloud again, or take it out of the take"
 
 
@@ -133,7 +135,7 @@ def _require_padding(surplus: bytes, header: CloudHeader) -> None:
 
 
 def _is_ply(content: bytes) -> bool:
-    return re.match(rb"ply[ \t]*[\r\n]", content) is not None
+    return PLY_MARK.match(content) is not None
 
 
 def _pcd_header(content: bytes) -> CloudHeader:
@@ -177,11 +179,12 @@ def _pcd_header(content: bytes) -> CloudHeader:
 
 
 def _ply_header(content: bytes) -> CloudHeader:
-    if (end := re.search(rb"\nend_header\r?\n", content[:100_000])) is None:
+    mark = PLY_MARK.match(content)
+    if (end := re.search(rb"\n\s*end_header[ \t]*\r?\n", content[:100_000])) is None:
         raise ValueError("no line end_header")
     lines = [
         line.split()
-        for line in content[: end.start()].decode("latin-1").splitlines()[1:]
+        for line in content[mark.end() : end.start()].decode("latin-1").splitlines()
     ]
     lines = [
         words for words in lines if words and words[0] not in ("comment", "obj_info")

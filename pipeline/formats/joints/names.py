@@ -48,7 +48,9 @@ def meaning(name: str) -> Meaning:
     """Return the meaning of ``name``. Signs, capitals and numbers separate words; the last number
     is the joint's number; ``qd`` is a speed, ``q_d`` a command.
     """
-    words = words_of(name)
+    path, _, last = bare(name).rpartition(".")
+    # samples.q is a q: a struct may have the name of its rows
+    words = [word for word in words_of(path) if word not in COUNTERS] + words_of(last)
     places = [place for place, word in enumerate(words) if word.isdigit()]
     number = int(words.pop(places[-1])) if places else None
     if len(words) > 1:  # tq as the only word is a commanded q

@@ -147,6 +147,8 @@ def as_table(findings: list[Finding], folder: Path) -> str:
         kind = [one.format, one.version, one.units, one.facts.get("markers")]
         kind += [
             one.facts.get("bodies"),
+            one.facts.get("robot"),
+            one.facts.get("joints"),
             *((each.option, each.suggested) for each in one.open),
         ]
         name = str(one.file) if one.stops else re.sub(r"\d+", "*", str(one.file))

@@ -69,6 +69,8 @@ LABELS = [
      both(n("actual_q_{}"), n("target_q_{}"))),
     (n("joint_positions.{}") + n("joint_targets.{}"),
      both(n("joint_positions.{}"), n("joint_targets.{}"))),
+    (n("samples.q_{}") + n("samples.q_target_{}"),
+     both(n("samples.q_{}"), n("samples.q_target_{}"))),
     (["p_RS_R_x [m]", "q_RS_w []", "q_RS_x []", "q_RS_y []", "q_RS_z []"], {}),
     (["time", "cmd_num", "targetIndex", "fx", "fy", "fz"], {}),
     ([*(f"actual_{j}" for j in UR), *(f"target_{j}" for j in reversed(UR))],
