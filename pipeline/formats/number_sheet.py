@@ -1,6 +1,4 @@
-"""Tables of numbers of any program. The last line defines the number of cells per row. Rows begin
-at the first line with numbers in the numeric columns of the last lines, below the header.
-"""
+"""Tables of numbers of any program: cells by label or number, units, repaired missing numbers."""
 
 import re
 from collections.abc import Collection, Mapping
@@ -13,35 +11,27 @@ import numpy as np
 
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.formats import delimited
-from pipeline.formats.delimited import (
-    MISSING,
-    count_numbers,
-    counts_on,
-    is_number,
-    split_line,
-)
+from pipeline.formats.delimited import MISSING, split_line
 from pipeline.formats.format import Format, Head, Kind
+from pipeline.formats.sheet_layout import (
+    HEADER_END,
+    SEPARATORS,
+    THOUSANDS,
+    Layout,
+    layout_of,
+)
 
-SEPARATORS = (",", ";", "\t", delimited.SPACE)
-SAMPLED = 40  # last lines, by which numeric columns are recognised
-REMARKS = 5  # greatest number of lines of words below the rows
 # suffixes of files that are not tables
 TREES = (".json", ".jsonl", ".yaml", ".yml", ".xml")
-# line of LabVIEW's measurement files, after each section
-HEADER_END = "***End_of_Header***"
+# line that ends the header → program that writes it
 ORIGINS = {"endheader": "of OpenSim (MOT, STO)", HEADER_END: "of LabVIEW (LVM)"}
 IN_DEGREES = {"yes": "deg", "no": "rad"}
 LONGEST_GAP = 10  # longest interpolated gap, in median steps of the column
 SPARSEST = 50  # greatest number of rows per number in a column
-MEND = "export it again, or mend the line"
 LIST = re.compile(r"(?:array\()?[\[(]\s*[-+.\d][-+.\deE,;\s]*[\])]\)?")
 SPLIT_LIST = re.compile(r"[\[(]\s*[-+.\d][-+.\deE\s]*,[-+.\deE,\s]*[\])]")
 LISTS = "lists of numbers"
 WIDE, WIDER = 100, 10  # least columns, and columns over rows, of a table on its side
-# number with a mark for thousands and a decimal mark, or with two marks for thousands
-THOUSANDS = re.compile(
-    r"[+-]?\d{1,3}(?:([.'\u2019 ])\d{3}(?:\1\d{3})*,\d+|([,'\u2019 ])\d{3}(?:\2\d{3})*\.\d+)"
-)
 DATE = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}|\d{1,2}:\d{2}(:\d{2})?")
 
 
@@ -85,79 +75,85 @@ class Sheet:
     @property
     def settings(self) -> dict[str, str]:
         """Settings of the header: cells ``name = value`` and lines ``name: value``."""
-        above = (split_line(line.lstrip("#% "), self.separator) for line in self.header)
-        stated = [
-            cell.partition("=") for cells in above for cell in cells if "=" in cell
-        ]
-        lines = [line.strip().strip('"') for line in self.header if "=" not in line]
-        stated += [line.partition(":") for line in lines if ":" in line]
+        stated = []
+        for line in self.header:
+            cells = split_line(line.lstrip("#% "), self.separator)
+            stated += [cell.partition("=") for cell in cells if "=" in cell]
+        for line in self.header:
+            if "=" not in line and ":" in line:
+                stated.append(line.strip().strip('"').partition(":"))
         return {name.strip(): value.strip() for name, _, value in stated}
 
     @property
     def origin(self) -> str | None:
         """Program that wrote the table, if the line that ends the header identifies it."""
-        ends = {line.strip(" ,;\t") for line in self.header}
-        return next((name for end, name in ORIGINS.items() if end in ends), None)
+        for line in self.header:
+            if line.strip(" ,;\t") in ORIGINS:
+                return ORIGINS[line.strip(" ,;\t")]
+        return None
 
     @property
     def left_out(self) -> dict[str, str]:
         """Label or number of each column without numbers → its content."""
         contents = {}
         width = max(len(self.labels), delimited.filled_width(self.last))
-        for column in {*range(width)} - {*self.numeric}:
-            cell, label = (
-                "".join(row[column : column + 1]) for row in (self.last, self.labels)
-            )
-            content = "dates or times" if DATE.search(cell) else "words"
-            if LIST.fullmatch(cell):
-                content = LISTS
-            contents[label or str(column)] = "nothing" if cell in MISSING else content
+        for column in range(width):
+            if column not in self.numeric:
+                name = _cell(self.labels, column) or str(column)
+                contents[name] = _content_of(_cell(self.last, column))
         return contents
 
     def words(self, column: int) -> list[str]:
         """Return (N,) the text of a column's cells; empty text where a row is too short."""
-        return [
-            (split_line(row, self.separator)[column:] or [""])[0] for row in self.rows
-        ]
+        return [_cell(split_line(row, self.separator), column) for row in self.rows]
 
     def unit(self, column: int, kind: str = "") -> str | None:
         """Return the unit of a ``column``, stated in the header behind or below the label, or of an
         angle or a time (``kind``) as a word of the label, or by OpenSim's setting ``inDegrees``.
         """
-        label = "".join(self.labels[column : column + 1])
-        below = "".join(self.units[column : column + 1]).strip("()[] ")
-        named = kind and delimited.unit_in_name(label, kind)
-        setting = self.settings.get("inDegrees", "").lower() if kind == "angle" else ""
-        return delimited.unit_of(label) or below or named or IN_DEGREES.get(setting)
+        label = _cell(self.labels, column)
+        unit = delimited.unit_of(label) or _cell(self.units, column).strip("()[] ")
+        if not unit and kind:
+            unit = delimited.unit_in_name(label, kind)
+        if not unit and kind == "angle":
+            unit = IN_DEGREES.get(self.settings.get("inDegrees", "").lower())
+        return unit or None
 
     def columns(self, wanted: Mapping[str, str | int], key: str) -> dict[str, int]:
         """Return quantity → column number, from quantity → label (with or without its unit) or
         column number from 0; RecordingError with the option's ``key`` unless one column fits.
         """
-        columns, names = {}, [(label, delimited.bare(label)) for label in self.labels]
+        columns = {}
+        bare_labels = [delimited.bare(label) for label in self.labels]
         for quantity, name in wanted.items():
-            fits = [column for column, pair in enumerate(names) if name in pair]
-            fits = (
-                [name] * (0 <= name < len(self.last)) if isinstance(name, int) else fits
-            )
+            if isinstance(name, int):
+                fits = [name] if 0 <= name < len(self.last) else []
+            else:
+                pairs = enumerate(zip(self.labels, bare_labels, strict=True))
+                fits = [column for column, labels in pairs if name in labels]
             if len(fits) != 1:
-                present = (
-                    ", ".join(self.labels) or "; ".join(self.header)[:300] or "nothing"
-                )
-                message = f"{quantity}: {len(fits)} columns have the label or number (from 0) "
-                message += f"{name!r}, one is required; the labels above the {self.width} columns "
-                message += f"are {present}"
+                header = "; ".join(self.header)[:300]
                 raise RecordingError(
-                    message, file=self.file, line=self.label_line, key=key
+                    f"{quantity}: {len(fits)} columns have the label or number (from 0) {name!r}, "
+                    f"one is required; the labels above the {self.width} columns are "
+                    f"{', '.join(self.labels) or header or 'nothing'}",
+                    file=self.file,
+                    line=self.label_line,
+                    key=key,
                 )
             columns[quantity] = fits[0]
         return columns
 
     def values(self, columns: list[int], *, gaps: bool = False) -> np.ndarray:
         """Return numbers (N, columns); a missing one is NaN if ``gaps``, else RecordingError."""
-        form = {"separator": self.separator, "decimal": self.decimal, "gaps": gaps}
         return delimited.numbers_of(
-            self.rows, self.lines, columns, file=self.file, **form
+            self.rows,
+            self.lines,
+            columns,
+            file=self.file,
+            separator=self.separator,
+            decimal=self.decimal,
+            gaps=gaps,
         )
 
     def samples(
@@ -169,61 +165,77 @@ class Sheet:
         for a row without a time, a gap of more than LONGEST_GAP median steps of the column, and a
         column with fewer than two numbers or fewer than one number in SPARSEST rows.
         """
-
-        def fault(problem: str, place: int, row: int) -> RecordingError:
-            label = "".join(self.labels[columns[place] : columns[place] + 1])
-            message = f"column {columns[place] + 1} {label} {problem}; fill it in, or leave the row"
-            return RecordingError(
-                f"{message} out", file=self.file, line=self.lines[row]
-            )
-
         values = self.values(columns, gaps=True)
-        rows, missing = np.arange(len(values)), np.isnan(values)
-        if not missing.any():
-            return Samples(values, rows, {})
-        others = [place for place, column in enumerate(columns) if column != clock]
-        leading = [place for place in others if columns[place] in at] or others
-        rows = rows[~missing[:, others].all(axis=1)]
-        filled, missing = values[rows], missing[rows]
-        x = rows.astype(float) if clock is None else filled[:, columns.index(clock)]
-        if np.isnan(x).any():
-            raise fault(
-                "has no number", columns.index(clock), rows[np.isnan(x).argmax()]
-            )
-        order, inside = (
-            np.arange(len(rows)),
-            (taken := ~missing[:, leading].all(axis=1)),
-        )
-        for place in others:
-            known = np.flatnonzero(~missing[:, place])
-            if len(known) < max(2, len(rows) / SPARSEST):
-                problem = f"has {len(known)} numbers in {len(rows)} rows"
-                raise fault(problem, place, min(rows, default=0))
-            inside = inside & (order >= known[0]) & (order <= known[-1])
-            after = np.searchsorted(known, order).clip(1, len(known) - 1)
-            steps = np.diff(x[known])
-            wide = (
-                missing[:, place]
-                & inside
-                & (steps[after - 1] > LONGEST_GAP * np.median(steps))
-            )
+        if not np.isnan(values).any():
+            return Samples(values, np.arange(len(values)), {})
+        signals = [place for place, column in enumerate(columns) if column != clock]
+        leading = [place for place in signals if columns[place] in at] or signals
+        rows = np.flatnonzero(~np.isnan(values)[:, signals].all(axis=1))
+        filled, missing = values[rows], np.isnan(values)[rows]
+        x = rows.astype(float)
+        if clock is not None:
+            x = filled[:, columns.index(clock)]
+            if np.isnan(x).any():
+                raise self._fault(clock, rows[np.isnan(x).argmax()], "has no number")
+
+        led = ~missing[:, leading].all(axis=1)
+        inside = led.copy()
+        for place in signals:
+            numbers = np.flatnonzero(~missing[:, place])
+            if len(numbers) < max(2, len(rows) / SPARSEST):
+                problem = f"has {len(numbers)} numbers in {len(rows)} rows"
+                raise self._fault(columns[place], min(rows, default=0), problem)
+            inside[: numbers[0]] = False
+            inside[numbers[-1] + 1 :] = False
+            wide = missing[:, place] & inside & _in_long_gaps(x, numbers)
             if wide.any():
                 problem = (
                     f"has no number in a gap of more than {LONGEST_GAP} of its steps"
                 )
-                raise fault(problem, place, rows[wide.argmax()])
-            filled[:, place] = np.interp(x, x[known], filled[known, place])
+                raise self._fault(columns[place], rows[wide.argmax()], problem)
+            filled[:, place] = np.interp(x, x[numbers], filled[numbers, place])
         if not inside.any():
-            raise fault(
-                "has no number at the times of the other columns", leading[0], 0
-            )
-        counts = {"rows_without_numbers": len(values) - len(rows)}
-        counts["rows_without_measured_angle"] = len(rows) - int(taken.sum())
-        counts["incomplete_end_rows"] = int(np.sum(taken & ~inside))
-        counts["interpolated_cells"] = int(missing[inside].sum())
-        return Samples(
-            filled[inside], rows[inside], {n: k for n, k in counts.items() if k}
+            problem = "has no number at the times of the other columns"
+            raise self._fault(columns[leading[0]], 0, problem)
+
+        counts = {
+            "rows_without_numbers": len(values) - len(rows),
+            "rows_without_measured_angle": len(rows) - int(led.sum()),
+            "incomplete_end_rows": int(np.sum(led & ~inside)),
+            "interpolated_cells": int(missing[inside].sum()),
+        }
+        counts = {name: count for name, count in counts.items() if count}
+        return Samples(filled[inside], rows[inside], counts)
+
+    def _fault(self, column: int, row: int, problem: str) -> RecordingError:
+        label = _cell(self.labels, column)
+        message = (
+            f"column {column + 1} {label} {problem}; fill it in, or leave the row out"
         )
+        return RecordingError(message, file=self.file, line=self.lines[row])
+
+
+def _in_long_gaps(x: np.ndarray, numbers: np.ndarray) -> np.ndarray:
+    """Return (N,) whether a row of a column, with ``numbers`` in some rows, is in a gap of more
+    than LONGEST_GAP of its median steps over ``x`` (N,).
+    """
+    after = np.searchsorted(numbers, np.arange(len(x))).clip(1, len(numbers) - 1)
+    steps = np.diff(x[numbers])
+    return steps[after - 1] > LONGEST_GAP * np.median(steps)
+
+
+def _cell(cells: list[str], column: int) -> str:
+    """Return the cell of a ``column``, empty text behind the last cell."""
+    return cells[column] if column < len(cells) else ""
+
+
+def _content_of(cell: str) -> str:
+    """Return the content of a column without numbers, by its last ``cell``."""
+    if cell in MISSING:
+        return "nothing"
+    if LIST.fullmatch(cell):
+        return LISTS
+    return "dates or times" if DATE.search(cell) else "words"
 
 
 def read_sheet(
@@ -238,11 +250,13 @@ def read_sheet(
     neither header nor row, and a row with fewer cells than labels; with ``key``, the option to set,
     for mixed decimal marks and integers between commas. Raises ConfigError for other marks.
     """
-    known = separator in (None, *SEPARATORS) and decimal in (None, ".", ",")
-    if not known or (decimal is not None and decimal == separator):
-        message = f"separator {separator!r} must be a comma, semicolon, tab or blank, and decimal "
-        message += f"{decimal!r} a point or comma other than the separator"
-        raise ConfigError(message, key=key)
+    allowed = separator in (None, *SEPARATORS) and decimal in (None, ".", ",")
+    if not allowed or (decimal is not None and decimal == separator):
+        raise ConfigError(
+            f"separator {separator!r} must be a comma, semicolon, tab or blank, and decimal "
+            f"{decimal!r} a point or comma other than the separator",
+            key=key,
+        )
     return _sheet(delimited.read_text(file), Path(file), separator, decimal, key)
 
 
@@ -253,278 +267,117 @@ def _sheet(
     decimal: str | None,
     key: str,
 ) -> Sheet:
-    if other := delimited.foreign("\n".join(text.lines[:3]) + "\n"):
+    foreign = delimited.foreign("\n".join(text.lines[:3]) + "\n")
+    if foreign:
+        name, remedy = foreign
+        message = f"this is a {name}, which is not read; {remedy}"
+        raise RecordingError(message, file=file)
+    layout = layout_of(text, file, separator)
+    _require_separate_numbers(layout, file)
+    sign = decimal or _decimal_mark(layout, file, key)
+    detected = layout.separator == "," and separator is None and layout.width > 1
+    points = any("." in row for row in layout.rows)
+    if detected and not (sign or points or layout.labels):
         raise RecordingError(
-            f"this is a {other[0]}, which is not read; {other[1]}", file=file
+            "the commas may separate whole numbers or be decimal commas: set separator and "
+            "decimal, or save it with semicolons",
+            file=file,
+            line=layout.lines[0],
+            key=key,
         )
-    places = [
-        number
-        for number, line in enumerate(text.lines, start=1)
-        if line.strip(' \t,;"')
-    ]
-    if not places:
+    decimal = sign or "."
+    return Sheet(
+        file=file,
+        header=layout.header,
+        labels=layout.labels,
+        units=layout.units,
+        label_line=layout.label_line,
+        rows=delimited.with_nanoseconds(
+            layout.rows, layout.labels, layout.separator, decimal
+        ),
+        lines=layout.lines,
+        separator=layout.separator,
+        decimal=decimal,
+        numeric=layout.numeric,
+        counts=layout.counts,
+    )
+
+
+def _require_separate_numbers(layout: Layout, file: Path) -> None:
+    """Raise RecordingError for a table of far more columns than rows, for lists whose commas also
+    separate the cells, and for the first numeric cell with marks for thousands.
+    """
+    if layout.width >= WIDE and layout.width > WIDER * len(layout.rows):
         raise RecordingError(
-            "no samples: the file has no complete line; record again", file=file
+            f"the table of {len(layout.rows)} rows and {layout.width} columns lies on its side, "
+            "one row per signal: transpose it, so that each row holds the values of one time",
+            file=file,
+            line=layout.lines[0],
         )
-    lines = [text.lines[place - 1] for place in places]
-    tail = [*map(delimited.is_rowlike, lines[: -REMARKS - 1 : -1])]
-    below = tail.index(True) if any(tail) else 0  # remarks
-    mark = separator or delimited.separator_of(lines[-1 - below])
-    if mark == delimited.SPACE:
-        lines = [mark.join(line.lstrip("#%").split()) for line in lines]
-    if (
-        separator is None
-        and mark == ","
-        and delimited.has_quoted_decimals(lines[-SAMPLED:])
-    ):
-        lines, mark = [";".join(split_line(line, ",")) for line in lines], ";"
-    start, repeated = _sections(lines, places, mark)
-    end = len(lines) - below
-    # include earlier lines, since a column may be empty in the last lines
-    body, step = lines[start:end], max((end - start) // SAMPLED, 1)
-    split = [split_line(line, mark) for line in body[:-SAMPLED:step] + body[-SAMPLED:]]
-    before = {len(cells) for cells in split[-3:-1]}
-    if len(before) == 1 and len(split[-1]) < max(before) and count_numbers(split[-2]):
-        end, split = end - 1, split[:-1]
-    last, numeric = split[-1], _numeric_columns(split)
-    top = _first_row(lines[:end], start, mark, numeric, last, file)
-    labels, units, label_line = _header(lines[:top], places, mark, last, numeric, file)
-    if start and labels[:1] == ["X_Value"]:
-        stated = (split_line(line, mark) for line in lines[:start])
-        units = next(
-            (["s", *cells[1:]] for cells in stated if cells[0] == "Y_Unit_Label"), ["s"]
+    last = layout.rows[-1]
+    if layout.separator == "," and '"' not in last and SPLIT_LIST.search(last):
+        raise RecordingError(
+            "lists of numbers in brackets, whose commas also separate the cells: write each number "
+            "in a column of its own, or save the table as Parquet",
+            file=file,
+            line=layout.lines[-1],
         )
-    again = text.lines[label_line - 1] if labels else None
-    rows = [n for n in range(top, end) if text.lines[places[n] - 1] != again]
-    rows = [n for n in rows if text.lines[places[n] - 1][0] not in "#%"]
-    cut = (text.cut is not None) + len(lines) - end
-    counts = {"blank_rows": len(text.lines) - len(places) - repeated, "cut_rows": cut}
-    if remarks := end - top - len(rows) + repeated:  # remarks and repeated headers
-        counts["remark_rows"] = remarks
-    above = lines[:top], labels, units, label_line
-    lines, places = [lines[n] for n in rows], [places[n] for n in rows]
-    _require_upright(len(lines), len(last), file, places[0])
-    _require_no_split_lists(lines[-1], places[-1], mark, file)
-    _require_plain_numbers(lines, places, mark, numeric, file)
-    sign = decimal or _decimal_mark(lines, places, mark, numeric, file, key)
-    if not sign and mark == "," and separator is None and len(last) > 1 and not labels:
-        message = "the commas may separate whole numbers or be decimal commas: set separator and "
-        message += "decimal, or save it with semicolons"
-        raise RecordingError(message, file=file, line=places[0], key=key)
-    lines = delimited.with_nanoseconds(lines, labels, mark, sign or ".")
-    return Sheet(file, *above, lines, places, mark, sign or ".", numeric, counts)
-
-
-def _require_upright(rows: int, columns: int, file: Path, line: int) -> None:
-    """Raise RecordingError for a table of far more ``columns`` than ``rows``."""
-    if columns >= WIDE and columns > WIDER * rows:
-        message = f"the table of {rows} rows and {columns} columns lies on its side, one row per "
-        message += "signal: transpose it, so that each row holds the values of one time"
-        raise RecordingError(message, file=file, line=line)
-
-
-def _require_plain_numbers(
-    lines: list[str], places: list[int], mark: str, numeric: list[int], file: Path
-) -> None:
-    """Raise RecordingError for the first ``numeric`` cell with marks for thousands."""
-    for line, place in zip(lines, places, strict=True):
+    for line, number in zip(layout.rows, layout.lines, strict=True):
         if not THOUSANDS.search(line):
             continue
-        cells = split_line(line, mark)
-        for column in numeric:
-            cell = "".join(cells[column : column + 1])
-            if match := THOUSANDS.fullmatch(cell):
+        cells = split_line(line, layout.separator)
+        for column in layout.numeric:
+            cell = _cell(cells, column)
+            match = THOUSANDS.fullmatch(cell)
+            if match:
                 sign = {".": "point", ",": "comma"}.get(match[1] or match[2], "mark")
-                message = f"column {column + 1} holds {cell!r} from this line on: a {sign} for "
-                message += "thousands; write the numbers without it"
-                raise RecordingError(message, file=file, line=place)
+                raise RecordingError(
+                    f"column {column + 1} holds {cell!r} from this line on: a {sign} for "
+                    "thousands; write the numbers without it",
+                    file=file,
+                    line=number,
+                )
 
 
-def _decimal_mark(
-    lines: list[str],
-    places: list[int],
-    mark: str,
-    numeric: list[int],
-    file: Path,
-    key: str,
-) -> str:
-    """Return the decimal mark in ``numeric`` cells, empty for whole numbers; RecordingError for
+def _decimal_mark(layout: Layout, file: Path, key: str) -> str:
+    """Return the decimal mark in numeric cells, empty for whole numbers; RecordingError for
     both marks. Marks in columns without numbers do not count.
     """
     seen: dict[str, tuple[str, int]] = {}  # mark → first cell with it, line
-    for line, place in zip(lines, places, strict=True):
-        for sign in ".,":
-            if sign == mark or sign in seen or sign not in line:
+    signs = [sign for sign in ".," if sign != layout.separator]
+    for line, number in zip(layout.rows, layout.lines, strict=True):
+        for sign in signs:
+            if sign in seen or sign not in line:
                 continue
-            cells = split_line(line, mark)
-            marked = [cells[n] for n in numeric if n < len(cells) and sign in cells[n]]
+            cells = split_line(line, layout.separator)
+            numbers = [_cell(cells, column) for column in layout.numeric]
+            marked = [cell for cell in numbers if sign in cell]
             if marked:
-                seen[sign] = marked[0], place
+                seen[sign] = marked[0], number
         if len(seen) == 2:
-            (first, above), (second, line_number) = seen.values()
+            (first, first_line), (second, second_line) = seen.values()
             raise RecordingError(
-                f"decimal points and decimal commas in one table ({first!r} in line {above}, "
-                f"{second!r} in line {line_number}), or marks for thousands: write all numbers "
-                "with one decimal mark and without marks for thousands, or set decimal",
+                "decimal points and decimal commas in one table "
+                f"({first!r} in line {first_line}, {second!r} in line {second_line}), or marks for "
+                "thousands: write all numbers with one decimal mark and without marks for "
+                "thousands, or set decimal",
                 file=file,
                 key=key,
             )
     return "".join(seen)
 
 
-def _require_no_split_lists(line: str, place: int, mark: str, file: Path) -> None:
-    """Raise RecordingError where the commas of lists in brackets also separate the cells."""
-    if mark == "," and '"' not in line and SPLIT_LIST.search(line):
-        raise RecordingError(
-            "lists of numbers in brackets, whose commas also separate the cells: write each number "
-            "in a column of its own, or save the table as Parquet",
-            file=file,
-            line=place,
-        )
-
-
-def _sections(lines: list[str], places: list[int], mark: str) -> tuple[int, int]:
-    """Return a LabVIEW file's label line (0 in others) and the number of deleted header lines."""
-    ends = [n for n, line in enumerate(lines) if line.startswith(HEADER_END)]
-    if not ends or ends[-1] + 1 >= len(lines):
-        return 0, 0
-    whole = len(lines)
-    for end in reversed(ends[2:]):
-        first = max(
-            (n for n in range(end) if lines[n].startswith("Channels")), default=end
-        )
-        del lines[first : end + 2], places[first : end + 2]
-    labels = split_line(lines[start := ends[:2][-1] + 1].rstrip(mark), mark)
-    if labels[-1] == "Comment":
-        for n in range(start + 1, len(lines)):
-            lines[n] += mark * (lines[n].count(mark) == len(labels) - 2)
-    return start, whole - len(lines)
-
-
-def _numeric_columns(split: list[list[str]]) -> list[int]:
-    """Return the columns with numbers in at least half of their filled cells."""
-    alike = []
-    for cells in reversed(split):
-        if len(cells) == len(split[-1]):
-            if not any(is_number(cell) or cell in MISSING[1:] for cell in cells):
-                break
-            alike.append(cells)
-    filled = [
-        [cell for cell in cells if cell not in MISSING]
-        for cells in zip(*alike, strict=True)
-    ]
-    numeric = []
-    for column, cells in enumerate(filled):
-        numbers = sum(is_number(one) or is_thousands(one) for one in cells)
-        if 2 * numbers >= len(cells) > 0:
-            numeric.append(column)
-    return numeric
-
-
-def is_thousands(cell: str) -> bool:
-    """Return whether a ``cell`` is a number with marks for thousands and a decimal mark."""
-    return THOUSANDS.fullmatch(cell) is not None
-
-
-def _first_row(
-    lines: list[str],
-    start: int,
-    mark: str,
-    numeric: list[int],
-    last: list[str],
-    file: Path,
-) -> int:
-    """Return the first line from ``start`` on with only numbers in ``numeric`` cells, or with no
-    content above such a line; RecordingError for none.
-    """
-    for top in range(start, len(lines)):
-        cells = split_line(lines[top], mark)
-        values = (
-            [cells[column] for column in numeric] if len(cells) == len(last) else []
-        )
-        if any(map(is_number, values)) and all(
-            is_number(one) or one in MISSING for one in values
-        ):
-            break
-    else:
-        message = f"no samples: no row of numbers up to the line {lines[-1][:80]!r}; record it or "
-        raise RecordingError(f"{message}export it again", file=file)
-    if top + 1 < len(lines) and counts_on(cells):
-        return top + 1
-    blank = {*MISSING}.issuperset
-    while (
-        top > start
-        and len(up := split_line(lines[top - 1], mark)) == len(last)
-        and blank(up)
-    ):
-        top -= 1
-    return top
-
-
-def _header(
-    lines: list[str],
-    places: list[int],
-    mark: str,
-    last: list[str],
-    numeric: list[int],
-    file: Path,
-) -> tuple[list[str], list[str], int]:
-    """Return labels, units and the labels' line; RecordingError for a damaged row above rows."""
-    for line, place in zip(lines, places, strict=False):
-        for other in SEPARATORS:
-            cells = (
-                line.split() if other == delimited.SPACE else split_line(line, other)
-            )
-            filled = [cell for cell in cells if cell]
-            if 2 < len(filled) == count_numbers(filled) and not counts_on(cells):
-                message = (
-                    f"numbers unlike the rows below, or damaged: {line[:80]!r}: {MEND}"
-                )
-                raise RecordingError(message, file=file, line=place)
-    above = [split_line(line.lstrip("#% "), mark) for line in lines]
-    cells = above[-1] if above else []
-    numbers = count_numbers(
-        [cells[column] for column in numeric if column < len(cells)]
-    )
-    if numbers and len(cells) in (len(last), numbers) and not counts_on(cells):
-        message = f"words and numbers in one row: {lines[-1][:80]!r}: {MEND}"
-        raise RecordingError(message, file=file, line=places[len(lines) - 1])
-    if len(last) < len(labels := [cell for cell in cells if cell and "=" not in cell]):
-        message = f"the row has {len(last)} cells under {len(labels)} labels up to {labels[-1]!r}: "
-        raise RecordingError(message + MEND, file=file, line=places[len(lines)])
-    units: list[str] = []
-    for place, cells in reversed([*zip(places, above, strict=False)]):
-        # cells of settings label no column
-        cells = [cell for cell in cells if "=" not in cell]
-        if not re.search(r"\w", "".join(cells)):
-            continue
-        filled, width = delimited.filled_width(cells), len(last)
-        stated = len(cells) > 1 and all(map(delimited.is_unit, filter(None, cells)))
-        if stated and not units and place > places[0]:
-            units = cells
-        elif numeric[-1] < filled <= width and (filled > 1 or width == 1):
-            return (
-                (cells + [""] * width)[: max(filled, delimited.filled_width(last))],
-                units,
-                place,
-            )
-    return [], units, places[len(lines)]
-
-
 def _begins(head: Head) -> bool:
     """Return whether the reader finds rows, or an error that names an option or a line."""
-    if (
-        head.text is None
-        or not head.lines
-        or head.suffix in TREES
-        or delimited.foreign(head.text)
-    ):
+    if head.text is None or not head.lines or head.suffix in TREES:
+        return False
+    if delimited.foreign(head.text):
         return False
     *lines, last = head.text.split("\n")
     try:
         sheet = _sheet(delimited.Text(lines or [last], None), head.file, None, None, "")
     except RecordingError as error:
-        return bool({"key", "line"} & {*error.evidence})
+        return not {"key", "line"}.isdisjoint(error.evidence)
     if len(sheet.rows) < 2:
         return bool(sheet.labels) and len(sheet.numeric) == sheet.width
     return bool(sheet.labels) or len(sheet.numeric) >= min(2, len(sheet.last))

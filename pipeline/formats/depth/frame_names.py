@@ -35,9 +35,8 @@ class FrameSequence(NamedTuple):
 
     pattern: Path  # glob of the names; the file's path for a single frame
     files: list[Path]
-    values: list[
-        int
-    ]  # numbers, or times in ns since 1970 or another start; none without digits
+    # numbers, or times in ns since 1970 or another start; none without digits
+    values: list[int]
     timed: bool  # whether the values are times
 
 
@@ -47,95 +46,111 @@ def frame_sequences(files: Iterable[Path]) -> list[FrameSequence]:
     for file in files:
         words = re.split(r"\d+", file.stem, flags=re.ASCII)
         forms.setdefault((file.parent, file.suffix, *words), []).append(file)
-    return [sequence for group in forms.values() for sequence in _split(group)]
+    sequences = []
+    for group in forms.values():
+        sequences += _split(group)
+    return sequences
+
+
+def _numbers(text: str) -> list[str]:
+    return re.findall(r"\d+", text, re.ASCII)
 
 
 def _split(files: list[Path]) -> list[FrameSequence]:
     """Return the sequences of ``files`` whose names differ in numbers only."""
-    columns = [
-        *zip(*(re.findall(r"\d+", file.stem, re.ASCII) for file in files), strict=True)
-    ]
+    rows = [_numbers(file.stem) for file in files]
+    columns = [*zip(*rows, strict=True)]
     varying = [j for j, column in enumerate(columns) if len({*column}) > 1]
-    times, inside = _times([file.stem for file in files], varying)
-    others, values = [j for j in varying if j not in inside], times
-    if not times and varying:
-        # the frame's number is padded by zeros, has many values, or is late in a name
-        padded = [len({*map(len, one)}) == 1 and len(one[0]) > 2 for one in columns]
-        frame = max(varying, key=lambda j: (padded[j], len({*columns[j]}), j))
-        others, values = [j for j in varying if j != frame], [*map(int, columns[frame])]
-    elif not times:
+    values, inside = _times([file.stem for file in files], varying)
+    timed = bool(values)
+    if timed:
+        separate = [j for j in varying if j not in inside]
+    elif varying:
+        frame = max(varying, key=lambda j: (*_likeness(columns[j]), j))
+        separate = [j for j in varying if j != frame]
+        values = [int(number) for number in columns[frame]]
+    else:
+        separate = []
         values = [int(column[0]) for column in columns[-1:]] * len(files)
-    if not others or len({*values}) == len(files):
-        return [_sequence(files, varying, values, bool(times))]
+    if not separate or len({*values}) == len(files):
+        return [_sequence(files, varying, values, timed)]
     groups: dict[tuple, list[Path]] = {}
-    for row, file in enumerate(files):
-        groups.setdefault(tuple(columns[j][row] for j in others), []).append(file)
-    return [sequence for group in groups.values() for sequence in _split(group)]
+    for row, file in zip(rows, files, strict=True):
+        groups.setdefault(tuple(row[j] for j in separate), []).append(file)
+    sequences = []
+    for group in groups.values():
+        sequences += _split(group)
+    return sequences
+
+
+def _likeness(column: Sequence[str]) -> tuple[bool, int]:
+    """Return how like a frame's number a ``column`` is: padded by zeros, with many values."""
+    padded = len({len(number) for number in column}) == 1 and len(column[0]) > 2
+    return padded, len({*column})
 
 
 def _sequence(
     files: list[Path], varying: Sequence[int], values: list[int], timed: bool
 ) -> FrameSequence:
-    first, pattern = files[0], files[0]
+    pattern = files[0]
     if len(files) > 1:
-        words = re.split(
-            r"(\d+)", first.stem, flags=re.ASCII
-        )  # numbers at the odd places
+        # numbers are at the odd places
+        words = re.split(r"(\d+)", pattern.stem, flags=re.ASCII)
         stars = {2 * j + 1 for j in varying}
-        parts = [
-            "[0-9]*" if n in stars else escape(word) for n, word in enumerate(words)
-        ]
-        pattern = first.with_name("".join(parts) + first.suffix)
+        name = ""
+        for place, word in enumerate(words):
+            name += "[0-9]*" if place in stars else escape(word)
+        pattern = pattern.with_name(name + pattern.suffix)
     if not values:
         return FrameSequence(pattern, files, [], timed)
-    order = sorted(range(len(files)), key=lambda row: (values[row], str(files[row])))
-    return FrameSequence(
-        pattern, [files[i] for i in order], [values[i] for i in order], timed
-    )
+    ordered = sorted(zip(values, map(str, files), files, strict=True))
+    ordered_files = [file for _, _, file in ordered]
+    return FrameSequence(pattern, ordered_files, sorted(values), timed)
 
 
 def _times(stems: list[str], varying: Sequence[int]) -> tuple[list[int], range]:
     """Return the times in ns that all ``stems`` state in one way, and the numbers in them."""
-    for mark in (DATE, SECONDS, DAYTIME, DECIMAL, INTEGER):
-        matches = [mark.search(stem) for stem in stems]
+    for form in (DATE, SECONDS, DAYTIME, DECIMAL, INTEGER):
+        matches = [form.search(stem) for stem in stems]
         if None in matches:
             continue
-        first, *other = {
-            len(re.findall(r"\d+", m.string[: m.start()], re.ASCII)) for m in matches
-        }
-        inside = range(first, first + len(re.findall(r"\d+", matches[0][0], re.ASCII)))
-        whole = [*map(_seconds, matches)]
-        if not (
-            other or None in whole or {*varying}.isdisjoint(inside) or _counts(matches)
-        ):
-            times = _with_fractions(whole, matches)
-            if mark is DAYTIME:  # behind the longest gap, times are of the day before
-                ordered = sorted(times)
-                gap = int(np.argmax(np.diff([*ordered, ordered[0] + DAY]))) + 1
-                times = [time - DAY * (time in ordered[gap:]) for time in times]
-            return times, inside
+        places = {len(_numbers(match.string[: match.start()])) for match in matches}
+        first = min(places)
+        inside = range(first, first + len(_numbers(matches[0][0])))
+        seconds = [_seconds(match) for match in matches]
+        if len(places) > 1 or None in seconds or {*varying}.isdisjoint(inside):
+            continue
+        if _counts(matches):
+            continue
+        times = _with_fractions(seconds, matches)
+        return _across_midnight(times) if form is DAYTIME else times, inside
     return [], range(0)
+
+
+def _across_midnight(times: list[int]) -> list[int]:
+    """Return the ``times`` of day in ns, those behind the longest gap as of the day before."""
+    ordered = sorted(times)
+    gap = int(np.argmax(np.diff([*ordered, ordered[0] + DAY])))
+    last = ordered[gap]  # of the second day
+    return [time - DAY if time > last else time for time in times]
 
 
 def _counts(matches: list[re.Match]) -> bool:
     """Return whether the last digits count on by one, and what precedes them is constant."""
-    mark = matches[0].re
-    if mark in (SECONDS, INTEGER) or (
-        mark is DATE and any(match["f"] for match in matches)
-    ):
+    form = matches[0].re
+    fraction = form is DATE and any(match["f"] for match in matches)
+    if form in (SECONDS, INTEGER) or fraction:
         return False
-    last = [match["f"] or match[0][-6:] for match in matches]
-    if (
-        len(
-            {m[0].removesuffix(digits) for m, digits in zip(matches, last, strict=True)}
-        )
-        > 1
-    ):
-        return False
-    numbers = sorted(int(digits) for digits in last if digits.isdecimal())
-    return len(numbers) == len(last) and numbers == [
-        *range(numbers[0], numbers[0] + len(last))
-    ]
+    before, numbers = set(), []
+    for match in matches:
+        digits = match["f"] or match[0][-6:]
+        before.add(match[0].removesuffix(digits))
+        if not digits.isdecimal():
+            return False
+        numbers.append(int(digits))
+    numbers.sort()
+    counted = [*range(numbers[0], numbers[0] + len(numbers))]
+    return len(before) == 1 and numbers == counted
 
 
 def _seconds(match: re.Match) -> int | None:
@@ -158,18 +173,22 @@ def _with_fractions(whole: list[int], matches: list[re.Match]) -> list[int]:
     reading with more even steps.
     """
     texts = [match["f"] or "" for match in matches]
-    unit = 10 ** (9 - 3 * -(-max(map(len, texts)) // 3))
-    pairs = [(s * NANO, digits) for s, digits in zip(whole, texts, strict=True)]
-    decimals = [ns + int(digits.ljust(9, "0")) for ns, digits in pairs]
-    counted = [ns + int(digits or 0) * unit for ns, digits in pairs]
-    if len({*map(len, texts)}) == 1 or any(re.match("0.", digits) for digits in texts):
+    lengths = {len(digits) for digits in texts}
+    unit = 10 ** (9 - 3 * -(-max(lengths) // 3))
+    decimals, counted, points = [], [], []
+    for seconds, digits, match in zip(whole, texts, matches, strict=True):
+        decimals.append(seconds * NANO + int(digits.ljust(9, "0")))
+        counted.append(seconds * NANO + int(digits or 0) * unit)
+        points.append(f".{digits}" in match[0])
+    if len(lengths) == 1 or any(re.match("0.", digits) for digits in texts):
         return decimals
     if any(re.search(".0$", digits) for digits in texts):
         return counted
+    likely = (decimals, counted) if any(points) else (counted, decimals)
+    return min(likely, key=_unevenness)
 
-    def unevenness(times: list[int]) -> float:
-        steps = np.diff(sorted(times))
-        return float(steps.max() / max(np.median(steps), 1))
 
-    point = any(f".{digits}" in m[0] for m, digits in zip(matches, texts, strict=True))
-    return min([decimals, counted] if point else [counted, decimals], key=unevenness)
+def _unevenness(times: list[int]) -> float:
+    """Return the greatest step between ``times`` over the median step."""
+    steps = np.diff(sorted(times))
+    return float(steps.max() / max(np.median(steps), 1))

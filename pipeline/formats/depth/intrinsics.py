@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 from xml.etree import ElementTree
 
 import numpy as np
@@ -22,32 +23,21 @@ FOCAL = ("fx", "fy", "cx", "cy")
 _STATED = read_yaml(Path(__file__).with_suffix(".yaml"))
 KEYS: dict[str, list[str]] = _STATED["keys"]  # item → keys that state it
 MATRIX, DISTORTION = KEYS["camera matrix"], KEYS["distortion"]
-REALSENSE: dict[str, str] = _STATED[
-    "realsense"
-]  # key of RealSense → key of this module
-MODELS: list[str] = _STATED[
-    "models"
-]  # names of distortion models with OpenCV's coefficients
+# key of RealSense → key of this module
+REALSENSE: dict[str, str] = _STATED["realsense"]
+# names of distortion models with OpenCV's coefficients
+MODELS: list[str] = _STATED["models"]
 # keys that may state a distortion
 DISTORTION_KEY = re.compile(r"(?i).*dist(?!ance).*|.*coeff.*|[kp]1")
 ANY_SIZE = (10**6, 10**6)  # px, stands for an unknown image size
-NARROWEST = (
-    100  # greatest focal length over the longer side: a field of view of half a degree
-)
-WIDEST = (
-    10  # greatest distance of the principal point from a side over the focal length
-)
-OFF_CENTRE = (
-    0.24  # greatest distance of the principal point from the centre over the side
-)
-COEFFICIENTS = (
-    0,
-    4,
-    5,
-    8,
-    12,
-    14,
-)  # possible numbers of coefficients in OpenCV's model
+# greatest focal length over the longer side: a field of view of half a degree
+NARROWEST = 100
+# greatest distance of the principal point from a side over the focal length
+WIDEST = 10
+# greatest distance of the principal point from the centre over the side
+OFF_CENTRE = 0.24
+# possible numbers of coefficients in OpenCV's model
+COEFFICIENTS = (0, 4, 5, 8, 12, 14)
 # only decimal numbers: YAML 1.1 reads 0525 as 341, yes as true and 5:25 as 325
 DECIMAL = re.compile(r"[-+]?(\d+\.\d*|\.\d+|0|[1-9]\d*|\d+(?=[eE]))([eE][-+]?\d+)?")
 # matches calibrations in other forms too, for which the reader's error names the keys
@@ -84,36 +74,47 @@ def pinhole(
     ``size`` (width, height); RecordingError (with ``evidence``) for another ``stated`` size,
     implausible values, and coefficients of a ``model`` other than OpenCV's.
     """
-    (fx, skew, cx), (low, fy, cy), bottom = matrix.tolist()
-    finite, rest, message = np.isfinite(matrix).all(), (skew, low, *bottom), ""
-    sides = [
-        at / side for at, side in zip((cx, cy), size, strict=True) if side < ANY_SIZE[0]
-    ]
-    off_centre = min(cx, cy) <= 0 or any(
-        abs(share - 0.5) >= OFF_CENTRE for share in sides
-    )
+    fault = ""
     if stated not in (None, size):
-        message = (
+        fault = (
             f"calibrated at {stated[0]} × {stated[1]} pixels, not {size[0]} × {size[1]}"
         )
     elif distortion.any() and model not in (None, "", "null", *MODELS):
-        message = f"the distortion model is {model!r}; calibrate with one of {', '.join(MODELS)}"
-    elif not finite or min(fx, fy) <= 0 or rest != (0, 0, 0, 0, 1):
-        message = "the camera matrix is not [fx 0 cx; 0 fy cy; 0 0 1]"
-    elif not np.isfinite(distortion).all() or distortion.size not in COEFFICIENTS:
-        message = f"{distortion.size} distortion coefficients, or one that is not finite; OpenCV's "
-        message += f"model has {COEFFICIENTS}"
-    elif (
-        max(fx, fy) > NARROWEST * max(size)
-        or min(fx, fy) < max(cx, cy) / WIDEST
-        or off_centre
+        fault = f"the distortion model is {model!r}; calibrate with one of {', '.join(MODELS)}"
+    else:
+        fault = _matrix_fault(matrix, size)
+    if not fault and (
+        not np.isfinite(distortion).all() or distortion.size not in COEFFICIENTS
     ):
-        message = f"a focal length of {max(fx, fy):.6g} px and a principal point at {cx:.1f}, "
-        message += f"{cy:.1f} px are of no camera of {size[0]} × {size[1]} pixels: state them in px"
-        message += " of these images, not of another size"
-    if message:
-        raise RecordingError(message, **evidence)
+        fault = (
+            f"{distortion.size} distortion coefficients, or one that is not finite; OpenCV's model "
+            f"has {COEFFICIENTS}"
+        )
+    if fault:
+        raise RecordingError(fault, **evidence)
+    (fx, _, cx), (_, fy, cy), _ = matrix.tolist()
     return Intrinsics(fx, fy, cx, cy, *size, tuple(distortion.ravel().tolist()))
+
+
+def _matrix_fault(matrix: np.ndarray, size: tuple[int, int]) -> str:
+    """Return the fault of a camera's ``matrix`` (3, 3) for images of ``size``; "" if sound."""
+    (fx, skew, cx), (low, fy, cy), bottom = matrix.tolist()
+    triangular = (skew, low, *bottom) == (0, 0, 0, 0, 1)
+    if not np.isfinite(matrix).all() or min(fx, fy) <= 0 or not triangular:
+        return "the camera matrix is not [fx 0 cx; 0 fy cy; 0 0 1]"
+    off_centre = min(cx, cy) <= 0
+    for principal, side, most in zip((cx, cy), size, ANY_SIZE, strict=True):
+        if side < most and abs(principal / side - 0.5) >= OFF_CENTRE:
+            off_centre = True
+    narrow = max(fx, fy) > NARROWEST * max(size)
+    wide = min(fx, fy) < max(cx, cy) / WIDEST
+    if narrow or wide or off_centre:
+        return (
+            f"a focal length of {max(fx, fy):.6g} px and a principal point at {cx:.1f}, {cy:.1f} "
+            f"px are of no camera of {size[0]} × {size[1]} pixels: state them in px of these "
+            "images, not of another size"
+        )
+    return ""
 
 
 def read_intrinsics(
@@ -134,113 +135,150 @@ def read_intrinsics(
     values, is_json = read_alone(
         _values, Path(file), file=file, advice="export it again"
     )
-    keys_found = f"the file has {', '.join(map(str, values))}"
+    calibration = _Calibration(Path(file), values)
+    stated = calibration.side("width"), calibration.side("height")
+    size = width or stated[0] or ANY_SIZE[0], height or stated[1] or ANY_SIZE[1]
+    calibrated_at = stated[0] or size[0], stated[1] or size[1]
+    camera = calibration.camera_matrix(matrix)
+    coefficients = calibration.numbers("distortion", distortion)
+    if coefficients is None:
+        if not is_json or any(DISTORTION_KEY.fullmatch(key) for key in values):
+            raise RecordingError(
+                f"no distortion; {calibration.keys}: name its key by option, or write at the "
+                f"outermost level one of {', '.join(DISTORTION)}, with zeros for no distortion",
+                file=file,
+            )
+        coefficients = np.zeros(0)
+    return pinhole(
+        camera,
+        coefficients.ravel(),
+        size,
+        stated=calibrated_at,
+        model=values.get("distortion_model"),
+        file=file,
+    )
+
+
+class _Calibration(NamedTuple):
+    """Values of a calibration's file by key, numbers as text."""
+
+    file: Path
+    values: Mapping
+
+    @property
+    def keys(self) -> str:
+        """The present keys, for an error."""
+        return f"the file has {', '.join(map(str, self.values))}"
+
+    def side(self, name: str) -> int | None:
+        """Return the width or height in px that the file states, or None."""
+        number = self.numbers(name, count=1)
+        return None if number is None else int(number)
+
+    def camera_matrix(self, key: str | None) -> np.ndarray:
+        """Return the camera matrix (3, 3) of the option ``key``, of a usual key, or of fx, fy, cx
+        and cy.
+        """
+        matrix = self.numbers("camera matrix", key, 9)
+        if matrix is not None:
+            # Open3D writes the matrix as a flat list, column by column
+            open3d = "intrinsic_matrix" in ((key,) if key else self.values)
+            return matrix.reshape(
+                3, 3, order="F" if matrix.ndim == 1 and open3d else "C"
+            )
+        if {*FOCAL} <= {*self.values}:
+            fx, fy, cx, cy = (self.numbers(name, count=1).item() for name in FOCAL)
+            return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+        raise RecordingError(
+            f"no camera matrix; {self.keys}: name its key by option, or write at the outermost "
+            f"level one of fx, fy, cx, cy or {', '.join(MATRIX)}",
+            file=self.file,
+        )
 
     def numbers(
-        item: str, given: str | None = None, count: int | None = None
+        self, item: str, key: str | None = None, count: int | None = None
     ) -> np.ndarray | None:
-        keys = (given,) if given else KEYS.get(item, (item,))
-        present = [key for key in keys if key in values]
-        if not (present or given):
+        """Return the numbers under the ``key``, else under a usual key of the ``item``, None if no
+        usual key is there; RecordingError for several, and unless there are ``count`` numbers, or
+        as many as the value itself states.
+        """
+        keys = (key,) if key else KEYS.get(item, (item,))
+        present = [name for name in keys if name in self.values]
+        if not present and not key:
             return None
-        message = f"{len(present)} of {', '.join(present or keys)} are there, one {item} is needed"
-        if len({str(values[key]) for key in present}) == 1:
-            value, counts = values[present[0]], {count} - {None}
-            if isinstance(value, Mapping):
-                size = [str(value.get(name)) for name in ("rows", "cols")]
-                if all(re.fullmatch(r"\d{1,9}", side) for side in size):
-                    counts.add(int(size[0]) * int(size[1]))
-                value = value.get("data")
-            with suppress(ValueError):  # nested lists of unequal lengths
-                words = np.array(value, dtype=str)
-                decimal = all(map(DECIMAL.fullmatch, words.ravel().tolist()))
-                if (
-                    decimal
-                    and not counts - {words.size}
-                    and np.isfinite(words.astype(float)).all()
-                ):
-                    return words.astype(float)
-            message = f"{present[0]} must be {max(counts, default='')} decimal numbers, found "
-            message += str(value)[:80]
-        message = f"{message}; name the key by option; {keys_found}"
-        raise RecordingError(message, file=file, key=item)
+        if len({str(self.values[name]) for name in present}) != 1:
+            names = ", ".join(present or keys)
+            fault = f"{len(present)} of {names} are there, one {item} is needed"
+            raise self._fault(fault, item)
+        value = self.values[present[0]]
+        counts = set() if count is None else {count}
+        if isinstance(value, Mapping):
+            size = str(value.get("rows")), str(value.get("cols"))
+            if all(re.fullmatch(r"\d{1,9}", side) for side in size):
+                counts.add(int(size[0]) * int(size[1]))
+            value = value.get("data")
+        with suppress(ValueError):  # nested lists of unequal lengths
+            words = np.array(value, dtype=str)
+            decimal = all(DECIMAL.fullmatch(word) for word in words.ravel().tolist())
+            if decimal and counts <= {words.size}:
+                numbers = words.astype(float)
+                if np.isfinite(numbers).all():
+                    return numbers
+        needed = max(counts, default="")
+        fault = (
+            f"{present[0]} must be {needed} decimal numbers, found {str(value)[:80]}"
+        )
+        raise self._fault(fault, item)
 
-    sides = [numbers(side, count=1) for side in ("width", "height")]
-    stated = [None if side is None else int(side) for side in sides]
-    sides = zip((width, height), stated, ANY_SIZE, strict=True)
-    size = tuple(given or own or most for given, own, most in sides)
-    camera, bend = (
-        numbers("camera matrix", matrix, 9),
-        numbers("distortion", distortion),
-    )
-    if camera is not None:
-        # Open3D writes the matrix as a flat list, column by column
-        columns = camera.ndim == 1 and "intrinsic_matrix" in (
-            {matrix} if matrix else values
-        )
-        camera = camera.reshape(3, 3, order="F" if columns else "C")
-    elif {*FOCAL} <= {*values}:
-        fx, fy, cx, cy = (numbers(name, count=1).item() for name in FOCAL)
-        camera = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
-    else:
-        message = (
-            f"no camera matrix; {keys_found}: name its key by option, or write at the "
-        )
-        message += f"outermost level one of fx, fy, cx, cy or {', '.join(MATRIX)}"
-        raise RecordingError(message, file=file)
-    if bend is None and (not is_json or any(map(DISTORTION_KEY.fullmatch, values))):
-        message = f"no distortion; {keys_found}: name its key by option, or write at the outermost "
-        message += f"level one of {', '.join(DISTORTION)}, with zeros for no distortion"
-        raise RecordingError(message, file=file)
-    bend, model = (
-        np.zeros(0) if bend is None else bend.ravel(),
-        values.get("distortion_model"),
-    )
-    own = tuple(side or given for side, given in zip(stated, size, strict=True))
-    return pinhole(camera, bend, size, stated=own, model=model, file=file)
+    def _fault(self, fault: str, item: str) -> RecordingError:
+        message = f"{fault}; name the key by option; {self.keys}"
+        return RecordingError(message, file=self.file, key=item)
 
 
 def _values(file: Path) -> tuple[Mapping, bool]:
     """Return key → value, numbers as text, and whether it is JSON; a cut YAML line is ignored."""
     text = read_text(file)
-    body, whole = "\n".join(text.lines), "\n".join([*text.lines, text.cut or ""])
-    is_json, documents = whole.lstrip().startswith("{"), []
+    whole = "\n".join([*text.lines, text.cut or ""])
+    is_json = whole.lstrip().startswith("{")
+    documents = []
     try:
         if is_json:
             documents = [json.loads(whole, parse_float=str, parse_int=str)]
         elif whole.lstrip().startswith("<"):
-            documents = [
-                {one.tag: _element(one) for one in ElementTree.fromstring(whole)}
-            ]
+            root = ElementTree.fromstring(whole)
+            documents = [{element.tag: _element(element) for element in root}]
         else:
             # OpenCV's first line is not valid YAML
-            body = re.sub(r"^%YAML:1\.0.*\n", "", body)
-            documents = [one for one in yaml.load_all(body, yaml.BaseLoader) if one]
+            body = re.sub(r"^%YAML:1\.0.*\n", "", "\n".join(text.lines))
+            loaded = yaml.load_all(body, yaml.BaseLoader)
+            documents = [document for document in loaded if document]
     except (yaml.YAMLError, ElementTree.ParseError, ValueError, RecursionError):
         documents = []
     # Open3D's file has the camera and its pose, a ROS print has many messages
-    plain = [one.get("intrinsic", one) for one in documents if isinstance(one, Mapping)]
-    plain = [dict(one) for one in plain if isinstance(one, Mapping)]
-    for one in plain:
-        one.pop("header", None)
-    if (
-        not plain
-        or len(plain) < len(documents)
-        or any(other != plain[0] for other in plain)
-    ):
-        message = "no calibration in YAML, XML or JSON, or truncated, or several calibrations that "
-        message += "differ; export one again"
-        raise RecordingError(message, file=file)
-    if "ppx" in plain[0]:
-        named = {REALSENSE.get(key, key): value for key, value in plain[0].items()}
-        return {"distortion_model": "not stated"} | named, is_json
-    return plain[0], is_json
+    calibrations = []
+    for document in documents:
+        if isinstance(document, Mapping):
+            document = document.get("intrinsic", document)
+        if isinstance(document, Mapping):
+            calibrations.append({k: v for k, v in document.items() if k != "header"})
+    differ = any(calibration != calibrations[0] for calibration in calibrations)
+    if not calibrations or len(calibrations) < len(documents) or differ:
+        raise RecordingError(
+            "no calibration in YAML, XML or JSON, or truncated, or several calibrations that "
+            "differ; export one again",
+            file=file,
+        )
+    values = calibrations[0]
+    if "ppx" in values:
+        named = {REALSENSE.get(key, key): value for key, value in values.items()}
+        values = {"distortion_model": "not stated"} | named
+    return values, is_json
 
 
 def _element(element: ElementTree.Element) -> object:
     """Return the content of an element of OpenCV's XML: key → value, words or text."""
     if len(element):
-        return {one.tag: _element(one) for one in element}
+        return {child.tag: _element(child) for child in element}
     words = (element.text or "").split()
     return words if element.tag == "data" else " ".join(words)
 
@@ -249,13 +287,15 @@ def write_intrinsics(file: Path, intrinsics: Intrinsics) -> None:
     """Write the camera as OpenCV's YAML, without rounding."""
     import cv2  # here, since few callers write a calibration
 
-    one = intrinsics
-    matrix = np.array([[one.fx, 0, one.cx], [0, one.fy, one.cy], [0, 0, 1]])
+    fx, fy, cx, cy = (getattr(intrinsics, name) for name in FOCAL)
+    matrix = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
     storage = cv2.FileStorage(
         "intrinsics.yaml", cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY
     )
     storage.write("cameraMatrix", matrix)
-    storage.write("distortionCoefficients", np.array([one.distortion or (0.0,) * 5]))
+    storage.write(
+        "distortionCoefficients", np.array([intrinsics.distortion or (0.0,) * 5])
+    )
     body = storage.releaseAndGetString().partition("\n")[2]
     # first line of OpenCV 2 to 4, which version 5 also reads
     Path(file).write_bytes(f"%YAML:1.0\n{body}".encode())

@@ -5,6 +5,7 @@ file, since a damaged file can crash the library and a small file can decompress
 """
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -29,144 +30,224 @@ def read_arrays(file: Path, options: LogOptions) -> JointLog:
     RecordingError for a damaged file; with the array and row (from 0), for a number that is not
     finite or a time that does not increase; with the option, for a missing or ambiguous array.
     """
+    content = _content(file)
+    clocks = meanings.clocks_of(content.vectors)
+    content.stand_upright({len(content.arrays[name]) for name in clocks})
+    named = clocks if isinstance(options.time, int) else [options.time]
+    clock = named[0] if len(named) == 1 else None
+    time, time_unit = None, ""
+    if clock is not None:
+        time_unit = "s" if clock in content.dated else _unit("time", named, file)
+        factor = UNITS["time"][time_unit or options.time_unit]
+        time = content.numbers("time", named)[:, 0] * factor
+
+    stated = {name: labels for name, labels in options.signals.items() if labels}
+    wanted = options.signals or ("actual", "target")
+    guesses, guessed, advice = {}, {}, ""
+    if {*wanted} - {*stated}:
+        signals_by_name, reasons = content.signals(time)
+        if reasons and not meanings.possibly_speed(signals_by_name["target"]):
+            if options.guess:
+                guesses, guessed = reasons, signals_by_name
+            else:
+                suggested = str(signals_by_name).replace("'", "")
+                advice = f". {'; '.join(reasons.values())}: signals may be {suggested}"
+                del signals_by_name["target"]
+        stated = signals_by_name | stated
+
+    signals, angle_units = {}, []
+    for name in wanted:
+        labels = stated.get(name, ())
+        unit = _unit("angle", labels, file)
+        factor = UNITS["angle"][unit or options.angle_unit]
+        signals[name] = content.numbers(name, labels, advice) * factor
+        angle_units.append(unit)
+    if time is None:
+        if options.time is not None:
+            content.numbers("time", ())  # raises, since no array or several are times
+        longest = max(len(rows) for rows in signals.values())
+        time = np.arange(longest) / options.rate
+    _require_rows_at_times(signals, time, file, clock)
+    log = JointLog(
+        time,
+        signals,
+        {},
+        content.joint_names({rows.shape[1] for rows in signals.values()}),
+        guesses=guesses,
+        arrays=guessed,
+        clock=clock or "",
+        time_unit="s" if time_unit else "",
+        angle_unit="rad" if all(angle_units) else "",
+    )
+    return increasing(log, lambda row: {"file": file, "array": clock, "row": row})
+
+
+@dataclass
+class _Content:
+    """Arrays of a file by name: numbers, and words such as joint names."""
+
+    file: Path
+    arrays: Arrays  # numbers
+    words: dict[str, list[str]]
+    dated: set[str]  # names of dates and durations, in s
+    columns: Arrays = field(default_factory=dict)  # name or ARRAY:COLUMN → (N,)
+
+    @property
+    def vectors(self) -> Arrays:
+        """Arrays (N,)."""
+        return {name: array for name, array in self.arrays.items() if array.ndim == 1}
+
+    def join_vectors(self) -> None:
+        """Add an array (N, joints) of vectors whose names differ in a number or a joint's name."""
+        vectors = self.vectors
+        for name, labels in meanings.columns_by_name([*vectors]).items():
+            group = [vectors[label] for label in labels]
+            equal = len({len(vector) for vector in group}) == 1
+            if name not in self.arrays and len(group) > 1 and equal:
+                self.arrays[name] = np.column_stack(group)
+                if meanings.states_joints(labels):
+                    self.words["joint_names"] = meanings.joint_parts(labels)
+
+    def stand_upright(self, lengths: set[int]) -> None:
+        """Transpose arrays with one row per joint beside times of ``lengths``; list the columns."""
+        for name, array in self.arrays.items():
+            if array.ndim == 2:
+                rows, joints = array.shape
+                if joints in lengths and rows not in lengths:
+                    array = array.T
+                    self.arrays[name] = array
+                for column, numbers in enumerate(array.T):
+                    self.columns[f"{name}:{column}"] = numbers
+            elif array.ndim == 1:
+                self.columns[name] = array
+
+    def signals(
+        self, time: np.ndarray | None
+    ) -> tuple[dict[str, list[str]], dict[str, str]]:
+        """Return :func:`names.signals_of_groups` of the arrays (N, joints)."""
+        tables = {}
+        for name, array in self.arrays.items():
+            if array.ndim == 2:
+                tables[name] = array.astype(float)
+        groups = {name: [name] for name in tables}
+        # damaged numbers may be huge or NaN
+        with np.errstate(over="ignore", invalid="ignore"):
+            return meanings.signals_of_groups(groups, tables, time)
+
+    def numbers(
+        self, quantity: str, names: Sequence[object], advice: str = ""
+    ) -> np.ndarray:
+        """Return the columns (N, …) of the arrays or columns ``names``; RecordingError with the
+        ``advice`` unless all are there, of one length and finite.
+        """
+        labels = []
+        for name in map(str, names):
+            array = self.arrays.get(name)
+            if array is not None and array.ndim == 2:
+                labels += [f"{name}:{column}" for column in range(array.shape[1])]
+            else:
+                labels.append(name)
+        columns = [self.columns[label] for label in labels if label in self.columns]
+        lengths = {len(column) for column in columns}
+        if not labels or len(columns) < len(labels) or len(lengths) > 1:
+            raise self._lacks(quantity, labels, advice)
+        values = np.column_stack(columns).astype(float)
+        invalid = ~np.isfinite(values)
+        if invalid.any():
+            row, column = np.argwhere(invalid)[0].tolist()
+            label = labels[column]
+            message = f"{label} holds {values[row, column]}, not a finite number"
+            raise RecordingError(message, file=self.file, array=label, row=row)
+        return values
+
+    def _lacks(
+        self, quantity: str, labels: Sequence[str], advice: str
+    ) -> RecordingError:
+        """Return the error for a ``quantity`` whose ``labels`` are no arrays of one length."""
+        shapes = [
+            f"{name} {array.shape}" for name, array in sorted(self.arrays.items())
+        ]
+        meaning = WANTED.get(quantity, quantity)
+        alike = meanings.named_like(quantity, self.arrays)
+        option = "time" if quantity == "time" else f"signals ({quantity}: [ARRAY])"
+        present = self.arrays.keys() | self.words.keys()
+        unknown = [label for label in labels if label.partition(":")[0] not in present]
+        if unknown:
+            fault = f"{quantity} is named {', '.join(unknown)}, which the file lacks; name an array"
+        elif labels:
+            fault = f"the {quantity} must be arrays with one row of numbers per time, found "
+            fault += f"{', '.join(labels)}; name the array"
+        elif len(alike) > 1:
+            fault = f"{len(alike)} arrays could be the {meaning}, {', '.join(alike)}; name one in "
+            fault += option
+        else:
+            fault = (
+                f"no name of an array states the {meaning}; name the array in {option}"
+            )
+        return RecordingError(
+            f"{fault}, or its columns as ARRAY:COLUMN{advice}. The file has "
+            f"{', '.join(shapes) or 'no arrays'}",
+            file=self.file,
+            key=f"{OPTION}.{option.partition(' ')[0]}",
+        )
+
+    def joint_names(self, numbers: set[int]) -> tuple[str, ...]:
+        """Return the joints' names in an array of words, if all signals have as many joints."""
+        for name, names in self.words.items():
+            if meanings.is_names(name) and {len(names)} == numbers:
+                return tuple(names)
+        return ()
+
+
+def _content(file: Path) -> _Content:
+    """Return the arrays of ``file``, read in a separate process."""
     head = Head.read(file)
     if head.content.startswith(HDF5):
         raise RecordingError("version 7.3 is not read; save it with -v7", file=file)
-    read = next((read for is_one, read in READERS.values() if is_one(head)), _npz)
-    data = read_alone(read, Path(file), file=file, advice="save it again")
-    require(
-        "memory_mib",
-        sum(one.size for one in data.values()) * 8 / MIB,
-        "MiB of numbers",
-        file,
-    )
-    words = {
-        name: [*map(str, one)] for name, one in data.items() if one.dtype.kind == "U"
-    }
-    dated = {
-        name for name, one in data.items() if one.dtype.kind in "mM"
-    }  # their type is a unit
-    for name in dated:  # s, dates since 1970
-        data[name] = (data[name] - np.zeros(1, data[name].dtype)) / np.timedelta64(
-            1, "s"
-        )
-    data = {name: one for name, one in data.items() if name not in words}
-    vectors = {name: one for name, one in data.items() if one.ndim == 1}
-    for name, group in meanings.columns_by_name([*vectors]).items():
-        own = [vectors[label] for label in group]
-        if name not in data and len(own) > 1 and len({*map(len, own)}) == 1:
-            data[name] = np.column_stack(own)
-            if meanings.states_joints(group):
-                words["joint_names"] = meanings.joint_parts(group)
-    times, advice = meanings.clocks_of(vectors), ""
-    lengths = {len(data[name]) for name in times}
-    groups, columns = {}, {}  # array → labels of its columns, label → numbers (N,)
-    for name, one in data.items():
-        if one.ndim == 2 and one.shape[1] in lengths and one.shape[0] not in lengths:
-            data[name] = one = one.T  # one row per joint beside a time of that length
-        if one.ndim in (1, 2):
-            own = (
-                [f"{name}:{j}" for j in range(one.shape[1])]
-                if one.ndim == 2
-                else [name]
-            )
-            groups[name], columns = (
-                own,
-                columns | dict(zip(own, np.atleast_2d(one.T), strict=True)),
-            )
+    reader = _npz
+    for recognises, read in READERS.values():
+        if recognises(head):
+            reader = read
+            break
+    arrays = read_alone(reader, Path(file), file=file, advice="save it again")
+    size = sum(array.size for array in arrays.values()) * 8 / MIB
+    require("memory_mib", size, "MiB of numbers", file)
 
-    def numbers(quantity: str, names: Sequence[object]) -> np.ndarray:
-        labels = [
-            label for name in map(str, names) for label in groups.get(name, [name])
-        ]
-        chosen = [columns[label] for label in labels if label in columns]
-        if not labels or len(chosen) < len(labels) or len({*map(len, chosen)}) > 1:
-            shapes = [f"{name} {one.shape}" for name, one in sorted(data.items())]
-            if labels:
-                message = f"the {quantity} must be arrays with one row of numbers per time, found "
-                message += f"{', '.join(labels)}; name the array, or its columns as "
-            else:
-                message = f"no name of an array states the {WANTED.get(quantity, quantity)}; name "
-                message += (
-                    f"the array in signals ({quantity}: [ARRAY]), or its columns as "
-                )
-            message += (
-                f"ARRAY:COLUMN{advice}. The file has {', '.join(shapes) or 'no arrays'}"
-            )
-            key = f"{OPTION}.{'time' if quantity == 'time' else 'signals'}"
-            raise RecordingError(message, file=file, key=key)
-        values = np.column_stack(chosen).astype(float)
-        if (invalid := ~np.isfinite(values)).any():
-            row, column = np.argwhere(invalid)[0].tolist()
-            message = (
-                f"{labels[column]} holds {values[row, column]}, not a finite number"
-            )
-            raise RecordingError(message, file=file, array=labels[column], row=row)
-        return values
+    content = _Content(file, {}, {}, set())
+    for name, array in arrays.items():
+        if array.dtype.kind == "U":
+            content.words[name] = [str(word) for word in array]
+            continue
+        if array.dtype.kind in "mM":  # their type is a unit; dates in s since 1970
+            content.dated.add(name)
+            since = array - np.zeros(1, array.dtype)
+            array = since / np.timedelta64(1, "s")
+        content.arrays[name] = array
+    content.join_vectors()
+    return content
 
-    named = times if isinstance(options.time, int) else [options.time]
-    clock, time, second = (named[0] if len(named) == 1 else None), None, ""
-    if clock is not None:
-        second = "s" if clock in dated else _unit("time", named, file)
-        time = numbers("time", named)[:, 0] * UNITS["time"][second or options.time_unit]
-    chosen = {name: labels for name, labels in options.signals.items() if labels}
-    wanted = options.signals or ("actual", "target")
-    guesses, guessed_arrays = {}, {}
-    if {*wanted} - {*chosen}:
-        tables = {
-            name: data[name].astype(float) for name in groups if data[name].ndim == 2
-        }
-        with np.errstate(
-            over="ignore", invalid="ignore"
-        ):  # damaged numbers may be huge or NaN
-            found, guessed = meanings.signals_of_groups(
-                {n: [n] for n in tables}, tables, time
-            )
-        doubtful = guessed and not meanings.possibly_speed(found["target"])
-        if doubtful and options.guess:
-            guesses, guessed_arrays = guessed, found
-        elif doubtful:
-            advice = f". {'; '.join(guessed.values())}: signals may be {found}".replace(
-                "'", ""
-            )
-            del found["target"]
-        chosen = found | chosen
-    units = {name: _unit("angle", chosen.get(name, ()), file) for name in wanted}
-    signals = {}
-    for name, unit in units.items():
-        factor = UNITS["angle"][unit or options.angle_unit]
-        signals[name] = numbers(name, chosen.get(name, ())) * factor
+
+def _require_rows_at_times(
+    signals: Arrays, time: np.ndarray, file: Path, clock: str | None
+) -> None:
+    """Raise RecordingError unless each of the ``signals`` has a row at each ``time``."""
     lengths = {name: len(rows) for name, rows in signals.items()}
-    if time is None:
-        time = np.arange(max(lengths.values())) / options.rate
-        if options.time is not None:
-            numbers("time", ())
     if {*lengths.values()} != {len(time)}:
         rows = ", ".join(f"{count} of {name}" for name, count in lengths.items())
         message = (
             f"{len(time)} times for {rows} angles; save one row of joints for each time"
         )
         raise RecordingError(message, file=file, array=clock)
-    width = {rows.shape[1] for rows in signals.values()}
-    stated = (
-        tuple(w) for n, w in words.items() if meanings.is_names(n) and {len(w)} == width
-    )
-    units = {
-        "time_unit": "s" * (second != ""),
-        "angle_unit": "rad" * all(units.values()),
-    }
-    units |= {"guesses": guesses, "arrays": guessed_arrays, "clock": clock or ""}
-    log = JointLog(time, signals, {}, next(stated, ()), **units)
-    return increasing(log, lambda row: {"file": file, "array": clock, "row": row})
 
 
 def _unit(kind: str, labels: Sequence[object], file: Path) -> str:
     """Return the unit of the ``kind`` that is a word of all names of arrays, else ""."""
-    stated = {unit_in_name(str(label).partition(":")[0], kind) for label in labels}
-    if unread := stated & {*UNITS[f"unread_{kind}"]}:
-        message = f"{labels[0]} is in {unread.pop()} by its name: convert it to "
+    arrays = [str(label).partition(":")[0] for label in labels]
+    units = {unit_in_name(array, kind) for array in arrays}
+    for unit in units & {*UNITS[f"unread_{kind}"]}:
+        message = f"{labels[0]} is in {unit} by its name: convert it to "
         raise RecordingError(message + " or ".join(UNITS[kind]), file=file)
-    return stated.pop() if len(stated) == 1 else ""
+    return units.pop() if len(units) == 1 else ""
 
 
 def _npz(file: Path) -> Arrays:
@@ -185,39 +266,48 @@ def _npz(file: Path) -> Arrays:
 
 def _numeric(value: object) -> np.ndarray:
     """Return ``value`` as numbers, dates, durations or words; shape () for anything else."""
-    kind = value.dtype.kind if isinstance(value, np.ndarray) else ""
-    if kind == "O" and value.ndim == 1 and {*map(type, value)} == {str}:
-        return value.astype(str)
-    if kind == "O" and value.ndim == 1 and len({np.shape(row) for row in value}) == 1:
-        return _numeric(np.stack(value)) if np.shape(value[0]) else np.empty(())
-    return value if kind and kind in "fiumMU" else np.empty(())
+    if not isinstance(value, np.ndarray):
+        return np.empty(())
+    if value.dtype.kind == "O" and value.ndim == 1:
+        if {type(item) for item in value} == {str}:
+            return value.astype(str)
+        shapes = {np.shape(row) for row in value}
+        if len(shapes) == 1 and shapes != {()}:
+            return _numeric(np.stack(value))
+    return value if value.dtype.kind in "fiumMU" else np.empty(())
 
 
 def _mat(file: Path) -> Arrays:
     """Return the matrices of a MATLAB file; ``rec.q`` is the matrix ``q`` in the struct ``rec``."""
     content = loadmat(file, simplify_cells=True)
-    arrays = dict(_flatten("", content))
-    if "None" in content and not arrays:  # an object, such as a table or a timeseries
-        message = "a table or another object of MATLAB is not read: save its columns as arrays, or "
-        message += "as a struct (table2struct(T, 'ToScalar', true))"
-        raise RecordingError(message, file=file)
-    # MATLAB stores a vector as a matrix with one row or one column
-    return {
-        name: one.ravel() if 1 in one.shape else one for name, one in arrays.items()
-    }
+    opaque = "None" in content  # an object, such as a table or a timeseries
+    variables = {}
+    for name, value in content.items():
+        if not name.startswith("__") and name != "None":
+            variables[name] = value
+    arrays = dict(_flatten("", variables))
+    if opaque and not arrays:
+        raise RecordingError(
+            "a table or another object of MATLAB is not read: save its columns as arrays, or "
+            "as a struct (table2struct(T, 'ToScalar', true))",
+            file=file,
+        )
+    for name, array in arrays.items():
+        # MATLAB stores a vector as a matrix with one row or one column
+        arrays[name] = array.ravel() if 1 in array.shape else array
+    return arrays
 
 
 def _flatten(
     path: str, struct: Mapping[str, object]
 ) -> Iterator[tuple[str, np.ndarray]]:
+    """Yield name and numbers of the fields of a ``struct``, with ``path`` before the names."""
     for name, value in struct.items():
         if isinstance(value, Mapping):
             yield from _flatten(f"{path}{name}.", value)
         elif _are_structs(value):
             yield from _flatten_structs(f"{path}{name}", value)
-        elif path or not (
-            name.startswith("__") or name == "None"
-        ):  # "None": an opaque object
+        else:
             yield f"{path}{name}", _numeric(value)
 
 
@@ -235,13 +325,15 @@ def _flatten_structs(
     """Yield the arrays of ``structs``: one row per struct if a field is a number in all, such as a
     time, else the arrays of each struct by its number from 1.
     """
-    rows = any(all(np.ndim(s[name]) == 0 for s in structs) for name in structs[0])
+    fields = {}
+    for name in structs[0]:
+        fields[name] = [np.asarray(struct[name]) for struct in structs]
+    rows = any(all(v.ndim == 0 for v in values) for values in fields.values())
     if not rows:
         for number, struct in enumerate(structs, start=1):
             yield from _flatten(f"{path}({number}).", struct)
         return
-    for name in structs[0]:
-        values = [np.asarray(struct[name]) for struct in structs]
+    for name, values in fields.items():
         if len({value.shape for value in values}) == 1:
             yield f"{path}.{name}", _numeric(np.stack(values))
 
@@ -264,5 +356,6 @@ READERS = {  # name of the format: recogniser, reader of the arrays
     "Parquet table of joints": (begins(b"PAR1"), _parquet),
 }  # fmt: skip
 FORMAT = tuple(
-    Format(n, Kind.JOINTS, read_arrays, is_one) for n, (is_one, _) in READERS.items()
+    Format(name, Kind.JOINTS, read_arrays, recognises)
+    for name, (recognises, _) in READERS.items()
 )

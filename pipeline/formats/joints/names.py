@@ -19,10 +19,11 @@ SHORT: dict[str, str] = _STATED.pop("short")  # word → the words that it joins
 WORDS = {kind: frozenset(words.split()) for kind, words in _STATED.items()}
 TIME, COUNTERS, JOINT = (WORDS[kind] for kind in ("time", "counters", "joint"))
 _QUANTITIES = WORDS["position"] | WORDS["velocity"] | COUNTERS
-for _mark in (word for word in WORDS["measured"] | WORDS["commanded"] if len(word) > 2):
-    for _quantity in _QUANTITIES:
-        _joined = _mark + _quantity, _quantity + _mark
-        SHORT |= dict.fromkeys(_joined, f"{_mark} {_quantity}")
+for _role in WORDS["measured"] | WORDS["commanded"]:
+    if len(_role) > 2:
+        for _quantity in _QUANTITIES:
+            SHORT[_role + _quantity] = f"{_role} {_quantity}"
+            SHORT[_quantity + _role] = f"{_role} {_quantity}"
 
 
 class Meaning(NamedTuple):
@@ -75,26 +76,30 @@ def meaning(name: str) -> Meaning:
 def named_like(quantity: str, names: Iterable[str]) -> list[str]:
     """Return those ``names`` that mean the ``quantity``: time, actual or target (joint angles)."""
     if quantity == "time":
-        plain = {n: re.split(r"[./]", bare(n).lower()) for n in names}
-        alone = [
-            n
-            for n, parts in plain.items()
-            if re.sub("[^a-z]", "", "".join(parts)) in TIME
-        ]
-        return alone or [n for n, parts in plain.items() if parts[-1] in TIME]
-    angles = {name: parsed for name in names if (parsed := meaning(name)).is_angle}
-    fits = [name for name, parsed in angles.items() if parsed.role == quantity]
+        return _named_like_time(names)
+    angles = {name: meaning(name) for name in names if meaning(name).is_angle}
+    fits = [name for name in angles if angles[name].role == quantity]
     # a name of angles before a name of an unknown quantity: q_target before m_target
     fits = [name for name in fits if angles[name].quantity] or fits
     if quantity == "actual":  # position names without a role are measured angles
-        fits += [
-            name
-            for name, parsed in angles.items()
-            if not parsed.role and parsed.quantity
-        ]
+        for name, parsed in angles.items():
+            if parsed.quantity and not parsed.role:
+                fits.append(name)
     # the angle of a joint before the angle of its motor, which the gear divides
     fits = [name for name in fits if WORDS["motor"].isdisjoint(words_of(name))] or fits
     return [name for name in fits if not angles[name].rest] or fits
+
+
+def _named_like_time(names: Iterable[str]) -> list[str]:
+    """Return the ``names`` that are a word of time, else those whose last part is one."""
+    whole, last = [], []
+    for name in names:
+        parts = re.split(r"[./]", bare(name).lower())
+        if re.sub("[^a-z]", "", "".join(parts)) in TIME:
+            whole.append(name)
+        if parts[-1] in TIME:
+            last.append(name)
+    return whole or last
 
 
 def words_of(name: str) -> list[str]:
@@ -154,43 +159,51 @@ def is_names(name: str) -> bool:
 
 def joint_parts(names: Sequence[str]) -> list[str]:
     """Return the part of each of ``names`` that the others lack: a joint's name, or its number."""
-    words = [*map(words_of, names)]
+    words = [words_of(name) for name in names]
     shared = set.intersection(*map(set, words)) if len(words) > 1 else set()
-    return ["_".join(word for word in each if word not in shared) for each in words]
+    parts = []
+    for name_words in words:
+        parts.append("_".join(word for word in name_words if word not in shared))
+    return parts
 
 
 def states_joints(names: Sequence[str]) -> bool:
     """Return whether ``names`` differ in words, as elbow and wrist_1, not only in numbers."""
-    return len(names) > 1 and any(
-        re.search("[a-z]", part) for part in joint_parts(names)
-    )
+    parts = joint_parts(names)
+    return len(names) > 1 and any(re.search("[a-z]", part) for part in parts)
 
 
 def match_joints(names: Sequence[str], joints: Sequence[str]) -> list[str]:
     """Return the one of ``joints`` that each of ``names`` (labels or joints' names) means, and the
     distinguishing part of a name that means none; empty if two names mean one joint.
     """
-    own = {
-        p.replace("_", ""): j for p, j in zip(joint_parts(joints), joints, strict=True)
-    }
+    by_part = {}
+    for joint_part, joint in zip(joint_parts(joints), joints, strict=True):
+        by_part[joint_part.replace("_", "")] = joint
     matched = []
-    for name, part in zip(names, joint_parts(names), strict=True):
-        text = f"_{'_'.join(words_of(name))}_"
-        cores = {
-            joint: [w for w in words_of(joint) if w not in JOINT] for joint in joints
-        }
-        inside = {
-            j: len(core) for j, core in cores.items() if f"_{'_'.join(core)}_" in text
-        }
-        longest = [
-            joint for joint, size in inside.items() if size == max(inside.values())
-        ]
-        plain = part.replace("_", "")
-        exact = (
-            [own[plain]] if plain in own else longest if len(longest) == 1 else [part]
-        )
-        matched += [name] if name in joints else exact
+    for name, joint_part in zip(names, joint_parts(names), strict=True):
+        if name in joints:
+            matched.append(name)
+        else:
+            similar = by_part.get(joint_part.replace("_", ""))
+            matched.append(similar or _joint_inside(name, joints) or joint_part)
     return matched if len({*matched}) == len(matched) else []
+
+
+def _joint_inside(name: str, joints: Sequence[str]) -> str:
+    """Return the joint with the longest name inside ``name``; "" for none, or two."""
+    words = _joined(words_of(name))
+    sizes: dict[int, list[str]] = {}
+    for joint in joints:
+        core = [word for word in words_of(joint) if word not in JOINT]
+        if _joined(core) in words:
+            sizes.setdefault(len(core), []).append(joint)
+    longest = sizes[max(sizes)] if sizes else []
+    return longest[0] if len(longest) == 1 else ""
+
+
+def _joined(words: Sequence[str]) -> str:
+    return f"_{'_'.join(words)}_"
 
 
 def columns_by_name(labels: Sequence[str]) -> dict[str, list[str]]:
@@ -198,83 +211,92 @@ def columns_by_name(labels: Sequence[str]) -> dict[str, list[str]]:
     numbers; labels with a joint's name, such as ``actual_elbow``, form ``actual`` and ``target``,
     with the joints in one order.
     """
+    groups = _groups_by_number(labels)
+    roles = _roles_by_joint(labels, groups)
+    joints = [*roles.get("actual", roles.get("target", {}))]
+    if not joints or any({*role} != {*joints} for role in roles.values()):
+        return groups
+    used = {label for role in roles.values() for label in role.values()}
+    groups = {name: group for name, group in groups.items() if used.isdisjoint(group)}
+    for role, labels_by_joint in roles.items():
+        groups[role] = [labels_by_joint[joint] for joint in joints]
+
+    unnamed: dict[str, dict[str, str]] = {}  # same joints without a role
+    for label in labels:
+        words = _joined(words_of(label))
+        for joint in joints:
+            if label not in used and f"_{joint}_" in words:
+                stem = words.replace(f"_{joint}_", "_*_")
+                unnamed.setdefault(stem, {})[joint] = label
+    for stem, labels_by_joint in unnamed.items():
+        if len(labels_by_joint) == len(joints):
+            groups[stem] = [labels_by_joint[joint] for joint in joints]
+    return groups
+
+
+def _groups_by_number(labels: Sequence[str]) -> dict[str, list[str]]:
+    """Return the text around a joint's number → labels in the order of the numbers."""
     numbered: dict[str, dict[int, str]] = {}
+    for label in labels:
+        parts = re.fullmatch(r"(.*?)[\s_./\[(]*(\d+)[\])]?(\D*)", bare(label))
+        if parts and meaning(label).number is not None:
+            name = parts[1] + parts[3]
+            if name:
+                numbered.setdefault(name, {})[int(parts[2])] = label
+    return {
+        name: [group[number] for number in sorted(group)]
+        for name, group in numbered.items()
+    }
+
+
+def _roles_by_joint(
+    labels: Sequence[str], groups: Iterable[str]
+) -> dict[str, dict[str, str]]:
+    """Return role → joint's name → label, for roles that none of the ``groups`` has."""
+    plain = set()
+    for parsed in map(meaning, groups):
+        if parsed.is_angle and not parsed.rest and (parsed.role or parsed.quantity):
+            plain.add(parsed.role or "actual")
     worded: dict[str, list[str]] = {}
     for label in labels:
         parsed = meaning(label)
-        parts = re.fullmatch(r"(.*?)[\s_./\[(]*(\d+)[\])]?(\D*)", bare(label))
-        if parts and parsed.number is not None and parts[1] + parts[3]:
-            numbered.setdefault(parts[1] + parts[3], {})[int(parts[2])] = label
         role = parsed.role or ("actual" if parsed.quantity == "position" else "")
-        if (
-            role
-            and parsed.rest
-            and parsed.is_angle
-            and parsed.rest[-1] not in {*"xyzw"}
-        ):
+        named = parsed.rest and parsed.rest[-1] not in {*"xyzw"}
+        if role and role not in plain and named and parsed.is_angle:
             worded.setdefault(role, []).append(label)
-    groups = {
-        name: [group[n] for n in sorted(group)] for name, group in numbered.items()
-    }
-    plain = [each for each in map(meaning, groups) if each.is_angle and not each.rest]
-    plain = {each.role or "actual" for each in plain if each.role or each.quantity}
-    named = {
-        role: dict(zip(joint_parts(group), group, strict=True))
-        for role, group in worded.items()
-        if role not in plain
-        and len({meaning(label).rest for label in group}) > 1
-        and any(meaning(label).number is None for label in group)
-    }
-    if len({frozenset(parts) for parts in named.values()}) == 1:
-        used = {label for parts in named.values() for label in parts.values()}
-        groups = {name: group for name, group in groups.items() if not used & {*group}}
-        order = [*named.get("actual", named.get("target", {}))]
-        groups |= {
-            role: [parts[part] for part in order] for role, parts in named.items()
-        }
-        others: dict[
-            str, dict[str, str]
-        ] = {}  # labels of the same joints without a role
-        for label in (label for label in labels if label not in used):
-            text = f"_{'_'.join(words_of(label))}_"
-            for part in (part for part in order if f"_{part}_" in text):
-                others.setdefault(text.replace(f"_{part}_", "_*_"), {})[part] = label
-        for name, parts in others.items():
-            groups |= (
-                {name: [parts[part] for part in order]} if {*parts} == {*order} else {}
-            )
-    return groups
+    roles = {}
+    for role, group in worded.items():
+        different = len({meaning(label).rest for label in group}) > 1
+        if different and any(meaning(label).number is None for label in group):
+            roles[role] = dict(zip(joint_parts(group), group, strict=True))
+    return roles
 
 
 def other_content(labels: Sequence[str], units: Sequence[str | None]) -> str | None:
     """Return the content of a table without joints, by the ``labels`` and ``units`` of its columns:
     poses of a body, an inertial sensor or positions of a point; None for unknown content.
     """
-    axes: dict[
-        str, dict[str, int]
-    ] = {}  # label without its axis letter → axis letter → column
+    # label without its axis letter → axis letter → column
+    axes: dict[str, dict[str, int]] = {}
     for column, label in enumerate(labels):
         plain = re.sub(r"\s*[\[(].*", "", label.lower())
         stem = re.sub(r"[wxyz]$", "", plain)
         axes.setdefault(stem, {})[plain[len(stem) :]] = column
     vectors = {
-        stem: columns for stem, columns in axes.items() if {*"xyz"} <= {*columns}
+        stem: letters for stem, letters in axes.items() if {*"xyz"} <= {*letters}
     }
     if any("w" in columns for columns in vectors.values()):
         return "poses of a body (position and quaternion)"
-    stated = {
-        re.sub(r"[\s^*/·]", "", units[columns["x"]] or "")
-        for columns in vectors.values()
-    }
-    words = {word for stem in vectors for word in re.findall(r"[a-z]+", stem)}
+    stated, words = set(), set()
+    for stem, columns in vectors.items():
+        stated.add(re.sub(r"[\s^*/·]", "", units[columns["x"]] or ""))
+        words |= {*re.findall(r"[a-z]+", stem)}
     inertial = {"rads-1", "ms-2"} <= stated or {"rads", "ms2"} <= stated
     if inertial or (words & WORDS["turns"] and words & WORDS["accelerations"]):
         return "an inertial sensor (angular velocity and acceleration)"
-    return (
-        "positions of a point"
-        if len(vectors) == 1 and stated & {*UNITS["length"]}
-        else None
-    )
+    if len(vectors) == 1 and stated & {*UNITS["length"]}:
+        return "positions of a point"
+    return None
 
 
 def signals_of(
@@ -287,12 +309,12 @@ def signals_of(
     angles, except derivatives and quaternions; ``load(label)`` returns (N,) at ``time`` (N,).
     """
     groups = columns_by_name(labels)
-    groups = {
-        n: group for n, group in groups.items() if len(group) > 1 or len(groups) < 4
-    }
-    values = (
-        {n: np.column_stack([*map(load, g)]) for n, g in groups.items()} if load else {}
-    )
+    few = len(groups) < 4
+    groups = {name: group for name, group in groups.items() if few or len(group) > 1}
+    values = {}
+    if load:
+        for name, group in groups.items():
+            values[name] = np.column_stack([load(label) for label in group])
     return signals_of_groups(groups, values, time)
 
 
@@ -302,79 +324,99 @@ def signals_of_groups(
     time: np.ndarray | None,
 ) -> tuple[dict[str, list[str]], dict[str, str]]:
     """Return :func:`signals_of` groups of columns, and ``values`` (N, joints) per group."""
-    turns = {name for name, rows in values.items() if is_quaternion(rows)}
-    fits = {*groups} - turns  # quaternions are no angles
-    actual = [name for name in named_like("actual", groups) if name in fits]
-    target = [
-        name
-        for name in named_like("target", groups)
-        if name in fits and name not in actual
-    ]
+    angles = {*groups}  # quaternions are no angles
+    angles -= {name for name, rows in values.items() if is_quaternion(rows)}
+    actual = [name for name in named_like("actual", groups) if name in angles]
+    target = [name for name in named_like("target", groups) if name in angles]
+    target = [name for name in target if name not in actual]
     if len(target) == 1:
-        alike = [
-            n
-            for n in actual or fits - {*target}
-            if len(groups[n]) == len(groups[target[0]])
-        ]
-        if (
-            not actual
-        ):  # measured angles may have the command's name without cmd: J1 and J1_cmd
-            own = meaning(groups[target[0]][0]).rest
-            meanings = {name: meaning(groups[name][0]) for name in alike}
-            alike = [
-                n
-                for n, m in meanings.items()
-                if m.is_angle and not m.role and m.rest == own
-            ]
-        actual = alike if len(alike) == 1 else actual
+        beside = _measured_beside(target[0], actual or angles, groups, bool(actual))
+        actual = beside if len(beside) == 1 else actual
     guessed: dict[str, str] = {}
     if not actual:
-        joints = [
-            n
-            for n in fits
-            if {*words_of(n)} & WORDS["numbered"] and meaning(n) == PLAIN
-        ]
-        if len(joints) == 1 and len(groups[joints[0]]) > 1:
-            actual = joints
-            guessed["actual"] = (
-                f"{groups[joints[0]][0]} … are joints by their names alone"
-            )
-    if len(actual) == len(target) == 1 and len(groups[actual[0]]) != len(
-        groups[target[0]]
-    ):
-        actual, target = (actual if len(groups[target[0]]) == 1 else []), []
-    signals = {"actual": groups[actual[0]]} if len(actual) == 1 else {}
-    if len(actual) != 1 or actual[0] not in values:
-        return signals | (
-            {"target": groups[target[0]]} if len(target) == 1 else {}
-        ), guessed
-    moved = values[actual[0]]
+        actual = _numbered_joints(angles, groups)
+        for name in actual:
+            first = groups[name][0]
+            guessed["actual"] = f"{first} … are joints by their names alone"
+    if len(actual) == len(target) == 1:
+        joints, commands = len(groups[actual[0]]), len(groups[target[0]])
+        if joints != commands:
+            actual, target = (actual if commands == 1 else []), []
+
+    measured = actual[0] if len(actual) == 1 else ""
+    commanded = target[0] if len(target) == 1 else ""
+    if measured in values:
+        commanded, reason = _commanded(measured, target, groups, values, time)
+        if reason:
+            guessed["target"] = reason
+    named = {"actual": measured, "target": commanded}
+    return {signal: groups[name] for signal, name in named.items() if name}, guessed
+
+
+def _measured_beside(
+    target: str,
+    candidates: Iterable[str],
+    groups: Mapping[str, list[str]],
+    named: bool,
+) -> list[str]:
+    """Return the ``candidates`` for the angles that ``target`` commands: groups of as many columns;
+    unless they are ``named`` as measured, with the command's name without cmd: J1 and J1_cmd.
+    """
+    command = meaning(groups[target][0])
+    beside = []
+    for name in candidates:
+        if name == target or len(groups[name]) != len(groups[target]):
+            continue
+        parsed = meaning(groups[name][0])
+        plain = parsed.is_angle and not parsed.role and parsed.rest == command.rest
+        if named or plain:
+            beside.append(name)
+    return beside
+
+
+def _numbered_joints(
+    angles: Iterable[str], groups: Mapping[str, list[str]]
+) -> list[str]:
+    """Return the only group that is named joint, axis or the like, if it has several columns."""
+    joints = []
+    for name in angles:
+        if meaning(name) == PLAIN and not WORDS["numbered"].isdisjoint(words_of(name)):
+            joints.append(name)
+    return joints if len(joints) == 1 and len(groups[joints[0]]) > 1 else []
+
+
+def _commanded(
+    measured: str,
+    named: Sequence[str],
+    groups: Mapping[str, list[str]],
+    values: Mapping[str, np.ndarray],
+    time: np.ndarray | None,
+) -> tuple[str, str]:
+    """Return the group of the commands of the ``measured`` group, and the reason of a guess: the
+    group ``named`` so, else the one that follows the measured angles; "" for none or several.
+    """
+    moved = values[measured]
     if time is None or len(time) != len(moved):
         time = np.arange(len(moved), dtype=float)
-    alike = [n for n in groups if n != actual[0] and values[n].shape == moved.shape]
+    alike = [n for n in groups if n != measured and values[n].shape == moved.shape]
     following = [name for name in alike if follows(values[name], moved)]
-    speeds = [
-        name
-        for name in alike
-        if name not in following and is_derivative(values[name], moved, time)
-    ]
-    clear = [name for name in target if name not in speeds]
-    if len(clear) == 1:
-        signals["target"] = groups[clear[0]]
-    elif (
-        not target
-        and len(weak := [n for n in possibly_speed(alike) if n not in speeds]) == 1
-    ):
-        # a group named qd that is not the derivative of the angles
-        signals["target"] = groups[weak[0]]
-        if weak[0] not in following:
-            guessed["target"] = f"{weak[0]} is no speed of {actual[0]} by its values"
-    elif not target and len(following) == 1:
-        signals["target"] = groups[following[0]]
-        guessed["target"] = (
-            f"{groups[following[0]][0]} … follow {groups[actual[0]][0]} … by values"
-        )
-    return signals, guessed
+    speeds = []
+    for name in alike:
+        if name not in following and is_derivative(values[name], moved, time):
+            speeds.append(name)
+    clear = [name for name in named if name not in speeds]
+    if named:
+        return (clear[0], "") if len(clear) == 1 else ("", "")
+    unclear = [name for name in possibly_speed(alike) if name not in speeds]
+    if len(unclear) == 1:  # a group named qd that is not the derivative of the angles
+        name = unclear[0]
+        reason = f"{name} is no speed of {measured} by its values"
+        return name, "" if name in following else reason
+    if len(following) == 1:
+        name = following[0]
+        first = groups[name][0]
+        return name, f"{first} … follow {groups[measured][0]} … by values"
+    return "", ""
 
 
 def possibly_speed(names: Iterable[str]) -> list[str]:

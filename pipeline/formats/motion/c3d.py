@@ -31,6 +31,19 @@ AGAIN = "export or copy the take again"
 OUTPUTS = re.compile(r"(ANGLES|FORCES|MOMENTS|POWERS|SCALARS|REACTIONS)\d*")
 
 
+class C3dHeader(NamedTuple):
+    """The header's statements about the data, and the ``held`` frames by the file's length."""
+
+    points: int
+    frames: int
+    first: int  # number of the first frame
+    last: int
+    samples: int  # per analog channel
+    start: int  # first byte of the data
+    row: int  # bytes of a frame
+    held: int
+
+
 def read_c3d(file: Path, unit: str | None = None) -> MotionTake:
     """Return the markers of the C3D take in ``file``, in m and s; ``unit`` (m, cm or mm) is the
     unit of lengths where POINT:UNITS is empty.
@@ -45,106 +58,117 @@ def read_c3d(file: Path, unit: str | None = None) -> MotionTake:
     MIPS or fewer frames than it states, and for no points, no marker, no rate or no unit.
     """
     header = _first_block(file)
-    points, first = header.points, header.first
+    points = header.points
     require("markers", points, "points", file)
-    contents = read_alone(read_contents, str(file), file=file, advice=AGAIN)
-    if not points:
-        channels = contents["channels"]
-        message = f"the file has no points, only {len(channels)} analog channels "
-        message += (
-            f"({', '.join(channels)}) of {header.samples} samples: export the markers"
-        )
-        raise RecordingError(
-            message if channels else "the file has no points: no take", file=file
-        )
-    announced = _announced_frames(header, contents)
-    if announced > header.frames:
-        require("memory_mib", announced * header.row / MIB, "MiB of frames", file)
-        pieces = str(file), header, min(announced, header.held)
-        contents |= read_alone(read_contents, *pieces, file=file, advice=AGAIN)
-    position, residual, rate = (
-        contents[name] for name in ("points", "residuals", "rate")
-    )
-    _, found, frames = position.shape
-    if (found, residual.shape) != (points, (found, frames)):
-        message = (
-            f"the header announces {points} points, the file holds {found}; {AGAIN}"
-        )
-        raise RecordingError(message, file=file, key="POINT:USED")
+    contents = _contents_of(file, header)
+    frames = contents["points"].shape[2]
     counts = compare_announced(
-        "frames", announced, frames, f"truncated? {AGAIN}", file=file
+        "frames", contents["announced"], frames, f"truncated? {AGAIN}", file=file
     )
+    rate = contents["rate"]
     if len(rate) != 1 or not 0 < rate[0] < np.inf:
         message = f"the file has no frame rate; {AGAIN}"
         raise RecordingError(message, file=file, key="POINT:RATE")
     stated = sorted({text.lower() for text in contents["units"]} - {""})
     unit = settle_unit(" and ".join(stated), unit, file, key="POINT:UNITS")
-    if (number := _long(contents["start"])) is not None:
-        first = number if first in (number % 2**16, LONGEST) else first
-    labels, outputs = contents["labels"], {*contents["outputs"]} - {""}
-    names = [*labels[:points], *[""] * (points - len(labels))]
-    names = [name or f"Point {number}" for number, name in enumerate(names, start=1)]
-    samples = position.transpose(1, 2, 0).copy()
+    samples = contents["points"].transpose(1, 2, 0).copy()
     with np.errstate(invalid="ignore"):
         invalid = ~(np.abs(samples) < GREATEST)
-    samples[invalid | (residual < 0)[..., None]] = np.nan
-    # the list of outputs has the label with its subject (Arm:HipAngles) or without
-    own = [
-        n
-        for n, name in enumerate(names)
-        if not {name, name.rpartition(":")[2]} & outputs
-    ]
-    markers = {}
-    for n in own:
-        several, number = names.count(names[n]) > 1, names[: n + 1].count(names[n])
-        markers[f"{names[n]} [{number}]" if several else names[n]] = samples[n]
-    if not markers:
-        message = (
-            f"all {points} points are outputs of a model (angles, moments or others)"
+    samples[invalid | (contents["residuals"] < 0)[..., None]] = np.nan
+
+    names = _marker_names(contents, points)
+    if not names:
+        raise RecordingError(
+            f"all {points} points are outputs of a model (angles, moments or others); export the "
+            "take with its markers",
+            file=file,
         )
-        raise RecordingError(f"{message}; export the take with its markers", file=file)
-    more = {"unlabelled_points": points - sum(map(bool, labels[:points]))}
-    rare = {"skipped_model_outputs": points - len(markers)}
-    rare["invalid_samples"] = int(invalid[own].any(axis=-1).sum())
-    rare["skipped_labels"] = max(len(labels) - points, 0)
+    labels = contents["labels"]
+    filled = [label for label in labels[:points] if label]
+    rare = {
+        "skipped_model_outputs": points - len(names),
+        "invalid_samples": int(invalid[[*names]].any(axis=-1).sum()),
+        "skipped_labels": max(len(labels) - points, 0),
+    }
+    more = {"unlabelled_points": points - len(filled)}
     more |= {name: count for name, count in rare.items() if count}
-    frame = np.arange(frames) + first
-    about = (
+    raw = MotionTake(
         Path(file).stem,
         "C3D",
         rate[0],
-        frame,
+        np.arange(frames) + _first_frame(header, contents),
         np.zeros(0),
-        markers,
+        {name: samples[point] for point, name in names.items()},
         {},
         counts,
         unit,
     )
-    return checked_take(MotionTake(*about), file, more=more)
+    return checked_take(raw, file, more=more)
 
 
-class C3dHeader(NamedTuple):
-    """The header's statements about the data, and the ``held`` frames by the file's length."""
+def _contents_of(file: Path, header: C3dHeader) -> dict:
+    """Return :func:`read_contents` of all frames, with the number ``announced``; RecordingError for
+    no points, and for other points than the ``header`` announces.
+    """
+    contents = read_alone(read_contents, str(file), file=file, advice=AGAIN)
+    if not header.points:
+        channels = contents["channels"]
+        message = "the file has no points: no take"
+        if channels:
+            message = (
+                f"the file has no points, only {len(channels)} analog channels "
+                f"({', '.join(channels)}) of {header.samples} samples: export the markers"
+            )
+        raise RecordingError(message, file=file)
+    announced = _announced_frames(header, contents)
+    if announced > header.frames:
+        require("memory_mib", announced * header.row / MIB, "MiB of frames", file)
+        pieces = str(file), header, min(announced, header.held)
+        contents |= read_alone(read_contents, *pieces, file=file, advice=AGAIN)
+    _, points, frames = contents["points"].shape
+    residuals = contents["residuals"].shape
+    if points != header.points or residuals != (points, frames):
+        message = f"the header announces {header.points} points, the file holds {points}; {AGAIN}"
+        raise RecordingError(message, file=file, key="POINT:USED")
+    return contents | {"announced": announced}
 
-    points: int
-    frames: int
-    first: int  # number of the first frame
-    last: int
-    samples: int  # per analog channel
-    start: int  # first byte of the data
-    row: int  # bytes of a frame
-    held: int
+
+def _first_frame(header: C3dHeader, contents: dict) -> int:
+    """Return the number of the first frame, by TRIAL where it agrees with the header's 16 bits."""
+    stated = _long(contents["start"])
+    if stated is not None and header.first in (stated % 2**16, LONGEST):
+        return stated
+    return header.first
+
+
+def _marker_names(contents: dict, points: int) -> dict[int, str]:
+    """Return number → name of the ``points`` that are markers, and not outputs of a model."""
+    labels = [*contents["labels"][:points]]
+    labels += [""] * (points - len(labels))
+    labels = [label or f"Point {n}" for n, label in enumerate(labels, start=1)]
+    outputs = {*contents["outputs"]} - {""}
+    names = {}
+    for point, label in enumerate(labels):
+        # the list of outputs has the label with its subject (Arm:HipAngles) or without
+        if outputs.isdisjoint((label, label.rpartition(":")[2])):
+            number = labels[: point + 1].count(label)
+            several = labels.count(label) > 1
+            names[point] = f"{label} [{number}]" if several else label
+    return names
 
 
 def _first_block(file: Path) -> C3dHeader:
     """Return the header; RecordingError for no C3D, and a file shorter than its header states."""
     with readable(file), Path(file).open("rb") as stream:
         content, size = stream.read(256 * BLOCK), stream.seek(0, os.SEEK_END)
-    if (processor := _processor(require_content(content, file))) not in (INTEL, DEC):
+    processor = _processor(require_content(content, file))
+    if processor not in (INTEL, DEC):
         message = f"this is no C3D file, or its header is cut short; {AGAIN}"
         if processor == MIPS:
-            message = "the numbers are big-endian (SGI, MIPS), which is not read; convert the file "
-            message += "to Intel's byte order with Mokka or C3Dserver"
+            message = (
+                "the numbers are big-endian (SGI, MIPS), which is not read; convert the file to "
+                "Intel's byte order with Mokka or C3Dserver"
+            )
         raise RecordingError(message, file=file)
     points, analog, first, last = struct.unpack_from("<4H", content, 2)
     start, ratio = struct.unpack_from("<2H", content, 16)
@@ -152,33 +176,31 @@ def _first_block(file: Path) -> C3dHeader:
     width = 4 if content[15 if processor == INTEL else 13] & 0x80 else 2
     start, row = (max(start, 1) - 1) * BLOCK, width * (4 * points + analog)
     frames = last - first + 1
-    needed = (
-        start + (frames if last != LONGEST else 1) * row
-    )  # at LONGEST the length decides
+    stored = frames if last != LONGEST else 1  # at LONGEST the length decides
+    needed = start + stored * row
     if frames < 1 or size < needed:
-        message = f"the header announces {points} points in {frames} frames, which need {needed} "
-        message += f"bytes or more; the file has {size}: empty or truncated; {AGAIN}"
-        raise RecordingError(message, file=file)
+        raise RecordingError(
+            f"the header announces {points} points in {frames} frames, which need {needed} bytes "
+            f"or more; the file has {size}: empty or truncated; {AGAIN}",
+            file=file,
+        )
     held = max(size - start, 0) // max(row, 1)
     return C3dHeader(points, frames, first, last, frames * ratio, start, row, held)
 
 
 def _announced_frames(header: C3dHeader, contents: dict) -> int:
     """Return the frames by the header, TRIAL, POINT:LONG_FRAMES or the file's length."""
-    start, end, stated = (
-        _long(contents[name]) for name in ("start", "end", "long_frames")
-    )
-    if None not in (start, end):
+    start, end = _long(contents["start"]), _long(contents["end"])
+    stated = _long(contents["long_frames"])
+    if start is not None and end is not None:
         stated = max(end - start + 1, stated or 0)
     capped = header.last == LONGEST
     if stated and (capped or stated % 2**16 == header.frames % 2**16):
         return max(stated, header.frames)
-    behind = (header.held - header.frames) * header.row >= BLOCK  # more than padding
-    return (
-        header.held
-        if capped and (behind or header.held < header.frames)
-        else header.frames
-    )
+    surplus = (header.held - header.frames) * header.row
+    if capped and (surplus >= BLOCK or surplus < 0):  # more than padding
+        return header.held
+    return header.frames
 
 
 def _long(words: list[float]) -> int | None:
@@ -200,22 +222,19 @@ def read_contents(file: str, header: C3dHeader | None = None, frames: int = 0) -
         # open by descriptor, since the library refuses names that are not UTF-8
         with Path(file).open("rb") as stream:
             return _contents(stream.fileno())
-    content, parts = Path(file).read_bytes(), []
+    content, pieces = Path(file).read_bytes(), []
     for first in range(0, frames, LONGEST - 1):
-        count, above = (
-            min(LONGEST - 1, frames - first),
-            bytearray(content[: header.start]),
-        )
+        count = min(LONGEST - 1, frames - first)
+        above = bytearray(content[: header.start])
         struct.pack_into("<2H", above, 6, 1, count)
         at = header.start + first * header.row
         with os.fdopen(os.memfd_create("piece"), "wb") as stream:
             stream.write(above + content[at : at + count * header.row])
             stream.flush()
-            parts.append(_contents(stream.fileno()))
-    joined = {"points": 2, "residuals": 1}
+            pieces.append(_contents(stream.fileno()))
     return {
-        name: np.concatenate([one[name] for one in parts], n)
-        for name, n in joined.items()
+        "points": np.concatenate([piece["points"] for piece in pieces], 2),
+        "residuals": np.concatenate([piece["residuals"] for piece in pieces], 1),
     }
 
 
@@ -228,15 +247,14 @@ def _contents(descriptor: int) -> dict:
 
     def values(kind: type, group: dict, *names: str) -> list:
         """Return all values of the parameters ``names`` in a group, in the order of ``names``."""
-        found = [
-            value for name in names if name in group for value in group[name]["value"]
-        ]
-        return [value.strip() if kind is str else value for value in map(kind, found)]
+        collected = []
+        for name in names:
+            if name in group:
+                collected += [kind(value) for value in group[name]["value"]]
+        return [value.strip() if kind is str else value for value in collected]
 
-    # LABELS2 before LABELS10
-    labels = sorted(
-        sorted(name for name in point if re.fullmatch(r"LABELS\d*", name)), key=len
-    )
+    labels = [name for name in point if re.fullmatch(r"LABELS\d*", name)]
+    labels = sorted(sorted(labels), key=len)  # LABELS2 before LABELS10
     return {
         "points": recording["data"]["points"][:3],
         "residuals": recording["data"]["meta_points"]["residuals"][0],

@@ -24,18 +24,22 @@ from pipeline.formats.motion.take import MotionTake
 
 RATES = ("Capture Frame Rate", "Export Frame Rate")
 TEXTS = ("Take Name", "Take Notes")  # free text, in which a comma is not always quoted
-KEYS = ("Format Version", *TEXTS, *RATES, "Capture Start Time", "Capture Start Frame")
-KEYS += (
+KEYS = (
+    "Format Version",
+    *TEXTS,
+    *RATES,
+    "Capture Start Time",
+    "Capture Start Frame",
     "Total Frames in Take",
     "Total Exported Frames",
     "Rotation Type",
     "Length Units",
+    "Coordinate Space",
 )
-KEYS += ("Coordinate Space",)
+TIMES = ("Time", "Time (Seconds)")
 RAW, SOLVED, BODY = "Marker", "Rigid Body Marker", "Rigid Body"
-HEADER_LINES = (
-    20  # upper limit; headers have five to eight lines, including blank lines
-)
+# upper limit; headers have five to eight lines, including blank lines
+HEADER_LINES = 20
 
 
 def read_motive(file: Path, unit: str | None = None) -> MotionTake:
@@ -53,20 +57,21 @@ def read_motive(file: Path, unit: str | None = None) -> MotionTake:
     nor body; where its unit is not ``unit``; where times contradict the rate; for malformed rows.
     """
     text = read_text(file)
-    first = (
-        "".join(cells_of(text.lines[0], ",", file=file, number=1)[:1])
-        if text.lines
-        else ""
-    )
+    cells = cells_of(text.lines[0], ",", file=file, number=1) if text.lines else []
+    first = cells[0] if cells else ""
     if first == "Format Version":
         return _read_columns(text, Path(file), unit)
     if first in ROW_TYPES:
         return read_rows(text, Path(file), unit)
-    message = "no Motive export: the file must begin with 'Format Version' or a row type, and a "
-    message += "comma; export it with its header"
+    message = (
+        "no Motive export: the file must begin with 'Format Version' or a row type, and a comma; "
+        "export it with its header"
+    )
     if re.match(r"(?:Format Version|comment|info)[;\t]", first):
-        message = "cells are separated by semicolons or tabs: another program saved the take; "
-        message += "export it with commas"
+        message = (
+            "cells are separated by semicolons or tabs: another program saved the take; export it "
+            "with commas"
+        )
     raise RecordingError(message, file=file, line=1)
 
 
@@ -82,73 +87,77 @@ class Header(NamedTuple):
     unused: int  # number of labelled columns outside ``groups``
 
 
+Groups = dict[tuple[str, str, str], dict[tuple[str, str], int]]
+
+
 def _header(lines: list[str], file: Path) -> Header:
     """Return the column labels; RecordingError where a label is missing or occurs twice."""
-    rows, number, message = [], 1, ""
+    filled_rows, number = [], 1
     for number, line in enumerate(lines[1:HEADER_LINES], start=2):
         cells = cells_of(line, ",", file=file, number=number)
-        rows += [cells] * any(cells)
-        if any(cells[:1]):
+        if any(cells):
+            filled_rows.append(cells)
+        if cells and cells[0]:
             break
-    columns = [*zip_longest(*rows, fillvalue="")]
+    columns = [*zip_longest(*filled_rows, fillvalue="")]
     rows = [*zip(*columns, strict=True)]
     named = {row[1]: row for row in rows[:-2] if row[1]}
-    if (
-        len(rows) < 4
-        or rows[-1][0] != "Frame"
-        or (named and not {"Type", "Name"} <= {*named})
-    ):
-        message = (
-            "no row that starts with 'Frame' follows the rows Type, Name and quantity: "
+    stated = not named or {"Type", "Name"} <= {*named}
+    if len(rows) < 4 or rows[-1][0] != "Frame" or not stated:
+        raise RecordingError(
+            "no row that starts with 'Frame' follows the rows Type, Name and quantity: the header "
+            "is truncated or damaged; export the take again",
+            file=file,
+            line=number,
         )
-        message += "the header is truncated or damaged; export the take again"
-        raise RecordingError(message, file=file, line=number)
     types, names = named.get("Type", rows[0]), named.get("Name", rows[1])
-    identities = named.get(
-        "ID", rows[2] if len(rows) > 4 and not named else [""] * len(types)
-    )
-    groups: dict[tuple[str, str, str], dict[tuple[str, str], int]] = {}
-    labels = zip(types, names, identities, *rows[-2:], strict=True)
+    identities = named.get("ID", [""] * len(types))
+    if len(rows) > 4 and not named:
+        identities = rows[2]
+    labels = [*zip(types, names, identities, *rows[-2:], strict=True)]
+    bones = {(kind, name) for kind, name, *_ in labels if "Bone" in kind}
+    groups: Groups = {}
     for column, (kind, name, identity, quantity, axis) in enumerate(labels):
         if kind in (RAW, SOLVED, BODY) and quantity in ("Position", "Rotation"):
             group = groups.setdefault((kind, name, identity), {})
             if group.setdefault((quantity, axis), column) != column:
-                message = f"{name!r} has two columns {quantity} {axis}"
+                fault = f"{name!r} has two columns {quantity} {axis}"
+                raise _to_export_again(fault, file, number)
     for (kind, name, _), group in groups.items():
         if not {("Position", axis) for axis in "XYZ"} <= {*group}:
-            message = f"{kind} {name!r} lacks one of its columns X, Y, Z of Position"
-    bones = {
-        (kind, name) for kind, name in zip(types, names, strict=True) if "Bone" in kind
-    }
+            fault = f"{kind} {name!r} lacks one of its columns X, Y, Z of Position"
+            raise _to_export_again(fault, file, number)
     if not groups:
-        message = f"{capture.NO_ASSET}{', only bones' * bool(bones)}"
-    if message:
-        raise RecordingError(
-            f"{message}; export the take again", file=file, line=number
-        )
-    time = next(
-        (n for n, axis in enumerate(rows[-1]) if axis in ("Time", "Time (Seconds)")),
-        None,
-    )
-    unused = sum(map(bool, types[2:])) - sum(map(len, groups.values()))
+        only = ", only bones" if bones else ""
+        raise _to_export_again(f"{capture.NO_ASSET}{only}", file, number)
+
+    times = [n for n, axis in enumerate(rows[-1]) if axis in TIMES]
     width = max(n for n, column in enumerate(columns, start=1) if any(column))
+    labelled = [any(column) for column in columns[:width]]
+    read_columns = sum(len(group) for group in groups.values())
+    unused = sum(1 for kind in types[2:] if kind) - read_columns
     return Header(
-        number, time, groups, [*map(any, columns[:width])], len(bones), unused
+        number, times[0] if times else None, groups, labelled, len(bones), unused
     )
+
+
+def _to_export_again(fault: str, file: Path, line: int) -> RecordingError:
+    return RecordingError(f"{fault}; export the take again", file=file, line=line)
 
 
 def _fields(line: str, file: Path) -> dict[str, str]:
     """Return key → value of the first row; an unquoted text with commas ends at the next key."""
     cells = cells_of(line, ",", file=file, number=1)
-    starts = [place for place, cell in enumerate(cells) if cell in KEYS] + [len(cells)]
+    starts = [place for place, cell in enumerate(cells) if cell in KEYS]
     fields: dict[str, str] = {}
-    for i, j in pairwise(starts):
-        parts = cells[i + 1 : j]
-        value = ",".join(parts).strip(",") if cells[i] in TEXTS else "".join(parts[:1])
-        if fields.setdefault(cells[i], value) != value:
-            message = f"the header has two different values of {cells[i]}"
-            raise RecordingError(message, file=file, line=1, key=cells[i])
-    if (space := fields.get("Coordinate Space")) not in (None, "", "Global"):
+    for start, end in pairwise([*starts, len(cells)]):
+        key, values = cells[start], cells[start + 1 : end]
+        value = ",".join(values).strip(",") if key in TEXTS else "".join(values[:1])
+        if fields.setdefault(key, value) != value:
+            message = f"the header has two different values of {key}"
+            raise RecordingError(message, file=file, line=1, key=key)
+    space = fields.get("Coordinate Space")
+    if space not in (None, "", "Global"):
         message = f"the Coordinate Space is {space!r}; export the take in Global"
         raise RecordingError(message, file=file, line=1, key="Coordinate Space")
     return fields
@@ -159,98 +168,126 @@ def _read_columns(text: Text, file: Path, unit: str | None) -> MotionTake:
     fields, groups = _fields(text.lines[0], file), header.groups
     require("markers", len(groups), "markers and bodies", file)
     rows, numbers, repeated = _rows(text, header, file)
-    columns = [0] + [column for group in groups.values() for column in group.values()]
-    columns += [] if header.time is None else [header.time]
+    columns = [0]
+    for group in groups.values():
+        columns += group.values()
+    if header.time is not None:
+        columns.append(header.time)
     table = numbers_of(rows, numbers, columns, file=file, gaps=True)
     values = dict(zip(columns, table.T, strict=True))
     frame = capture.frame_numbers(values[0], numbers, file)
-    printed = (
-        np.full(len(frame), np.nan) if header.time is None else values[header.time]
-    )
-    counts = {"blank_rows": len(text.lines) - header.line - len(rows) - repeated}
-    counts["cut_rows"] = int(text.cut is not None)
-    counts |= capture.compare_frames(
-        fields.get("Total Exported Frames", ""), len(frame)
-    )
+    printed = np.full(len(frame), np.nan)
+    if header.time is not None:
+        printed = values[header.time]
     # older versions have no export rate
     key = RATES[1] if fields.get(RATES[1]) else RATES[0]
-    found = capture.settle_rate(
-        fields.get(key, ""), frame, printed, file, line=1, key=key
-    )
-    unit = capture.settle_unit(
-        fields.get("Length Units", ""), unit, file, key="Length Units"
-    )
-    # a name that two assets share does not identify an asset: the ID is appended
-    uses = Counter((kind, name) for kind, name, _ in groups)
-    shared = {name for (_, name), number in uses.items() if number > 1}
-    positions, places, bodies = {RAW: {}, SOLVED: {}, BODY: {}}, {}, {}
-    for (kind, name, identity), group in groups.items():
-        key = f"{name} [{identity}]" if name in shared else name
-        xyz = [group["Position", axis] for axis in "XYZ"]
-        position = positions[kind][key] = np.stack(
-            [values[column] for column in xyz], axis=-1
-        )
-        if kind != SOLVED or key not in places:  # a raw marker replaces a solved one
-            places[key] = xyz
-        if kind == BODY:
-            rotation = {
-                axis: values[group[q, axis]] for q, axis in group if q == "Rotation"
-            }
-            quaternion = _quaternion(rotation, fields.get("Rotation Type", ""), file)
-            bodies[key] = capture.RigidBody(position, quaternion)
-    markers, solved = positions[RAW], positions[SOLVED]
-    more = {
-        "solved_replaced": len({*solved} & {*markers}),
-        "unused_columns": header.unused,
+    stated = fields.get(key, "")
+    rate, source = capture.settle_rate(stated, frame, printed, file, line=1, key=key)
+    key = "Length Units"
+    unit = capture.settle_unit(fields.get(key, ""), unit, file, key=key)
+    counts = {
+        "blank_rows": len(text.lines) - header.line - len(rows) - repeated,
+        "cut_rows": int(text.cut is not None),
     }
-    more["solved_only"] = len(solved) - more["solved_replaced"]
-    rare = {"repeated_rows": repeated, "skipped_bones": header.bones}
-    more |= {name: count for name, count in rare.items() if count}
-    markers |= {name: solved[name] for name in solved if name not in markers}
-    (rate, source), name = found, fields.get("Take Name") or file.stem
-    about = (
-        name,
+    stated = fields.get("Total Exported Frames", "")
+    counts |= capture.compare_frames(stated, len(frame))
+
+    assets = _assets(groups, values, fields.get("Rotation Type", ""), file)
+    replaced = len(assets.solved.keys() & assets.raw.keys())
+    more = {
+        "solved_replaced": replaced,
+        "unused_columns": header.unused,
+        "solved_only": len(assets.solved) - replaced,
+    }
+    if repeated:
+        more["repeated_rows"] = repeated
+    if header.bones:
+        more["skipped_bones"] = header.bones
+    only_solved = {n: xyz for n, xyz in assets.solved.items() if n not in assets.raw}
+    take = MotionTake(
+        fields.get("Take Name") or file.stem,
         fields["Format Version"],
         rate,
         frame,
         printed,
-        markers,
-        bodies,
+        assets.raw | only_solved,
+        assets.bodies,
         counts,
         unit,
+        rate_from=source,
     )
-    raw = MotionTake(*about, rate_from=source)
-    return capture.checked_take(raw, file, numbers, places, more)
+    return capture.checked_take(take, file, numbers, assets.columns, more)
+
+
+class Assets(NamedTuple):
+    """Markers and bodies by name, positions (N, 3) in the file's unit."""
+
+    raw: dict[str, np.ndarray]
+    solved: dict[str, np.ndarray]
+    bodies: dict[str, capture.RigidBody]
+    columns: dict[str, list[int]]  # columns of X, Y and Z
+
+
+def _assets(
+    groups: Groups, values: dict[int, np.ndarray], order: str, file: Path
+) -> Assets:
+    """Return the assets of the ``groups`` of columns, with ``values`` (N,) by column, and Euler
+    angles in ``order``.
+    """
+    assets = Assets({}, {}, {}, {})
+    # a name that two assets share does not identify an asset: the ID is appended
+    uses = Counter((kind, name) for kind, name, _ in groups)
+    shared = {name for (_, name), number in uses.items() if number > 1}
+    for (kind, name, identity), group in groups.items():
+        key = f"{name} [{identity}]" if name in shared else name
+        xyz = [group["Position", axis] for axis in "XYZ"]
+        position = np.stack([values[column] for column in xyz], axis=-1)
+        if kind != SOLVED or key not in assets.columns:  # raw replaces solved
+            assets.columns[key] = xyz
+        if kind == RAW:
+            assets.raw[key] = position
+        elif kind == SOLVED:
+            assets.solved[key] = position
+        else:
+            rotation = {}
+            for (quantity, axis), column in group.items():
+                if quantity == "Rotation":
+                    rotation[axis] = values[column]
+            quaternion = _quaternion(rotation, order, file)
+            assets.bodies[key] = capture.RigidBody(position, quaternion)
+    return assets
 
 
 def _rows(text: Text, header: Header, file: Path) -> tuple[list[str], list[int], int]:
     """Return frame rows, their lines, and repeated rows; RecordingError for a malformed row."""
-    rows, numbers, repeated, width = [], [], 0, len(header.labelled)
+    rows, numbers, repeated = [], [], 0
+    width = len(header.labelled)
     for number, line in enumerate(text.lines[header.line :], start=header.line + 1):
         if not line.strip(", \t"):
             continue
-        labelled = zip_longest(cells := line.split(","), header.labelled)
-        beyond = [cell.strip() for cell, label in labelled if cell and not label]
-        if len(cells) < width or any(beyond):
-            found = (
-                f"{max(beyond)!r} in a column without a label"
-                if any(beyond)
-                else "a cut row"
+        cells = line.split(",")
+        unlabelled = []
+        for cell, label in zip_longest(cells, header.labelled):
+            if cell and cell.strip() and not label:
+                unlabelled.append(cell.strip())
+        if len(cells) < width or unlabelled:
+            fault = "a cut row"
+            if unlabelled:
+                fault = f"{max(unlabelled)!r} in a column without a label"
+            raise RecordingError(
+                f"the row has {len(cells)} cells, the header labels {width} columns: {fault} (row "
+                "of another take, or decimal commas?); export the take again",
+                file=file,
+                line=number,
             )
-            message = f"the row has {len(cells)} cells, the header labels {width} columns: {found} "
-            message += (
-                "(row of another take, or decimal commas?); export the take again"
-            )
-            raise RecordingError(message, file=file, line=number)
         row = ",".join(cells[:width])
         if row in rows[-1:]:
             repeated += 1
-            continue
-        rows.append(row)
-        numbers.append(number)
+        else:
+            rows.append(row)
+            numbers.append(number)
     if not rows:
-        message = "no frame follows the header; export the take again"
-        raise RecordingError(message, file=file, line=header.line)
+        raise _to_export_again("no frame follows the header", file, header.line)
     return rows, numbers, repeated
 
 
@@ -259,17 +296,20 @@ def _quaternion(rotation: dict[str, np.ndarray], order: str, file: Path) -> np.n
     if {*rotation} == {*"XYZW"}:
         return np.stack([rotation[axis] for axis in "XYZW"], axis=-1)
     if {*rotation} != {*"XYZ"} or sorted(order) != ["X", "Y", "Z"]:
-        message = f"the Rotation Type is {order!r} and the columns of Rotation are "
-        message += f"{', '.join(sorted(rotation)) or 'none'}: export the take with quaternions (X, "
-        message += "Y, Z, W), or write the order of the angles, such as XYZ, behind Rotation Type"
-        raise RecordingError(message, file=file, line=1, key="Rotation Type")
+        raise RecordingError(
+            f"the Rotation Type is {order!r} and the columns of Rotation are "
+            f"{', '.join(sorted(rotation)) or 'none'}: export the take with quaternions (X, Y, Z, "
+            "W), or write the order of the angles, such as XYZ, behind Rotation Type",
+            file=file,
+            line=1,
+            key="Rotation Type",
+        )
     angles = np.stack([rotation[axis] for axis in order], axis=-1)
     tracked = ~np.isnan(angles).any(axis=-1)
     quaternion = np.full((len(angles), 4), np.nan)
     if tracked.any():
-        quaternion[tracked] = Rotation.from_euler(
-            order, angles[tracked], degrees=True
-        ).as_quat()
+        rotations = Rotation.from_euler(order, angles[tracked], degrees=True)
+        quaternion[tracked] = rotations.as_quat()
     return quaternion
 
 
@@ -289,45 +329,37 @@ def write_motive(file: Path, take: MotionTake, *, start: str) -> None:
     pose = [("Rotation", axis) for axis in "XYZW"] + place
     assets = [(BODY, name, pose) for name in take.bodies]
     assets += [(RAW, name, place) for name in take.markers]
-    labels = [
-        (kind, _quoted(name), f'"{number:X}"', *label)
-        for number, (kind, name, parts) in enumerate(assets, start=0xA10)
-        for label in parts
-    ]
+    labels = []
+    for number, (kind, name, quantities) in enumerate(assets, start=0xA10):
+        for quantity, axis in quantities:
+            labels.append((kind, _quoted(name), f'"{number:X}"', quantity, axis))
     header = [",".join(f"{key},{value}" for key, value in values.items()), ""]
     starts = ",Type", ",Name", ",ID", ",", "Frame,Time (Seconds)"
-    rows = zip(starts, np.transpose(labels), strict=True)
-    header += [",".join([start, *row]) for start, row in rows]
-    blocks = [
-        block
-        for body in take.bodies.values()
-        for block in (body.quaternion, body.position)
-    ]
-    table = np.column_stack(
-        [take.frame, take.frame / take.rate, *blocks, *take.markers.values()]
-    )
+    for start_of_row, row in zip(starts, np.transpose(labels), strict=True):
+        header.append(",".join([start_of_row, *row]))
+    blocks = [take.frame, take.frame / take.rate]
+    for body in take.bodies.values():
+        blocks += [body.quaternion, body.position]
+    table = np.column_stack([*blocks, *take.markers.values()])
     row = ",".join(["%d", *["%.6f"] * (table.shape[1] - 1)]) + "\r\n"
     rows = (row * len(table) % tuple(table.ravel().tolist())).replace("nan", "")
     Path(file).write_bytes(("\r\n".join(header) + "\r\n" + rows).encode())
 
 
 def _quoted(name: str) -> str:
-    return (
-        '"' + name.replace('"', '""') + '"'
-        if any(mark in name for mark in ',"')
-        else name
-    )
+    if '"' in name or "," in name:
+        return '"' + name.replace('"', '""') + '"'
+    return name
 
 
 def _begins(head: Head) -> bool:
     # accept separators of other programs too, since the reader's error explains them
-    lines = [re.split(r"[,;\t]", line) for line in head.lines[:2]]
-    first, *second = (
-        (cells[0].strip().strip('"') for cells in lines) if lines else ("",)
-    )
-    typed = (
-        first in ROW_TYPES and {*second} <= {*ROW_TYPES} and max(map(len, lines)) > 1
-    )
+    rows = [re.split(r"[,;\t]", line) for line in head.lines[:2]]
+    if not rows:
+        return False
+    first, *second = (row[0].strip().strip('"') for row in rows)
+    several = max(len(row) for row in rows) > 1
+    typed = first in ROW_TYPES and {*second} <= {*ROW_TYPES} and several
     return first == "Format Version" or typed
 
 

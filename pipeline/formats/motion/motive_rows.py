@@ -67,115 +67,151 @@ def _blocks(cells: list[str], *widths: int) -> Iterator[list[list[str]]]:
         raise ValueError("the row has more cells than its counts state")
 
 
+class _Rows:
+    """Content of the rows of a take."""
+
+    def __init__(self) -> None:
+        self.infos = {"version": "1.0"}
+        self.bodies: dict[int, str] = {}  # ID → name
+        # markers without any measured position are in the take, with NaN in all frames
+        self.defined: list[str] = []
+        self.times: list[list[float]] = []  # of each frame: number and time in s
+        self.lines: list[int] = []  # of the frames
+        self.poses: list[tuple] = []  # frame from 0, name, position and quaternion
+        self.markers: list[tuple] = []  # frame from 0, ID, name, position
+
+    @property
+    def named(self) -> bool:
+        """Whether markers have IDs and names."""
+        return self.infos["version"] not in ("1", "1.0", "1.00")
+
+    def add(self, kind: str, cells: list[str], line: int) -> None:
+        """Add the row of the type ``kind``; ValueError for a malformed one."""
+        first, second = [*cells, "", ""][:2]
+        if kind == "info":
+            self.infos[first] = second
+        elif kind == "frame":
+            self.lines.append(line)
+            self.times.append(_numbers([first, second]))
+            self._add_samples(cells[2:])
+        elif kind in BODY_ROWS and not self.times:
+            self._add_body(first, _whole(second), cells[2:])
+        elif kind not in ("righthanded", *BODY_ROWS):
+            raise ValueError(
+                f"the row type is {kind!r}; a right-handed take has the row types "
+                f"{', '.join(ROW_TYPES)}"
+            )
+
+    def _add_body(self, name: str, identity: int, cells: list[str]) -> None:
+        (markers,) = _blocks(cells, 3)
+        if name in self.bodies.values() or identity in self.bodies:
+            raise ValueError(f"rigid body {name!r} (ID {identity}) is defined twice")
+        self.bodies[identity] = name
+        if self.named:
+            for number in range(1, len(markers) + 1):
+                self.defined.append(f"{name}-Marker {number}")
+
+    def _add_samples(self, cells: list[str]) -> None:
+        bodies, markers = _blocks(cells, 11, 5 if self.named else 4)
+        frame = len(self.times) - 1
+        unknown = {_whole(body[0]) for body in bodies} - {*self.bodies}
+        if unknown:
+            raise ValueError(f"rigid body {min(unknown)} is not defined")
+        names = []
+        for identity, *numbers in bodies:
+            name = self.bodies[int(identity)]
+            # position and quaternion; the angles are redundant
+            self.poses.append((frame, name, *_numbers(numbers)[:7]))
+            names.append(name)
+        for marker in markers:
+            x, y, z, identity, name = [*marker, ""][:5]
+            self.markers.append((frame, identity, name, *_numbers([x, y, z])))
+            if not STRAY.fullmatch(name):
+                names.append(f"{MARKER}{name}")
+        for name in names:
+            if names.count(name) > 1:
+                raise ValueError(f"two assets are named {name.removeprefix(MARKER)!r}")
+
+
 def read_rows(text: Text, file: Path, unit: str | None) -> MotionTake:
     """Return the take in ``text`` of version 1.0 or 1.1; see :func:`..motive.read_motive`."""
-    infos, bodies, defined, previous = (
-        {"version": "1.0"},
-        {},
-        [],
-        None,
-    )  # bodies: ID → name
-    times, lines, poses, seen = [], [], [], []
     counts = {
         "blank_rows": 0,
         "cut_rows": int(text.cut is not None),
         "repeated_rows": 0,
     }
+    rows, previous = _Rows(), None
     for number, line in enumerate(text.lines, start=1):
         if line.startswith("comment"):
             continue
-        if (blank := not line.strip(", \t")) or line == previous:
-            counts["blank_rows" if blank else "repeated_rows"] += 1
-            continue
-        kind, *cells = cells_of(line, ",", file=file, number=number)
-        named = infos["version"] not in (
-            "1",
-            "1.0",
-            "1.00",
-        )  # whether markers have IDs and names
-        (first, second), rest = [*cells, "", ""][:2], cells[2:]
-        try:
-            if kind == "info":
-                infos[first] = second
-            elif kind == "frame":
-                tracked, markers = _blocks(rest, 11, 5 if named else 4)
-                k, markers = len(times), [[*one, ""][:5] for one in markers]
-                lines.append(number)
-                times.append(_numbers([first, second]))
-                if unknown := {_whole(one[0]) for one in tracked} - {*bodies}:
-                    raise ValueError(f"rigid body {min(unknown)} is not defined")
-                # position and quaternion; the angles are redundant
-                poses += [
-                    (k, bodies[int(one[0])], *_numbers(one[1:])[:7]) for one in tracked
-                ]
-                seen += [(k, one[3], one[-1], *_numbers(one[:3])) for one in markers]
-                names = [bodies[int(one[0])] for one in tracked]
-                names += [
-                    f"{MARKER}{one[-1]}"
-                    for one in markers
-                    if not STRAY.fullmatch(one[-1])
-                ]
-                if twice := next((name for name in names if names.count(name) > 1), ""):
-                    raise ValueError(
-                        f"two assets are named {twice.removeprefix(MARKER)!r}"
-                    )
-            elif kind in BODY_ROWS and not times:
-                (markers,) = _blocks(rest, 3)
-                if first in bodies.values() or _whole(second) in bodies:
-                    raise ValueError(
-                        f"rigid body {first!r} (ID {second}) is defined twice"
-                    )
-                bodies[_whole(second)] = first
-                # a marker without any measured position is in the take, with NaN in all frames
-                defined += [
-                    f"{first}-Marker {n + 1}" for n in range(len(markers)) if named
-                ]
-            elif kind not in ("righthanded", *BODY_ROWS):
-                message = (
-                    f"the row type is {kind!r}; a right-handed take has the row types "
-                )
-                raise ValueError(f"{message}{', '.join(ROW_TYPES)}")
-        except ValueError as error:
-            raise RecordingError(
-                f"{error}; export it again", file=file, line=number
-            ) from None
-        previous = line
-    numbers, printed = np.array(times).reshape(-1, 2).T
-    frame = capture.frame_numbers(numbers, lines, file)
-    last = [len(text.lines), *lines][-1]
+        if not line.strip(", \t"):
+            counts["blank_rows"] += 1
+        elif line == previous:
+            counts["repeated_rows"] += 1
+        else:
+            kind, *cells = cells_of(line, ",", file=file, number=number)
+            try:
+                rows.add(kind, cells, number)
+            except ValueError as error:
+                message = f"{error}; export it again"
+                raise RecordingError(message, file=file, line=number) from None
+            previous = line
+
+    numbers, printed = np.array(rows.times).reshape(-1, 2).T
+    frame = capture.frame_numbers(numbers, rows.lines, file)
+    last = [len(text.lines), *rows.lines][-1]
     rate, source = capture.settle_rate("", frame, printed, file, line=last)
     unit = capture.settle_unit("", unit, file, key="info")
-    counts |= capture.compare_frames(infos.get("framecount", ""), len(frame))
-    poses = pd.DataFrame(poses, columns=["k", "name", *POSE])
-    seen = pd.DataFrame(seen, columns=["k", "id", "name", *"xyz"])
-    lost = seen["name"].str.fullmatch(STRAY).astype(bool)
-    more = {"stray_ids": seen["id"][lost].nunique(), "stray_samples": int(lost.sum())}
-    order = seen[lost].groupby("k").cumcount() + 1
-    seen.loc[lost, "name"] = [f"Unlabeled {n}" for n in order]
-    seen = seen.sort_values("name", key=lambda _: lost, kind="stable")
-    names = {*defined, *seen["name"], *bodies.values()}
+    counts |= capture.compare_frames(rows.infos.get("framecount", ""), len(frame))
+    seen = pd.DataFrame(rows.markers, columns=["k", "id", "name", *"xyz"])
+    stray = seen["name"].str.fullmatch(STRAY).astype(bool)
+    more = {
+        "stray_ids": seen["id"][stray].nunique(),
+        "stray_samples": int(stray.sum()),
+    }
+    order = seen[stray].groupby("k").cumcount() + 1
+    seen.loc[stray, "name"] = [f"Unlabeled {n}" for n in order]
+    seen = seen.sort_values("name", key=lambda _: stray, kind="stable")
+    bodies = [*rows.bodies.values()]
+    _require_bounded({*rows.defined, *seen["name"], *bodies}, len(frame), file)
+    markers = _dense(seen, rows.defined, POSE[:3], len(frame))
+    poses = pd.DataFrame(rows.poses, columns=["k", "name", *POSE])
+    rigid = {}
+    for name, pose in _dense(poses, bodies, POSE, len(frame)).items():
+        rigid[name] = RigidBody(pose[:, :3], pose[:, 3:])
+    version = rows.infos["version"]
+    raw = MotionTake(
+        file.stem,
+        version,
+        rate,
+        frame,
+        printed,
+        markers,
+        rigid,
+        counts,
+        unit,
+        rate_from=source,
+    )
+    return capture.checked_take(raw, file, rows.lines, more=more)
+
+
+def _require_bounded(names: set[str], frames: int, file: Path) -> None:
+    """Raise RecordingError for no asset, too many, and too many samples of all."""
     require("markers", len(names), "markers and bodies", file)
     if not names:
         raise RecordingError(f"{capture.NO_ASSET}; export it with them", file=file)
     # a name in a few frames needs memory for all frames
-    require(
-        "memory_mib", len(names) * len(frame) * SAMPLE / MIB, "MiB of samples", file
-    )
+    size = len(names) * frames * SAMPLE / MIB
+    require("memory_mib", size, "MiB of samples", file)
 
-    def dense(
-        table: pd.DataFrame, known: list[str], columns: list[str]
-    ) -> dict[str, np.ndarray]:
-        lost = dict.fromkeys(known, np.full((len(frame), len(columns)), nan))
-        tables = table.set_index("k").groupby("name", sort=False)[columns]
-        return lost | {
-            n: one.reindex(np.arange(len(frame))).to_numpy() for n, one in tables
-        }
 
-    markers, poses = (
-        dense(seen, defined, POSE[:3]),
-        dense(poses, [*bodies.values()], POSE),
-    )
-    rigid = {name: RigidBody(pose[:, :3], pose[:, 3:]) for name, pose in poses.items()}
-    about = file.stem, infos["version"], rate, frame, printed, markers, rigid
-    raw = MotionTake(*about, counts, unit, rate_from=source)
-    return capture.checked_take(raw, file, lines, more=more)
+def _dense(
+    table: pd.DataFrame, names: list[str], columns: list[str], frames: int
+) -> dict[str, np.ndarray]:
+    """Return name → ``columns`` (``frames``, …) of the rows ``k``, NaN elsewhere; the ``names``
+    are there without rows, too.
+    """
+    samples = dict.fromkeys(names, np.full((frames, len(columns)), nan))
+    for name, rows in table.set_index("k").groupby("name", sort=False)[columns]:
+        samples[name] = rows.reindex(np.arange(frames)).to_numpy()
+    return samples

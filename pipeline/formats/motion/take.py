@@ -19,18 +19,14 @@ NEAREST = 0.003  # m, least extent of all markers of a take: the size of one
 STRAY = re.compile(r"(Marker-|Unlabeled[: ]?|\*)\d+|")
 LEAST_FILLER = 99.0  # in any unit: three equal coordinates beyond it fill a gap
 WHOLE = re.compile(r"[0-9]{1,18}")  # a count or an ID
-TIME_ROUNDING = (
-    0.0101  # s, greatest error of a step between times of two decimals or more
-)
+# s, greatest error of a step between times of two decimals or more
+TIME_ROUNDING = 0.0101
 RATE_TOLERANCE = 0.01  # relative error of a stated rate, far above any clock's drift
 UNIT_TOLERANCE = 0.01  # error of a quaternion's length, far above rounding
 TELLING = 20  # least number of printed times that can contradict a stated rate
 NO_ASSET = "the take has no marker and no rigid body"
-BEFORE = (
-    "solved_replaced",
-    "solved_only",
-    "unlabelled_points",
-)  # counts listed before samples
+# counts listed before samples
+BEFORE = ("solved_replaced", "solved_only", "unlabelled_points")
 FROM_TIMES = "the printed times: the file states no rate"
 
 
@@ -49,14 +45,12 @@ class MotionTake:
     version: str  # format version
     rate: float  # Hz, rate of the frame numbers
     frame: np.ndarray  # (N,) int64, increasing; gaps are frames that were not exported
-    time: (
-        np.ndarray
-    )  # (N,) s since the first exported frame, from frame numbers and rate
+    # (N,) s since the first exported frame, from frame numbers and rate
+    time: np.ndarray
     markers: dict[str, np.ndarray]  # name: (N, 3) m, NaN where occluded
     bodies: dict[str, RigidBody]
-    counts: dict[
-        str, int
-    ]  # numbers of skipped, lost and repaired items; see the format's reader
+    # numbers of skipped, lost and repaired items; see the format's reader
+    counts: dict[str, int]
     unit: str = "m"  # unit of lengths in the file
     rate_from: str = ""  # source of ``rate``, if the file does not state it
 
@@ -69,27 +63,32 @@ def settle_unit(stated: str, option: str | None, file: Path, *, key: str) -> str
     unit = spelled(stated) or option
     if unit in UNITS_PER_METRE and option in (None, unit):
         return unit
-    known = spelled(stated) in ("", *UNITS_PER_METRE)
-    message = "the file does not state the unit of its lengths: set it to m, cm or mm"
-    if stated.strip():
-        message = f"lengths are in {stated!r} by {key} of the file, not in "
-        message += (
-            f"{option}: correct the option"
-            if option
-            else "m, cm or mm: export in these"
+    if not stated.strip():
+        message = (
+            "the file does not state the unit of its lengths: set it to m, cm or mm"
         )
-    raise RecordingError(message, file=file, key="dataset.mocap.unit" if known else key)
+    elif option:
+        message = f"lengths are in {stated!r} by {key} of the file, not in {option}: correct the "
+        message += "option"
+    else:
+        message = f"lengths are in {stated!r} by {key} of the file, not in m, cm or mm: export in "
+        message += "these"
+    by_option = spelled(stated) in ("", *UNITS_PER_METRE)
+    key = "dataset.mocap.unit" if by_option else key
+    raise RecordingError(message, file=file, key=key)
 
 
 def frame_numbers(values: np.ndarray, lines: list[int], file: Path) -> np.ndarray:
     """Return whole, increasing frame numbers (N,) int64; else RecordingError with the line."""
-    whole = (
-        np.isfinite(values) & (values == np.round(values)) & (np.abs(values) < 2**53)
-    )
-    if (invalid := ~whole | np.append(False, np.diff(values) <= 0)).any():
-        line = lines[int(np.argmax(invalid))]
-        message = "the frame number is missing, is not whole or does not increase"
-        raise RecordingError(f"{message}; export the take again", file=file, line=line)
+    whole = np.isfinite(values) & (values == np.round(values))
+    invalid = ~whole | (np.abs(values) >= 2**53)
+    invalid[1:] |= np.diff(values) <= 0
+    if invalid.any():
+        raise RecordingError(
+            "the frame number is missing, is not whole or does not increase; export the take again",
+            file=file,
+            line=lines[int(np.argmax(invalid))],
+        )
     return values.astype(np.int64)
 
 
@@ -105,18 +104,26 @@ def settle_rate(
         return timed, FROM_TIMES
     rate = float(stated) if NUMBER.fullmatch(stated) else np.nan
     if 0 < rate < np.inf:
-        frame, time = (values[np.isfinite(printed)] for values in (frame, printed))
+        timed_frame, time = _timed(frame, printed)
         lag = max(len(time) // 4, 1)
-        passed, expected = time[lag:] - time[:-lag], (frame[lag:] - frame[:-lag]) / rate
+        passed = time[lag:] - time[:-lag]
+        expected = (timed_frame[lag:] - timed_frame[:-lag]) / rate
         off = np.abs(passed - expected) - TIME_ROUNDING - RATE_TOLERANCE * expected
         if len(time) < TELLING or np.median(off) <= 0:
             return rate, ""
-    message = f"the frame rate is {stated!r} in the header and {timed or 0:.6g} by the printed "
-    message += (
-        "times (0: they do not increase); a rate > 0 that agrees with the times is "
+    raise RecordingError(
+        f"the frame rate is {stated!r} in the header and {timed or 0:.6g} by the printed times (0: "
+        "they do not increase); a rate > 0 that agrees with the times is required; export the take "
+        "again",
+        file=file,
+        **where,
     )
-    message += "required; export the take again"
-    raise RecordingError(message, file=file, **where)
+
+
+def _timed(frame: np.ndarray, printed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the frame numbers (M,) of frames with a time, and the times."""
+    timed = np.isfinite(printed)
+    return frame[timed], printed[timed]
 
 
 def rate_from_times(frame: np.ndarray, printed: np.ndarray) -> float | None:
@@ -124,21 +131,22 @@ def rate_from_times(frame: np.ndarray, printed: np.ndarray) -> float | None:
     integer. Return the unrounded mean where the integer rate misses a printed time by more than
     rounding or half a frame, and None where times do not increase.
     """
-    frame, time = (values[np.isfinite(printed)] for values in (frame, printed))
+    frame, time = _timed(frame, printed)
     if len(time) < 2 or time[-1] <= time[0]:
         return None
     mean = (frame[-1] - frame[0]) / (time[-1] - time[0])
-    off = np.abs((frame - frame[0]) / max(np.round(mean), 1.0) - (time - time[0]))
-    hundredths = np.allclose(time * 100, np.round(time * 100), rtol=0, atol=1e-6)
-    most = max(0.5 / mean, TIME_ROUNDING if hundredths else 0.0)
-    return float(np.round(mean)) if off.max() < most else float(mean)
+    whole = np.round(mean)
+    off = np.abs((frame - frame[0]) / max(whole, 1.0) - (time - time[0]))
+    hundredths = time * 100
+    rounded = np.allclose(hundredths, np.round(hundredths), rtol=0, atol=1e-6)
+    allowed = max(0.5 / mean, TIME_ROUNDING if rounded else 0.0)
+    return float(whole) if off.max() < allowed else float(mean)
 
 
-def compare_frames(stated: str, found: int) -> dict[str, int]:
+def compare_frames(stated: str, frames: int) -> dict[str, int]:
     """Return the counts of frames in a take whose header has the number ``stated``."""
-    return compare_announced(
-        "frames", int(stated) if WHOLE.fullmatch(stated) else None, found
-    )
+    announced = int(stated) if WHOLE.fullmatch(stated) else None
+    return compare_announced("frames", announced, frames)
 
 
 def checked_take(
@@ -157,90 +165,129 @@ def checked_take(
     frame or its line and the column, for a coordinate beyond FARTHEST, a coordinate that is missing
     in all rows, and a quaternion whose length is not 1.
     """
-    frame, step = raw.frame, np.diff(raw.frame)
-    time = (frame - frame[0]) / raw.rate
+    time = (raw.frame - raw.frame[0]) / raw.rate
     printed = raw.time if len(raw.time) else time
-    counts = raw.counts | {"gaps": int(np.sum(step > 1))}
-    counts["skipped_frames"] = int(np.sum(step - 1))
-    counts["time_mismatches"] = int(
-        np.sum(np.abs(printed - printed[:1] - time) > TIME_ROUNDING)
-    )
-    counts |= {"zero_samples": 0, "partial_samples": 0}
+    late = np.abs(printed - printed[:1] - time) > TIME_ROUNDING
+    step = np.diff(raw.frame)
+    samples = _Samples(raw, file, lines, columns or {})
+    markers, bodies = {}, {}
+    for name, position in raw.markers.items():
+        markers[name] = samples.position(position, name)
+    _require_extent(markers, raw.unit, file)
+    for name, body in raw.bodies.items():
+        position = samples.position(body.position, name)
+        bodies[name] = RigidBody(position, samples.rotation(body.quaternion, name))
+    counts = raw.counts | {
+        "gaps": int(np.sum(step > 1)),
+        "skipped_frames": int(np.sum(step - 1)),
+        "time_mismatches": int(np.sum(late)),
+    }
+    counts |= samples.counts
+    counts |= {name: more[name] for name in BEFORE if more and name in more}
+    counts["marker_samples"] = len(markers) * len(raw.frame)
+    counts["missing_samples"] = counts["missing_poses"] = 0
+    for position in markers.values():
+        counts["missing_samples"] += int(np.isnan(position[:, 0]).sum())
+    for body in bodies.values():
+        missing = np.isnan(body.position + body.quaternion[:, :3]).any(axis=-1)
+        counts["missing_poses"] += int(missing.sum())
+    counts |= more or {}
+    return replace(raw, counts=counts, time=time, markers=markers, bodies=bodies)
 
-    def fault(message: str, k: int, **evidence: int) -> RecordingError:
-        place = {"frame": int(frame[k])} if lines is None else {"line": lines[k]}
-        return RecordingError(message, file=file, **place, **evidence)
 
-    def check_position(position: np.ndarray, name: str) -> np.ndarray:
-        zero, filler = (
-            (position == 0).all(axis=1),
-            (position == position[:, :1]).all(axis=1),
-        )
-        filler &= ~zero & (np.abs(position[:, 0]) >= LEAST_FILLER)
-        position = (
-            np.where(filler[:, None], np.nan, position) / UNITS_PER_METRE[raw.unit]
-        )
-        missing, far = ~np.isfinite(position), np.abs(position) > FARTHEST
+class _Samples:
+    """Check of the samples of a take, with counts of the missing ones."""
+
+    def __init__(
+        self,
+        raw: MotionTake,
+        file: Path,
+        lines: Sequence[int] | None,
+        columns: Mapping[str, Sequence[int]],
+    ) -> None:
+        self.raw, self.file = raw, file
+        self.lines, self.columns = lines, columns
+        self.counts = {"zero_samples": 0, "partial_samples": 0}
+
+    def position(self, position: np.ndarray, name: str) -> np.ndarray:
+        """Return the ``position`` (N, 3) of a marker or body in m, NaN where it is lost."""
+        zero = (position == 0).all(axis=1)
+        equal = (position == position[:, :1]).all(axis=1)
+        filler = equal & ~zero & (np.abs(position[:, 0]) >= LEAST_FILLER)
+        position = np.where(filler[:, None], np.nan, position)
+        position = position / UNITS_PER_METRE[self.raw.unit]
+        missing = ~np.isfinite(position)
         sighted, lost = ~missing.all(axis=1), missing.any(axis=1)
-        absent = missing.all(axis=0) & sighted[:, None]
-        if (invalid := far if far.any() else absent).any():
-            k, axis = (int(index) for index in np.argwhere(invalid)[0])
-            message = f"{name} has no {'XYZ'[axis]} in any row, but other coordinates: a column is "
-            message += "missing or shifted; export the take again"
-            if far.any():
-                message = f"{name} is at {position[k, axis]:.6g} m, farther than any camera sees "
-                message += f"({FARTHEST:g} m): are lengths in {raw.unit}, and is the decimal mark "
-                message += "a point?"
-            raise fault(
-                message, k, **({"column": columns[name][axis] + 1} if columns else {})
-            )
-        counts["zero_samples"] += int(zero.sum())
+        self._require_plausible(position, sighted, name)
+        self.counts["zero_samples"] += int(zero.sum())
         if filler.any():
-            counts["filler_samples"] = counts.get("filler_samples", 0) + int(
-                filler.sum()
-            )
-        counts["partial_samples"] += int((lost & sighted).sum())
+            fillers = self.counts.get("filler_samples", 0) + int(filler.sum())
+            self.counts["filler_samples"] = fillers
+        self.counts["partial_samples"] += int((lost & sighted).sum())
         position[zero | lost] = np.nan
         return position
 
-    markers = {
-        name: check_position(position, name) for name, position in raw.markers.items()
-    }
-    seen = np.vstack([np.empty((0, 3)), *markers.values()])
-    seen = seen[np.isfinite(seen).all(axis=1)]
-    extent = np.ptp(seen, axis=0).max() if len(seen) else 0.0
-    if len(markers) > 1 and 0 < extent < NEAREST:
-        message = f"all {len(markers)} markers lie within {1000 * extent:.3g} mm, less than one's"
-        message += (
-            f" size: are lengths in {raw.unit}? Export the take again, in another unit"
+    def _require_plausible(
+        self, position: np.ndarray, sighted: np.ndarray, name: str
+    ) -> None:
+        """Raise RecordingError for a coordinate beyond FARTHEST, and for one that is missing in all
+        rows of a marker that is ``sighted`` (N,) in some.
+        """
+        far = np.abs(position) > FARTHEST
+        absent = (~np.isfinite(position)).all(axis=0) & sighted[:, None]
+        invalid = far if far.any() else absent
+        if not invalid.any():
+            return
+        row, axis = np.argwhere(invalid)[0].tolist()
+        message = (
+            f"{name} has no {'XYZ'[axis]} in any row, but other coordinates: a column is missing "
+            "or shifted; export the take again"
         )
-        raise RecordingError(message, file=file)
-    bodies = {}
-    for name, body in raw.bodies.items():
-        position, rotation = check_position(body.position, name), body.quaternion
-        zero = (rotation == 0).all(axis=-1)
-        counts["zero_samples"] += int(zero.sum())
-        rotation = np.where(
-            (zero | np.isnan(rotation).any(axis=-1))[:, None], np.nan, rotation
-        )
+        if far.any():
+            message = (
+                f"{name} is at {position[row, axis]:.6g} m, farther than any camera sees "
+                f"({FARTHEST:g} m): are lengths in {self.raw.unit}, and is the decimal mark a "
+                "point?"
+            )
+        column = {"column": self.columns[name][axis] + 1} if self.columns else {}
+        raise self._fault(message, row, **column)
+
+    def rotation(self, quaternion: np.ndarray, name: str) -> np.ndarray:
+        """Return the ``quaternion`` (N, 4) of a body, NaN where it is lost; RecordingError for a
+        length other than 1.
+        """
+        zero = (quaternion == 0).all(axis=-1)
+        self.counts["zero_samples"] += int(zero.sum())
+        lost = zero | np.isnan(quaternion).any(axis=-1)
+        rotation = np.where(lost[:, None], np.nan, quaternion)
         with np.errstate(over="ignore"):
             length = np.linalg.norm(rotation, axis=-1)
-        if (off := np.abs(length - 1) > UNIT_TOLERANCE).any():
-            k = int(off.argmax())
-            message = f"the quaternion of {name} has the length {length[k]:.6g}, 1 is required: a "
-            message += (
+        off = np.abs(length - 1) > UNIT_TOLERANCE
+        if off.any():
+            row = int(off.argmax())
+            message = (
+                f"the quaternion of {name} has the length {length[row]:.6g}, 1 is required: a "
                 "number is damaged, or columns are shifted; export the take again"
             )
-            raise fault(message, k)
-        bodies[name] = RigidBody(position, rotation)
-    poses = [body.position + body.quaternion[:, :3] for body in bodies.values()]
-    counts |= {name: more[name] for name in BEFORE if more and name in more}
-    counts["marker_samples"] = len(markers) * len(frame)
-    counts["missing_samples"] = int(
-        sum(np.isnan(xyz[:, 0]).sum() for xyz in markers.values())
-    )
-    counts["missing_poses"] = int(
-        sum(np.isnan(pose).any(axis=-1).sum() for pose in poses)
-    )
-    checked = {"time": time, "markers": markers, "bodies": bodies}
-    return replace(raw, counts=counts | (more or {}), **checked)
+            raise self._fault(message, row)
+        return rotation
+
+    def _fault(self, message: str, row: int, **evidence: int) -> RecordingError:
+        if self.lines is None:
+            evidence["frame"] = int(self.raw.frame[row])
+        else:
+            evidence["line"] = self.lines[row]
+        return RecordingError(message, file=self.file, **evidence)
+
+
+def _require_extent(markers: Mapping[str, np.ndarray], unit: str, file: Path) -> None:
+    """Raise RecordingError where several ``markers`` lie within the size of one."""
+    positions = np.vstack([np.empty((0, 3)), *markers.values()])
+    seen = positions[np.isfinite(positions).all(axis=1)]
+    extent = np.ptp(seen, axis=0).max() if len(seen) else 0.0
+    if len(markers) > 1 and 0 < extent < NEAREST:
+        raise RecordingError(
+            f"all {len(markers)} markers lie within {1000 * extent:.3g} mm, less than one's size: "
+            f"are lengths in {unit}? Export the take again, in another unit",
+            file=file,
+        )

@@ -2,6 +2,7 @@
 the options; units; logs of real arms; refusals by array and row.
 """
 
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -190,7 +191,7 @@ REFUSED = {
     "does not increase": (changed("times", 2, 0.0), {"array": "times", "row": 2}),
     "6 times for 5 of actual": (ARRAYS | {"positions": ACTUAL[:5]}, {"array": "times"}),
     "positions (6,)": (ARRAYS | {"positions": ACTUAL[:, 0]}, {"key": f"{KEY}.signals"}),
-    "no name of an array states the measured angles": (
+    "2 arrays could be the measured angles, positions, q; name one in signals": (
         ARRAYS | {"q": ACTUAL},
         {"key": f"{KEY}.signals"},
     ),
@@ -199,6 +200,13 @@ REFUSED = {
         {"key": f"{KEY}.time"},
     ),
 }
+
+
+def test_an_array_that_the_file_lacks_is_named_with_those_that_it_has(tmp_path):
+    options = replace(PLAIN, signals={"actual": ["measured"], "target": ["targets"]})
+    error = refusal(read_arrays, archive(tmp_path, "npz", **ARRAYS), options)
+    assert "actual is named measured, which the file lacks" in error.message
+    assert "positions (6, 3)" in error.message
 
 
 @pytest.mark.parametrize("form", ["npz", "mat"])
