@@ -17,34 +17,23 @@ from pipeline.formats.format import decoded, file_content
 
 # alternatives begin with different characters, so that no text takes long to match
 NUMBER = re.compile(r"\s*[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?\s*")
-QUOTED_DECIMAL = re.compile(
-    r'"[+-]?(\d+,(\d{1,2}|\d{4,})|0+,\d+)"'
-)  # "1,250" may be a thousand
-GREATEST = (
-    1e20  # greatest measured number: above any time in ns, and its square is finite
-)
+# "1,250" may be a thousand
+QUOTED_DECIMAL = re.compile(r'"[+-]?(\d+,(\d{1,2}|\d{4,})|0+,\d+)"')
+# greatest measured number: above any time in ns, and its square is finite
+GREATEST = 1e20
 # blank cell, and words of C runtimes, Python, MATLAB and spreadsheets for a missing number
 MISSING = (
     "",
-    "NaN",
-    "nan",
-    "NAN",
-    "-nan",
-    "-nan(ind)",
-    "1.#QNAN",
-    "-1.#IND",
-    "None",
-    "none",
+    *("NaN", "nan", "NAN", "-nan", "-nan(ind)", "1.#QNAN", "-1.#IND"),
+    *("None", "none", "null", "NULL", "Null", "N/A", "n/a", "NA", "#N/A"),
 )
-MISSING += ("null", "NULL", "Null", "N/A", "n/a", "NA", "#N/A")
 
 BLANKS = re.compile("[\xa0\u2009\u202f]")  # blanks that break no line
 SPACE = " "  # separator that stands for any number of blanks
 
 _STATED = read_yaml(Path(__file__).with_suffix(".yaml"))
-FOREIGN: dict[str, list[str]] = _STATED.pop(
-    "foreign"
-)  # name → pattern of the beginning, remedy
+# name → pattern of the beginning, remedy
+FOREIGN: dict[str, list[str]] = _STATED.pop("foreign")
 _WORDS = _STATED.pop("spellings").items()
 SPELLINGS = {word: unit for unit, words in _WORDS for word in words.split()}
 # quantity → unit → factor to N, N·m, s or rad
@@ -110,45 +99,66 @@ def numbers_of(
     ``line_numbers`` (N,), for a row whose number of cells differs from the first row; in the
     ``columns``, for a cell that is no number or beyond GREATEST, and a missing one unless ``gaps``.
     """
-
-    form = {"sep": separator, "decimal": decimal, "header": None, "dtype": "float64"}
-    form |= {
-        "usecols": sorted({*columns}),
-        "keep_default_na": False,
-        "na_values": [*MISSING],
-    }
-    form |= {"skipinitialspace": True, "skip_blank_lines": False}
-    try:
-        values = pd.read_csv(io.StringIO("\n".join(rows)), **form)[columns].to_numpy()
-    except ValueError:
-        values = np.empty((0, 0))
+    values = _fast_numbers(rows, columns, separator, decimal)
     sound = len(values) == len(rows) and not (np.abs(values) > GREATEST).any()
     sound = sound and (gaps or not np.isnan(values).any())
     if sound and len({row.count(separator) for row in rows}) == 1:
         return values
-    width = None
+    width = 0
     for row, line in zip(rows, line_numbers, strict=True):
         cells = cells_of(row, separator, file=file, number=line)
-        if len(cells) != (width := width or len(cells)):
-            message = f"the row has {len(cells)} cells where the first has {width}: truncated or "
-            raise RecordingError(f"{message}damaged", file=file, line=line)
+        width = width or len(cells)
+        if len(cells) != width:
+            raise RecordingError(
+                f"the row has {len(cells)} cells where the first has {width}: truncated or damaged",
+                file=file,
+                line=line,
+            )
         for column in columns:
             cell = "".join(cells[column : column + 1])
-            plain = (
-                cell if decimal == "." else cell.replace(".", "?").replace(decimal, ".")
-            )
-            is_number = NUMBER.fullmatch(plain) and abs(float(plain)) <= GREATEST
-            if not (is_number or (gaps and cell in MISSING)):
-                message = f"column {column + 1} has no number; fill it in, or leave the row out"
-                if cell not in MISSING:
-                    message = (
-                        f"column {column + 1} holds {cell[:80]!r}, not a finite number"
-                    )
-                    message += f" up to {GREATEST:g}" if NUMBER.fullmatch(plain) else ""
+            fault = _fault_of(cell, decimal, gaps)
+            if fault:
+                message = f"column {column + 1} {fault}"
                 raise RecordingError(message, file=file, line=line)
     if sound:  # quoted separators separate no cells
         return values
     raise RecordingError(f"cannot split the lines at {separator!r}", file=file)
+
+
+def _fast_numbers(
+    rows: list[str], columns: list[int], separator: str, decimal: str
+) -> np.ndarray:
+    """Return the numbers (N, len(columns)), (0, 0) where a cell is no number."""
+    try:
+        table = pd.read_csv(
+            io.StringIO("\n".join(rows)),
+            sep=separator,
+            decimal=decimal,
+            header=None,
+            dtype="float64",
+            usecols=sorted({*columns}),
+            keep_default_na=False,
+            na_values=[*MISSING],
+            skipinitialspace=True,
+            skip_blank_lines=False,
+        )
+    except ValueError:
+        return np.empty((0, 0))
+    return table[columns].to_numpy()
+
+
+def _fault_of(cell: str, decimal: str, gaps: bool) -> str:
+    """Return why a ``cell`` is no number, or no missing one if ``gaps``; "" if it is."""
+    if cell in MISSING:
+        return "" if gaps else "has no number; fill it in, or leave the row out"
+    plain = cell
+    if decimal != ".":
+        plain = cell.replace(".", "?").replace(decimal, ".")
+    if not NUMBER.fullmatch(plain):
+        return f"holds {cell[:80]!r}, not a finite number"
+    if abs(float(plain)) > GREATEST:
+        return f"holds {cell[:80]!r}, not a finite number up to {GREATEST:g}"
+    return ""
 
 
 def split_line(line: str, mark: str) -> list[str]:
@@ -193,26 +203,26 @@ def counts_on(cells: list[str]) -> bool:
 def is_rowlike(line: str) -> bool:
     """Return whether a line has a number, and at most as many words as numbers."""
     pieces = re.split(r'[,;\s"]+', line)
-    words = [
-        piece
-        for piece in pieces
-        if piece not in MISSING and re.search(r"^[^\W\d]", piece)
-    ]
-    return len(words) <= count_numbers(pieces) > 0
+    words = 0
+    for piece in pieces:
+        if piece not in MISSING and re.search(r"^[^\W\d]", piece):
+            words += 1
+    return words <= count_numbers(pieces) > 0
 
 
 def separator_of(line: str) -> str:
     """Return the separator of the cells in a line of numbers."""
-    if mark := next((mark for mark in ";\t" if mark in line), ""):
-        return mark
+    for mark in ";\t":
+        if mark in line:
+            return mark
     pieces = line.split()
     # if no comma touches a blank, blanks separate the cells and commas are decimal marks
-    spaced = len(pieces) > 1 and not any(
-        "," in (piece[0], piece[-1]) for piece in pieces
-    )
+    touched = any(piece.startswith(",") or piece.endswith(",") for piece in pieces)
     # a blank may also be between a date and a time
     numbers = 2 * count_numbers(pieces) >= len(pieces) or "," not in line
-    return SPACE if spaced and numbers and '"' not in line else ","
+    if len(pieces) > 1 and not touched and numbers and '"' not in line:
+        return SPACE
+    return ","
 
 
 def with_nanoseconds(
@@ -221,14 +231,15 @@ def with_nanoseconds(
     """Return the ``rows`` with whole nanoseconds, of a column right of whole seconds by the
     ``labels``, as fraction of the seconds also: secs and nsecs, or sec and nanosec.
     """
-    parts = [
-        re.fullmatch(r"(.*?)(n|nano|)sec(?:ond)?s?", label.lower()) for label in labels
-    ]
-    for n, (one, other) in enumerate(pairwise(parts)):
-        if one and other and one[1] == other[1] and not one[2] and other[2]:
-            cells = re.compile(
-                rf"^((?:[^{mark}]*{mark}){{{n}}}\s*\d+)(?={mark}\s*(\d{{1,9}})(?!\d))"
-            )
+    stems = []
+    for label in labels:
+        stems.append(re.fullmatch(r"(.*?)(n|nano|)sec(?:ond)?s?", label.lower()))
+    for column, (seconds, fraction) in enumerate(pairwise(stems)):
+        if not seconds or not fraction or seconds[1] != fraction[1]:
+            continue
+        if fraction[2] and not seconds[2]:
+            before = rf"(?:[^{mark}]*{mark}){{{column}}}"
+            cells = re.compile(rf"^({before}\s*\d+)(?={mark}\s*(\d{{1,9}})(?!\d))")
             return [
                 cells.sub(lambda cell: f"{cell[1]}{sign}{cell[2]:0>9}", row)
                 for row in rows

@@ -31,15 +31,13 @@ class Kind(StrEnum):
     MOTION = "motion"  # read(file, unit) → pipeline.formats.motion.take.MotionTake
     JOINTS = "joints"  # read(file, options) → pipeline.formats.joints.log.JointLog
     FORCE = "force"  # read(file, options) → pipeline.formats.force.record.ForceRecord
-    CALIBRATION = (
-        "calibration"  # read(file) → pipeline.formats.force.calibration.Calibration
-    )
+    # read(file) → pipeline.formats.force.calibration.Calibration
+    CALIBRATION = "calibration"
     IMAGE = "image"  # read(file, shape=) → pipeline.formats.depth.image.RawDepth
     CLOUD = "cloud"  # read(file) → pipeline.formats.depth.cloud.PointCloud
     SEQUENCE = "sequence"  # read(file) → pipeline.formats.depth.image.DepthIndex
-    INTRINSICS = (
-        "intrinsics"  # read(file, width=, height=) → …depth.intrinsics.Intrinsics
-    )
+    # read(file, width=, height=) → pipeline.formats.depth.intrinsics.Intrinsics
+    INTRINSICS = "intrinsics"
     TRAJECTORY = "trajectory"  # read(file) → table t, x:*, v:*
     BAG = "bag"  # read(file) → pipeline.formats.rosbag.Summary
     TABLE = "table"  # read(file, key=) → pipeline.formats.number_sheet.Sheet
@@ -50,17 +48,19 @@ def decoded(content: bytes) -> str | None:
     encoding = "utf-8-sig"
     if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         encoding = "utf-16"
-    elif b"\0" in content:
-        encoding = "utf-16-le"  # without byte-order mark, if every second byte is zero
-        if any(content[1:400:2]):  # zeros behind the last line, where the power failed
-            encoding, content = "utf-8-sig", content.rstrip(b"\0")
-            if b"\n" not in content:
-                return None
+    elif b"\0" in content and not any(content[1:400:2]):
+        encoding = "utf-16-le"  # without byte-order mark: every second byte is zero
+    elif b"\0" in content:  # zeros behind the last line, where the power failed
+        content = content.rstrip(b"\0")
+        if b"\n" not in content:
+            return None
     try:
         text = codecs.getincrementaldecoder(encoding)().decode(content)
     except UnicodeDecodeError:
         text = content.decode("latin-1")
-    return None if "\0" in text else text.replace("\r\n", "\n").replace("\r", "\n")
+    if "\0" in text:
+        return None
+    return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
 @dataclass(frozen=True)
@@ -111,22 +111,20 @@ def formats_in(package: ModuleType, *kinds: Kind) -> tuple[Format, ...]:
     """Return the formats of the ``kinds`` (default all) in and below ``package``, in the order of
     their modules, but tables last, since files of other formats also look like tables.
     """
-    modules = walk_packages(package.__path__, f"{package.__name__}.")
-    declared = [getattr(import_module(module.name), "FORMAT", ()) for module in modules]
-    formats = [
-        one
-        for each in declared
-        for one in (each if isinstance(each, tuple) else (each,))
-    ]
-    chosen = [one for one in formats if not kinds or one.kind in kinds]
-    return tuple(sorted(chosen, key=lambda one: one.kind == Kind.TABLE))
+    formats: list[Format] = []
+    for module in walk_packages(package.__path__, f"{package.__name__}."):
+        declared = getattr(import_module(module.name), "FORMAT", ())
+        formats += declared if isinstance(declared, tuple) else [declared]
+    chosen = [form for form in formats if not kinds or form.kind in kinds]
+    return tuple(sorted(chosen, key=lambda form: form.kind == Kind.TABLE))
 
 
 def recognised(head: Head, formats: Sequence[Format]) -> Format | None:
     """Return the first of the ``formats`` that recognises ``head``, or None."""
-    return next(
-        (one for one in formats if one.recognises and one.recognises(head)), None
-    )
+    for form in formats:
+        if form.recognises and form.recognises(head):
+            return form
+    return None
 
 
 def format_of(file: Path, formats: Sequence[Format]) -> Format | None:
@@ -167,33 +165,32 @@ def advised(advice: str, **evidence: object) -> Iterator[None]:
     try:
         yield
     except RecordingError as error:
-        failed = isinstance(error, ReaderFailure)
-        message = (
-            f"{error.message}; the file may be damaged: {advice}"
-            if failed
-            else error.message
-        )
+        message = error.message
+        if isinstance(error, ReaderFailure):
+            message += f"; the file may be damaged: {advice}"
         raise type(error)(message, **evidence | error.evidence) from None
 
 
 def compare_announced(
-    items: str, announced: float | None, found: int, refusal: str = "", **where: object
+    items: str, announced: float | None, number: int, refusal: str = "", **where: object
 ) -> dict[str, int]:
-    """Return the counts ``announced_ITEMS`` (None: not stated), ``found_ITEMS`` and, unless 0,
-    ``lacking_ITEMS`` or ``surplus_ITEMS``; RecordingError (``where``) in their place with the
-    advice ``refusal`` of a format in which the numbers must agree.
+    """Return the counts ``announced_ITEMS`` (None: not stated), ``found_ITEMS`` (the ``number``
+    that is there) and, unless 0, ``lacking_ITEMS`` or ``surplus_ITEMS``; RecordingError (``where``)
+    in their place with the advice ``refusal`` of a format in which the numbers must agree.
     """
     if announced is None:
-        return {f"found_{items}": found}
-    lacking = int(announced) - found
-    if lacking and refusal:
+        return {f"found_{items}": number}
+    announced = int(announced)
+    if announced != number and refusal:
         message = (
-            f"the file announces {int(announced)} {items} and holds {found}: {refusal}"
+            f"the file announces {announced} {items} and holds {number}: {refusal}"
         )
         raise RecordingError(message, **where)
-    counts = {f"announced_{items}": int(announced), f"found_{items}": found}
-    if lacking:
-        counts[f"{'lacking' if lacking > 0 else 'surplus'}_{items}"] = abs(lacking)
+    counts = {f"announced_{items}": announced, f"found_{items}": number}
+    if announced > number:
+        counts[f"lacking_{items}"] = announced - number
+    elif announced < number:
+        counts[f"surplus_{items}"] = number - announced
     return counts
 
 
@@ -222,10 +219,10 @@ def paths_below(folder: Path) -> list[Path]:
     for place, folders, files in os.walk(folder, followlinks=True):
         paths += [Path(place, name) for name in [*folders, *files]]
         for name in [*folders]:
-            real = os.path.realpath(path := os.path.join(place, name))
-            if real in entered or (
-                os.path.islink(path) and real.startswith(f"{root}/")
-            ):
+            path = os.path.join(place, name)
+            real = os.path.realpath(path)
+            inside = os.path.islink(path) and real.startswith(f"{root}/")
+            if real in entered or inside:
                 folders.remove(name)  # entered at its own place
             entered.add(real)
     return sorted(paths)
@@ -240,6 +237,6 @@ def matching(folder: Path, pattern: str, *, key: str) -> list[Path]:
         raise ConfigError(message, key=key) from None
 
 
-def is_literal(part: str) -> bool:
-    """Return whether a ``part`` of a glob (between two slashes) has no wildcard."""
-    return not any(mark in part.replace("[[]", "") for mark in "*?[")
+def is_literal(piece: str) -> bool:
+    """Return whether a ``piece`` of a glob (between two slashes) has no wildcard."""
+    return not any(mark in piece.replace("[[]", "") for mark in "*?[")

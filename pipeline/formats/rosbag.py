@@ -8,7 +8,7 @@ Topics whose definition or serialization makes rosbags refuse the whole bag are 
 import json
 import re
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import lru_cache, partial
@@ -40,12 +40,11 @@ from pipeline.formats.format import (
 MARKS = (b"#ROSBAG V", b"\x89MCAP0")
 IMAGE, CLOUD = "sensor_msgs/msg/Image", "sensor_msgs/msg/PointCloud2"
 CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
-PIXELS = dict.fromkeys(("16UC1", "mono16"), np.dtype(np.uint16))
+# encoding of an Image → pixel
+PIXELS = {encoding: np.dtype(np.uint16) for encoding in ("16UC1", "mono16")}
 PIXELS["32FC1"] = np.dtype(np.float32)
-DATATYPES = {
-    7: np.dtype(np.float32),
-    8: np.dtype(np.float64),
-}  # datatype of a PointField
+# datatype of a PointField → number
+DATATYPES = {7: np.dtype(np.float32), 8: np.dtype(np.float64)}
 # suffix of a bag's files → command that writes its index again
 MENDS = {".bag": "rosbag reindex", ".mcap": "mcap recover", ".db3": "ros2 bag reindex"}
 PROFILE = re.compile(rb"\x89MCAP0\r\n\x01.{8}(.)\0{3}", re.DOTALL)
@@ -77,9 +76,8 @@ class Summary:
     topics: dict[str, tuple[str, int]]  # topic → type and number of messages
     # announced_messages in metadata.yaml, and found_messages in the files
     counts: dict[str, int] = field(default_factory=dict)
-    passed_over: dict[str, str] = field(
-        default_factory=dict
-    )  # topic that is not read → reason
+    # topic that is not read → reason
+    passed_over: dict[str, str] = field(default_factory=dict)
 
 
 def summary(file: Path) -> Summary:
@@ -89,31 +87,45 @@ def summary(file: Path) -> Summary:
 
 def _summary(file: Path) -> Summary:
     with _open_bag(file) as (reader, foreign):
+        passed_over = dict(foreign)
         counts: Counter[tuple[str, str]] = Counter()
         for connection in reader.connections:
-            counts[connection.topic, connection.msgtype] += connection.msgcount
+            topic, kind = connection.topic, connection.msgtype
+            counts[topic, kind] += connection.msgcount
             try:
                 _decoder(connection)
             except RecordingError as error:
-                foreign = foreign | {connection.topic: error.message}
-            if connection.msgtype in OF_JOINTS:
-                unread = NOT_READ.format(connection.msgtype.rpartition("/")[2])
-                foreign = foreign | {connection.topic: unread}
-        duration = reader.duration * 1e-9 if counts.total() else 0.0
+                passed_over[topic] = error.message
+            if kind in OF_JOINTS:
+                passed_over[topic] = NOT_READ.format(kind.rpartition("/")[2])
         topics = {topic: (kind, number) for (topic, kind), number in counts.items()}
-        storages = getattr(getattr(reader, "storage", None), "storages", ())
-        stored = [c for one in storages for c in one.connections]
-        held = sum(one.msgcount for one in stored if one.topic in topics)
-        compared = compare_announced("messages", counts.total(), held) if stored else {}
-        version = "1" if isinstance(reader, rosbag1.Reader) else "2"
-        return Summary(version, duration, topics, compared, foreign)
+        return Summary(
+            "1" if isinstance(reader, rosbag1.Reader) else "2",
+            reader.duration * 1e-9 if counts.total() else 0.0,
+            topics,
+            _compared_counts(reader, topics, counts.total()),
+            passed_over,
+        )
+
+
+def _compared_counts(
+    reader: Any, topics: Collection[str], announced: int
+) -> dict[str, int]:
+    """Return the counts of messages of the ``topics``, if the bag's storages also state numbers."""
+    storages = getattr(getattr(reader, "storage", None), "storages", ())
+    stored = []
+    for storage in storages:
+        stored += storage.connections
+    if not stored:
+        return {}
+    messages = sum(c.msgcount for c in stored if c.topic in topics)
+    return compare_announced("messages", announced, messages)
 
 
 def topics(file: Path) -> dict[str, str]:
     """Return topic → message type of a bag's topics with messages; errors as :func:`messages`."""
-    return {
-        topic: kind for topic, (kind, number) in summary(file).topics.items() if number
-    }
+    present = summary(file).topics.items()
+    return {topic: kind for topic, (kind, number) in present if number}
 
 
 def choose_topic(file: Path, kinds: tuple[str, ...], topic: str | None = None) -> str:
@@ -121,17 +133,19 @@ def choose_topic(file: Path, kinds: tuple[str, ...], topic: str | None = None) -
     ``sensor_msgs/msg/Image``; RecordingError with all topics where no topic fits, or several.
     """
     present = topics(file)
-    fitting = [
-        name
-        for name, kind in present.items()
-        if kind in kinds and topic in (None, name)
-    ]
+    fitting = [name for name, kind in present.items() if kind in kinds]
+    if topic is not None:
+        fitting = [name for name in fitting if name == topic]
     if len(fitting) == 1:
         return fitting[0]
     wanted = " or ".join(kind.rpartition("/")[2] for kind in kinds)
-    message = f"{len(fitting)} topics of {wanted} {f'named {topic!r}' if topic else 'in the bag'}, "
-    message += f"choose one by option; there are {_topic_list(present)}"
-    raise RecordingError(message, file=file, **({"topic": topic} if topic else {}))
+    where = f"named {topic!r}" if topic else "in the bag"
+    raise RecordingError(
+        f"{len(fitting)} topics of {wanted} {where}, choose one by option; there are "
+        f"{_topic_list(present)}",
+        file=file,
+        **({"topic": topic} if topic else {}),
+    )
 
 
 def messages(file: Path, topic: str, pick: Callable[[Any], Any]) -> Iterator[Any]:
@@ -168,22 +182,22 @@ def _stream(file: Path, topic: str) -> Iterator[Any]:
     with _open_bag(file) as (reader, foreign):
         if topic in foreign:
             raise RecordingError(foreign[topic], file=file, topic=topic)
-        connections = [
-            connection for connection in reader.connections if connection.topic == topic
-        ]
+        connections = [c for c in reader.connections if c.topic == topic]
         if not connections:
-            present = _topic_list(
-                {one.topic: one.msgtype for one in reader.connections}
-            )
-            raise RecordingError(f"no topic {topic!r}; there are {present}", file=file)
-        announced, found = sum(connection.msgcount for connection in connections), 0
+            types = {c.topic: c.msgtype for c in reader.connections}
+            message = f"no topic {topic!r}; there are {_topic_list(types)}"
+            raise RecordingError(message, file=file)
+        announced = sum(connection.msgcount for connection in connections)
+        number = 0
         yield announced
         for connection, _, raw in reader.messages(connections):
-            found += 1
-            if found <= announced:
+            number += 1
+            if number <= announced:
                 yield _decoder(connection)(raw)
         where = {"file": file, "topic": topic}
-        compare_announced("messages", announced, found, "truncated or damaged", **where)
+        compare_announced(
+            "messages", announced, number, "truncated or damaged", **where
+        )
 
 
 def seconds(message: object, **evidence: object) -> float:
@@ -196,9 +210,9 @@ def seconds(message: object, **evidence: object) -> float:
 
 
 def _topic_list(types: dict[str, str]) -> str:
-    listed = [
-        f"{topic} ({kind.rpartition('/')[2]})" for topic, kind in sorted(types.items())
-    ]
+    listed = []
+    for topic, kind in sorted(types.items()):
+        listed.append(f"{topic} ({kind.rpartition('/')[2]})")
     return ", ".join(listed) or "none"
 
 
@@ -211,9 +225,11 @@ def image_pixels(
     """
     pixel, size = PIXELS.get(message.encoding), (message.height, message.width)
     if pixel is None or size != tuple(shape):
-        found = f"an image of {size[1]} × {size[0]} pixels encoded as {message.encoding!r}; depth "
-        wanted = f"of the camera has {shape[1]} × {shape[0]} of {', '.join(PIXELS)}"
-        raise RecordingError(found + wanted, **evidence)
+        raise RecordingError(
+            f"an image of {size[1]} × {size[0]} pixels encoded as {message.encoding!r}; depth "
+            f"of the camera has {shape[1]} × {shape[0]} of {', '.join(PIXELS)}",
+            **evidence,
+        )
     return _records(message, message.step, pixel, "pixels", evidence).astype(pixel)
 
 
@@ -221,12 +237,16 @@ def _records(
     message: object, row: int, kind: np.dtype, items: str, evidence: dict
 ) -> np.ndarray:
     """Return the items (height, width) of ``kind`` in a message whose rows have ``row`` bytes."""
-    height, width, size = message.height, message.width, kind.itemsize
+    height, width = message.height, message.width
+    length = width * kind.itemsize
     data = np.asarray(message.data, np.uint8)
-    if row < width * size or len(data) != height * row:
-        found = f"{len(data)} bytes in {height} rows of {row} for {width} {items} of {size} bytes"
-        raise RecordingError(found, **evidence)
-    rows = np.ascontiguousarray(data.reshape(height, row)[:, : width * size])
+    if row < length or len(data) != height * row:
+        raise RecordingError(
+            f"{len(data)} bytes in {height} rows of {row} for {width} {items} of {kind.itemsize} "
+            "bytes",
+            **evidence,
+        )
+    rows = np.ascontiguousarray(data.reshape(height, row)[:, :length])
     return rows.view(kind.newbyteorder(">" if message.is_bigendian else "<"))
 
 
@@ -239,19 +259,17 @@ def cloud_points(message: object, **evidence: object) -> np.ndarray:
     fields, step = {field.name: field for field in message.fields}, message.point_step
     axes = [fields[name] for name in "xyz" if name in fields]
     formats = [DATATYPES.get(field.datatype) for field in axes if field.count == 1]
+    offsets = [field.offset for field in axes]
     ends = [
-        f.offset + kind.itemsize for f, kind in zip(axes, formats, strict=False) if kind
+        at + kind.itemsize for at, kind in zip(offsets, formats, strict=False) if kind
     ]
     if len(ends) < 3 or max(ends) > step:
-        need = f"x, y and z must be single float32 or float64 within the {step} bytes of a point; "
         raise RecordingError(
-            f"{need}there are {', '.join(fields) or 'none'}", **evidence
+            f"x, y and z must be single float32 or float64 within the {step} bytes of a point; "
+            f"there are {', '.join(fields) or 'none'}",
+            **evidence,
         )
-    layout = {
-        "names": [*"xyz"],
-        "formats": formats,
-        "offsets": [field.offset for field in axes],
-    }
+    layout = {"names": [*"xyz"], "formats": formats, "offsets": offsets}
     kind = np.dtype(layout | {"itemsize": step})
     points = _records(message, message.row_step, kind, "points", evidence).ravel()
     return np.column_stack([points[name].astype(float) for name in "xyz"])
@@ -265,19 +283,22 @@ def camera_info(
     """
     # ROS 1 writes K and D, ROS 2 k and d
     stated = [getattr(message, n, getattr(message, n.lower(), None)) for n in "KD"]
-    matrix, distortion = (np.array(each, dtype=float) for each in stated)
-    own = {"stated": (message.width, message.height)}
-    own |= {"model": message.distortion_model or "of no name"}
-    distortion = distortion if distortion.any() else np.zeros(0)
-    return pinhole(matrix.reshape(3, 3), distortion, (width, height), **own, **evidence)
+    matrix, distortion = (np.array(numbers, dtype=float) for numbers in stated)
+    return pinhole(
+        matrix.reshape(3, 3),
+        distortion if distortion.any() else np.zeros(0),
+        (width, height),
+        stated=(message.width, message.height),
+        model=message.distortion_model or "of no name",
+        **evidence,
+    )
 
 
 def _mend(file: Path) -> str:
     """Return what to do with a damaged bag, by its kind."""
     suffixes = {place.suffix for place in (file, *file.glob("*"))}
-    command = next(
-        (known for end, known in MENDS.items() if end in suffixes), MENDS[".db3"]
-    )
+    commands = [command for suffix, command in MENDS.items() if suffix in suffixes]
+    command = commands[0] if commands else MENDS[".db3"]
     return f"copy it again, or run `{command}` on it"
 
 
@@ -294,19 +315,19 @@ def _open_bag(file: Path) -> Iterator[tuple[Any, dict[str, str]]]:
     """Yield a bag's reader, and topic → reason for topics of another serialization."""
     with ExitStack() as stack:
         folder, foreign = file, {}
-        if (metadata := file / "metadata.yaml").is_file():
+        metadata = file / "metadata.yaml"
+        if metadata.is_file():
             text = read_whole(metadata)  # raises for a file beyond the bounds
             if {*SERIALIZATION.findall(text)} - {ROS2.encode()}:
                 folder = Path(stack.enter_context(TemporaryDirectory()))
                 foreign = _link_without_foreign(file, folder)
-        for part in (file, *file.glob("*")) if file.is_dir() else (file,):
-            if part.is_file():
-                _require_sound(part)
-        reader = (rosbag1.Reader if file.suffix == ".bag" else rosbag2.Reader)(folder)
-        stack.enter_context(reader)
-        if not all(
-            isinstance(connection.msgcount, int) for connection in reader.connections
-        ):
+        for inside in (file, *file.glob("*")) if file.is_dir() else (file,):
+            if inside.is_file():
+                _require_sound(inside)
+        read = rosbag1.Reader if file.suffix == ".bag" else rosbag2.Reader
+        reader = stack.enter_context(read(folder))
+        counts = [connection.msgcount for connection in reader.connections]
+        if not all(isinstance(count, int) for count in counts):
             raise ValueError("the bag does not state its number of messages")
         yield reader, foreign
 
@@ -314,33 +335,35 @@ def _open_bag(file: Path) -> Iterator[tuple[Any, dict[str, str]]]:
 def _require_sound(file: Path) -> None:
     """Raise RecordingError for a pointer and a foreign MCAP, ValueError for a short database."""
     head = Head.read(file).content
-    if (match := PROFILE.match(head)) and (length := match[1][0]):
-        profile = head[match.end() :][:length].decode("latin-1")
+    match = PROFILE.match(head)
+    if match and match[1][0]:
+        profile = head[match.end() :][: match[1][0]].decode("latin-1")
         if profile != "ros2":
             message = f"an MCAP of the profile {profile!r}, not ros2: record or convert it by ROS 2"
             raise RecordingError(message, file=file)
-    size, pages = int.from_bytes(head[16:18]), int.from_bytes(head[28:32])
-    if file.suffix == ".db3" and file.stat().st_size < pages * (
-        1 << 16 if size == 1 else size
-    ):
-        raise ValueError(f"{file.name} is cut short")
+    if file.suffix == ".db3":
+        size, pages = int.from_bytes(head[16:18]), int.from_bytes(head[28:32])
+        if file.stat().st_size < pages * (1 << 16 if size == 1 else size):
+            raise ValueError(f"{file.name} is cut short")
 
 
 def _link_without_foreign(file: Path, folder: Path) -> dict[str, str]:
     """Link the bag ``file`` into ``folder`` without foreign topics, and return topic → reason."""
-    metadata, foreign = read_yaml(file / "metadata.yaml"), {}
-    information, kept = metadata["rosbag2_bagfile_information"], []
+    metadata = read_yaml(file / "metadata.yaml")
+    information = metadata["rosbag2_bagfile_information"]
+    foreign, readable = {}, []
     for entry in information["topics_with_message_count"]:
         topic = entry["topic_metadata"]
-        if (form := topic["serialization_format"]) == ROS2:
-            kept.append(entry)
+        form = topic["serialization_format"]
+        if form == ROS2:
+            readable.append(entry)
         else:
             foreign[topic["name"]] = FOREIGN.format(topic["type"], form)
-    information["topics_with_message_count"] = kept
+    information["topics_with_message_count"] = readable
     (folder / "metadata.yaml").write_text(json.dumps(metadata))  # JSON is YAML
-    for part in file.iterdir():
-        if part.name != "metadata.yaml":
-            (folder / part.name).symlink_to(part.resolve())
+    for inside in file.iterdir():
+        if inside.name != "metadata.yaml":
+            (folder / inside.name).symlink_to(inside.resolve())
     return foreign
 
 
@@ -363,25 +386,23 @@ def _types(
         if definition.format != MessageDefinitionFormat.MSG:
             raise ValueError("it is in IDL")
         store.register(get_types_from_msg(definition.data, kind))
-        own = (
-            store.generate_msgdef(kind)[1] if form == ROS1 else store.hash_rihs01(kind)
-        )
-    except (
-        Exception
-    ) as error:  # the parser's own, and those of a type that is not defined
+        if form == ROS1:
+            stated = store.generate_msgdef(kind)[1]
+        else:
+            stated = store.hash_rihs01(kind)
+    except Exception as error:  # of the parser, and of a type that is not defined
         words = " ".join(str(error).split())[:80]
-        raise RecordingError(
-            f"the definition of {kind} cannot be read ({words})"
-        ) from None
-    if digest not in ("", own):
+        message = f"the definition of {kind} cannot be read ({words})"
+        raise RecordingError(message) from None
+    if digest not in ("", stated):
         raise RecordingError(f"the definition of {kind} has not the hash {digest}")
     return store
 
 
-def _definition(known: Callable, schema: Any) -> MessageDefinition:
+def _definition(definition_of: Callable, schema: Any) -> MessageDefinition:
     """Return the definition of an MCAP's ``schema``; none for a schema that is not of ROS."""
     with suppress(KeyError):
-        return known(schema)
+        return definition_of(schema)
     return MessageDefinition(MessageDefinitionFormat.NONE, "")
 
 

@@ -26,16 +26,10 @@ PCD_TYPES = {"f4", "f8", "i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8"}
 PLY_FORMATS = {"ascii": "=", "binary_little_endian": "<", "binary_big_endian": ">"}
 PLY_TYPES = dict(zip("char uchar short ushort int uint float double".split(),
                      "i1 u1 i2 u2 i4 u4 f4 f8".split(), strict=True))  # fmt: skip
-PLY_TYPES |= {
-    np.dtype(kind).name: kind for kind in PLY_TYPES.values()
-}  # int8 and the like
+PLY_TYPES |= {np.dtype(kind).name: kind for kind in PLY_TYPES.values()}  # int8, …
 UNTURNED = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)  # x, y, z, and a quaternion w, x, y, z
-NO_POSITION = (
-    "+nan",
-    "inf",
-    "-inf",
-    "+inf",
-)  # as C++ prints it, in addition to MISSING
+# as C++ prints it, in addition to MISSING
+NO_POSITION = ("+nan", "inf", "-inf", "+inf")
 # byte-order mark and blank lines of an editor are no part of the header
 PLY_MARK = re.compile(rb"(\xef\xbb\xbf)?\s*ply[ \t]*[\r\n]")
 AGAIN = "copy the cloud again, or take it out of the take"
@@ -49,9 +43,8 @@ class PointCloud:
     missing: int  # number of points without a position (NaN, infinite or all 0)
     # a PCD's position (file's unit) and quaternion (w, x, y, z) of the sensor; not applied
     viewpoint: tuple[float, ...] = UNTURNED
-    counts: dict[str, int] = field(
-        default_factory=dict
-    )  # surplus_bytes behind the points
+    # surplus_bytes behind the points
+    counts: dict[str, int] = field(default_factory=dict)
     format: str = ""  # name and version
     organised: str = ""  # columns × rows
 
@@ -94,9 +87,9 @@ def read_cloud(file: Path) -> PointCloud:
         names, size = header.point.names, header.count * header.point.itemsize
         kinds = {header.point[axis].str[1:] for axis in "xyz"}
         if kinds not in ({"f4"}, {"f8"}) or size <= 0:
-            found = f"{header.count} points of the fields {', '.join(names)}"
             raise ValueError(
-                f"{found}: x, y and z of one floating-point type are required"
+                f"{header.count} points of the fields {', '.join(names)}: x, y and z of one "
+                "floating-point type are required"
             )
     except (KeyError, ValueError, IndexError, TypeError) as error:
         message = f"no header of a PCD or PLY, or a damaged one ({error}); {AGAIN}"
@@ -117,20 +110,25 @@ def read_cloud(file: Path) -> PointCloud:
 
 def require_near(points: np.ndarray, **evidence: object) -> None:
     """Raise RecordingError where a coordinate of ``points`` (N, 3) is beyond GREATEST."""
-    sizes = np.where(np.isfinite(points), np.abs(points), 0.0).max(axis=1, initial=0.0)
-    beyond = np.flatnonzero(sizes > GREATEST)
+    sizes = np.where(np.isfinite(points), np.abs(points), 0.0)
+    greatest = sizes.max(axis=1, initial=0.0)
+    beyond = np.flatnonzero(greatest > GREATEST)
     if len(beyond):
-        message = f"{len(beyond)} of {len(points)} points have coordinates beyond {GREATEST:g}, the"
-        message += f" first is point {beyond[0] + 1} ({sizes[beyond[0]]:.2g}): bytes were inserted"
-        raise RecordingError(f"{message} or lost before it; {AGAIN}", **evidence)
+        first = int(beyond[0])
+        raise RecordingError(
+            f"{len(beyond)} of {len(points)} points have coordinates beyond {GREATEST:g}, the "
+            f"first is point {first + 1} ({greatest[first]:.2g}): bytes were inserted or lost "
+            f"before it; {AGAIN}",
+            **evidence,
+        )
 
 
 def _require_padding(surplus: bytes, header: CloudHeader) -> None:
     """Raise ValueError where the bytes behind the points are not zeros, nor other elements."""
     if surplus.strip(b"\0") and not header.more:
-        message = f"{len(surplus)} bytes behind the {header.count} points, which are not zeros as a"
         raise ValueError(
-            f"{message} padding: bytes were inserted, or points are not announced"
+            f"{len(surplus)} bytes behind the {header.count} points, which are not zeros as a "
+            "padding: bytes were inserted, or points are not announced"
         )
 
 
@@ -139,68 +137,71 @@ def _is_ply(content: bytes) -> bool:
 
 
 def _pcd_header(content: bytes) -> CloudHeader:
-    if (data := re.search(rb"(?m)^DATA[^\S\n].*\n", content[:100_000])) is None:
+    data = re.search(rb"(?m)^DATA[^\S\n].*\n", content[:100_000])
+    if data is None:
         raise ValueError("no line DATA")
-    lines = [
-        line.split() for line in content[: data.end()].decode("latin-1").split("\n")
-    ]
-    entries = {words[0]: words[1:] for words in lines if words}
+    entries = {}
+    for line in content[: data.end()].decode("latin-1").split("\n"):
+        key, *values = line.split() or [""]
+        entries[key] = values
     names = entries.get("FIELDS") or entries["COLUMNS"]  # before version 0.6
     counts = [int(count) for count in entries.get("COUNT", ["1"] * len(names))]
-    types = [
-        a.lower() + b for a, b in zip(entries["TYPE"], entries["SIZE"], strict=True)
-    ]
+    pairs = zip(entries["TYPE"], entries["SIZE"], strict=True)
+    types = [kind.lower() + size for kind, size in pairs]
     if not {*types} <= PCD_TYPES or min(counts) < 1:
         raise ValueError(f"TYPE, SIZE and COUNT give {', '.join(types)} of {counts}")
-    # all padding fields have the name _
-    unique = [
-        name if names.count(name) == 1 else f"{name}{i}" for i, name in enumerate(names)
-    ]
-    shapes = [() if count == 1 else (count,) for count in counts]
-    point = np.dtype(
-        [*zip(unique, [f"<{kind}" for kind in types], shapes, strict=True)]
-    )
-    width, height, count = (
-        int(entries[name][0]) for name in ("WIDTH", "HEIGHT", "POINTS")
-    )
+    fields = []
+    for number, (name, kind, count) in enumerate(
+        zip(names, types, counts, strict=True)
+    ):
+        # all padding fields have the name _
+        unique = name if names.count(name) == 1 else f"{name}{number}"
+        fields.append((unique, f"<{kind}", () if count == 1 else (count,)))
+    width, height = int(entries["WIDTH"][0]), int(entries["HEIGHT"][0])
+    points = int(entries["POINTS"][0])
     (form,) = entries["DATA"]
-    if form not in PCD_FORMATS or width * height != count:
-        message = f"{count} POINTS in {height} rows of {width} as {form}: POINTS must be WIDTH × "
-        raise ValueError(f"{message}HEIGHT, DATA one of {', '.join(PCD_FORMATS)}")
+    if form not in PCD_FORMATS or width * height != points:
+        raise ValueError(
+            f"{points} POINTS in {height} rows of {width} as {form}: POINTS must be WIDTH × "
+            f"HEIGHT, DATA one of {', '.join(PCD_FORMATS)}"
+        )
     viewpoint = tuple(map(float, entries.get("VIEWPOINT", UNTURNED)))
     if len(viewpoint) != 7 or not abs(np.linalg.norm(viewpoint[3:]) - 1) < 1e-3:
-        need = "a position and a unit quaternion; 0 0 0 1 0 0 0 is the sensor's frame"
-        raise ValueError(f"VIEWPOINT is {viewpoint}, which must be {need}")
-    version = " ".join(["PCD", *entries.get("VERSION", [])])
-    organised = f"{width} × {height}" if height > 1 else ""
+        raise ValueError(
+            f"VIEWPOINT is {viewpoint}, which must be a position and a unit quaternion; 0 0 0 1 0 "
+            "0 0 is the sensor's frame"
+        )
     return CloudHeader(
-        count, point, form, data.end(), version, False, viewpoint, organised
+        points,
+        np.dtype(fields),
+        form,
+        data.end(),
+        version=" ".join(["PCD", *entries.get("VERSION", [])]),
+        viewpoint=viewpoint,
+        organised=f"{width} × {height}" if height > 1 else "",
     )
 
 
 def _ply_header(content: bytes) -> CloudHeader:
     mark = PLY_MARK.match(content)
-    if (end := re.search(rb"\n\s*end_header[ \t]*\r?\n", content[:100_000])) is None:
+    end = re.search(rb"\n\s*end_header[ \t]*\r?\n", content[:100_000])
+    if end is None:
         raise ValueError("no line end_header")
-    lines = [
-        line.split()
-        for line in content[mark.end() : end.start()].decode("latin-1").splitlines()
-    ]
-    lines = [
-        words for words in lines if words and words[0] not in ("comment", "obj_info")
-    ]
+    lines = []
+    for line in content[mark.end() : end.start()].decode("latin-1").splitlines():
+        words = line.split()
+        if words and words[0] not in ("comment", "obj_info"):
+            lines.append(words)
     elements = [number for number, words in enumerate(lines) if words[0] == "element"]
     (first, form, version), (_, element, count) = lines[0], lines[elements[0]]
     properties = lines[elements[0] + 1 : [*elements, None][1]]
-    if (first, element) != ("format", "vertex") or any(
-        len(words) != 3 for words in properties
-    ):
+    single = all(len(words) == 3 for words in properties)
+    if (first, element) != ("format", "vertex") or not single:
         raise ValueError(
             "a format, then the element vertex of single numbers are required"
         )
-    point = np.dtype(
-        [(name, PLY_FORMATS[form] + PLY_TYPES[kind]) for _, kind, name in properties]
-    )
+    order = PLY_FORMATS[form]
+    point = np.dtype([(name, order + PLY_TYPES[kind]) for _, kind, name in properties])
     version = f"PLY {form} {version}"
     return CloudHeader(int(count), point, form, end.end(), version, len(elements) > 1)
 
@@ -221,45 +222,66 @@ def _binary_points(
     content: bytes, header: CloudHeader, file: Path
 ) -> tuple[np.ndarray, int]:
     """Return the points (N, 3) float64, and the number of bytes behind the points."""
-    data, point, count = content[header.start :], header.point, header.count
-    size = unpacked = count * point.itemsize
-    if compressed := header.form == "binary_compressed":
-        packed, unpacked = np.frombuffer(data[:8].ljust(8, b"\0"), "<u4").tolist()
-        size = 8 + packed
-    if len(data) < size or unpacked != count * point.itemsize:
-        message = f"{len(data)} bytes of {size}, which decompress to {unpacked}, where the header "
-        raise ValueError(f"{message}announces {count} points of {point.itemsize} bytes")
+    data, size = content[header.start :], header.count * header.point.itemsize
+    if header.form == "binary_compressed":
+        return _unpacked_points(data, header, size)
+    if len(data) < size:
+        raise ValueError(_lacking(data, size, size, header))
     _require_padding(data[size:], header)
+    records = np.frombuffer(data[:size], header.point)
     # damaged numbers may be huge or NaN
     with np.errstate(invalid="ignore", over="ignore"):
-        if not compressed:
-            read = np.frombuffer(data[:size], point)
-            return np.column_stack([read[axis].astype(float) for axis in "xyz"]), len(
-                data
-            ) - size
-        # rename fields: Open3D reads some as colours or normals, and fails on two of one name
-        names = [
-            n if n in ("x", "y", "z") else f"f{i}" for i, n in enumerate(point.names)
-        ]
-        kinds = [point[name] for name in point.names]
-        rows = {"FIELDS": names, "SIZE": [kind.base.itemsize for kind in kinds]}
-        rows |= {"TYPE": [kind.base.kind.upper() for kind in kinds]}
-        rows |= {
-            "COUNT": [int(np.prod(kind.shape)) for kind in kinds],
-            "WIDTH": [count],
-        }
-        rows |= {"HEIGHT": [1], "POINTS": [count], "DATA": [header.form]}
-        text = "".join(
-            f"{key} {' '.join(map(str, values))}\n" for key, values in rows.items()
-        )
-        with os.fdopen(os.memfd_create("cloud"), "wb") as stream:
-            stream.write(f"VERSION 0.7\n{text}".encode() + data[:size])
-            stream.flush()
-            path = f"/proc/self/fd/{stream.fileno()}"
-            cloud = load_open3d().t.io.read_point_cloud(path, format="pcd")
-        if "positions" not in cloud.point or len(cloud.point.positions) != count:
-            raise ValueError("the data cannot be decompressed")
-        return cloud.point.positions.numpy().astype(float), len(data) - size
+        columns = [records[axis].astype(float) for axis in "xyz"]
+    return np.column_stack(columns), len(data) - size
+
+
+def _unpacked_points(
+    data: bytes, header: CloudHeader, size: int
+) -> tuple[np.ndarray, int]:
+    """Return the points (N, 3) of compressed ``data``, which unpack to ``size`` bytes, and the
+    number of bytes behind them.
+    """
+    packed, unpacked = np.frombuffer(data[:8].ljust(8, b"\0"), "<u4").tolist()
+    end = 8 + packed
+    if len(data) < end or unpacked != size:
+        raise ValueError(_lacking(data, end, unpacked, header))
+    _require_padding(data[end:], header)
+    # rename fields: Open3D reads some as colours or normals, and fails on two of one name
+    names = [
+        n if n in ("x", "y", "z") else f"f{i}" for i, n in enumerate(header.point.names)
+    ]
+    kinds = [header.point[name] for name in header.point.names]
+    rows = {
+        "VERSION": [0.7],
+        "FIELDS": names,
+        "SIZE": [kind.base.itemsize for kind in kinds],
+        "TYPE": [kind.base.kind.upper() for kind in kinds],
+        "COUNT": [int(np.prod(kind.shape)) for kind in kinds],
+        "WIDTH": [header.count],
+        "HEIGHT": [1],
+        "POINTS": [header.count],
+        "DATA": [header.form],
+    }
+    text = ""
+    for key, values in rows.items():
+        text += f"{key} {' '.join(map(str, values))}\n"
+    with os.fdopen(os.memfd_create("cloud"), "wb") as stream:
+        stream.write(text.encode() + data[:end])
+        stream.flush()
+        path = f"/proc/self/fd/{stream.fileno()}"
+        cloud = load_open3d().t.io.read_point_cloud(path, format="pcd")
+    if "positions" not in cloud.point or len(cloud.point.positions) != header.count:
+        raise ValueError("the data cannot be decompressed")
+    # damaged numbers may be huge or NaN
+    with np.errstate(invalid="ignore", over="ignore"):
+        return cloud.point.positions.numpy().astype(float), len(data) - end
+
+
+def _lacking(data: bytes, size: int, unpacked: int, header: CloudHeader) -> str:
+    return (
+        f"{len(data)} bytes of {size}, which decompress to {unpacked}, where the header announces "
+        f"{header.count} points of {header.point.itemsize} bytes"
+    )
 
 
 def _text_points(
@@ -268,29 +290,25 @@ def _text_points(
     """Return the points (N, 3), and the number of bytes behind the points."""
     lines = content[header.start :].decode("latin-1").split("\n")
     first = content.count(b"\n", 0, header.start) + 1
-    filled = [
-        (number, line.lower().split()) for number, line in enumerate(lines, first)
-    ]
-    filled = [(number, words) for number, words in filled if words][: header.count]
     widths = [int(np.prod(header.point[name].shape)) for name in header.point.names]
-    cells = [sum(widths[: header.point.names.index(axis)]) for axis in "xyz"]
-    damaged = [
-        (number, len(words)) for number, words in filled if len(words) != sum(widths)
-    ]
-    if damaged:
-        number, width = damaged[0]
-        message = (
-            f"the row has {width} numbers where a point has {sum(widths)}; {AGAIN}"
-        )
-        raise RecordingError(message, file=file, line=number)
+    axes = [sum(widths[: header.point.names.index(axis)]) for axis in "xyz"]
+    rows, numbers = [], []
+    for number, line in enumerate(lines, first):
+        words = line.lower().split()
+        if not words or len(rows) == header.count:
+            continue
+        if len(words) != sum(widths):
+            raise RecordingError(
+                f"the row has {len(words)} numbers where a point has {sum(widths)}; {AGAIN}",
+                file=file,
+                line=number,
+            )
+        rows.append(",".join("nan" if word in NO_POSITION else word for word in words))
+        numbers.append(number)
     where = {"file": file, "line": first + len(lines) - 1}
-    compare_announced("points", header.count, len(filled), AGAIN, **where)
-    rows = [
-        ",".join("nan" if w in NO_POSITION else w for w in words) for _, words in filled
-    ]
-    numbers = [number for number, _ in filled]
+    compare_announced("points", header.count, len(rows), AGAIN, **where)
     behind = "\n".join(lines[numbers[-1] - first + 1 :])
-    points = numbers_of(rows, numbers, cells, file=file, gaps=True)
+    points = numbers_of(rows, numbers, axes, file=file, gaps=True)
     return points, len(behind) if behind.strip() else 0
 
 

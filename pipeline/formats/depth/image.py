@@ -27,20 +27,16 @@ from pipeline.formats.format import Format, Head, Kind, begins, file_content, ma
 PNG, TIFF, PGM = b"\x89PNG\r\n\x1a\n", (b"II*\0", b"MM\0*"), b"P5"
 ENDINGS = (".png", ".tif", ".tiff", ".pgm", *cloud.ENDINGS)  # suffixes of depth frames
 WIDTH, LENGTH, DESCRIPTION = 256, 257, 270  # tags of TIFF 6.0, section 8
-SHORTEST_STEP, LONGEST_STEP = (
-    1e-4,
-    10.0,
-)  # s, limits of the median step; times in ms exceed them
+# s, limits of the median step; times in ms exceed them
+SHORTEST_STEP, LONGEST_STEP = 1e-4, 10.0
 PIXEL = 4  # bytes, size of the largest decoded pixel
 NO_DISPARITY = 2047  # value of the Kinect's 11-bit disparity without a measurement
 # run-length coded row differences: a fixed filter halves the time, level 6 would save 1 % of size
 PARAMETERS = (
-    cv2.IMWRITE_PNG_COMPRESSION,
-    1,
-    cv2.IMWRITE_PNG_FILTER,
-    cv2.IMWRITE_PNG_FILTER_SUB,
+    *(cv2.IMWRITE_PNG_COMPRESSION, 1),
+    *(cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_SUB),
+    *(cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE),
 )
-PARAMETERS += (cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE)
 # OpenCV prints no messages, since the RecordingError names the fault of an image
 cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
 
@@ -89,22 +85,28 @@ def metres(raw: RawDepth, encoding: Encoding, **evidence: object) -> np.ndarray:
         invalid |= (disparity == NO_DISPARITY) | (disparity >= b)
         with np.errstate(divide="ignore"):
             values = (a / (b - disparity)).astype(np.float32)
-    factor, key = 1.0, encoding.scale_key
-    if key is not None:
-        before, number = (
-            r"\"?(?:\s*[:=]\s*|\s+)\"?",
-            r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?",
-        )
-        pattern = rf"(?<![\w.]){re.escape(key)}{before}({number})(?![\w.])"
-        factors = [float(number) for number in re.findall(pattern, raw.description)]
-        if len(factors) != 1 or not 0 < factors[0] < np.inf:
-            message = f"the image's description has no single positive number {key!r}: "
-            raise RecordingError(f"{message}{raw.description[:120]!r}", **evidence)
-        (factor,) = factors
+    factor = 1.0
+    if encoding.scale_key is not None:
+        factor = _scale(raw.description, encoding.scale_key, evidence)
     depth = values / np.float32(encoding.units_per_metre / factor)
     invalid |= ~np.isfinite(depth)
     depth[invalid] = np.nan
     return depth
+
+
+def _scale(description: str, key: str, evidence: dict[str, object]) -> float:
+    """Return the factor that the ``description`` of an image states behind ``key``."""
+    between = r"\"?(?:\s*[:=]\s*|\s+)\"?"
+    number = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+    pattern = rf"(?<![\w.]){re.escape(key)}{between}({number})(?![\w.])"
+    factors = [float(text) for text in re.findall(pattern, description)]
+    if len(factors) != 1 or not 0 < factors[0] < np.inf:
+        raise RecordingError(
+            f"the image's description has no single positive number {key!r}: "
+            f"{description[:120]!r}",
+            **evidence,
+        )
+    return factors[0]
 
 
 def read_depth(file: Path, *, shape: tuple[int, int] | None = None) -> RawDepth:
@@ -121,28 +123,35 @@ def read_depth(file: Path, *, shape: tuple[int, int] | None = None) -> RawDepth:
     try:
         size, description = _header(content, file)
         if shape not in (None, size):
-            found, wanted = (f"{width} × {height}" for height, width in (size, shape))
-            message = f"the image has {found} pixels where the camera has {wanted}; check the "
-            raise RecordingError(f"{message}intrinsics", file=file)
+            (height, width), (rows, columns) = size, shape
+            raise RecordingError(
+                f"the image has {width} × {height} pixels where the camera has {columns} × {rows}; "
+                "check the intrinsics",
+                file=file,
+            )
         # other modes convert 16 bits to 8
         pixels = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED)
     except (RecordingError, MemoryError):
         raise
     except Exception as error:  # Pillow has no common class for damaged headers
-        reason = re.sub(
-            " ?<.*>", "", f" ({error})"
-        )  # without the address of the buffer
+        # without the address of the buffer
+        reason = re.sub(" ?<.*>", "", f" ({error})")
     if pixels is None:
-        message = f"the depth frame is truncated or damaged{reason}; copy it again, or take its "
-        raise RecordingError(f"{message}line out of the index", file=file)
+        raise RecordingError(
+            f"the depth frame is truncated or damaged{reason}; copy it again, or take its line out "
+            "of the index",
+            file=file,
+        )
     if pixels.dtype == np.float64:
         with np.errstate(over="ignore"):  # values beyond float32 are no depth
             pixels = pixels.astype(np.float32)
     if pixels.ndim != 2 or pixels.dtype not in (np.uint16, np.float32):
         channels = 1 if pixels.ndim == 2 else pixels.shape[2]
-        message = f"the image has {channels} channel(s) of {pixels.dtype}; export depth as one "
-        message += "channel, uint16 or floating point"
-        raise RecordingError(message, file=file)
+        raise RecordingError(
+            f"the image has {channels} channel(s) of {pixels.dtype}; export depth as one channel, "
+            "uint16 or floating point",
+            file=file,
+        )
     return RawDepth(pixels, description)
 
 
@@ -198,21 +207,27 @@ def read_index(file: Path) -> DepthIndex:
             continue
         stamp, name = [*line.split(maxsplit=1), ""][:2]
         seconds = float(stamp) if NUMBER.fullmatch(stamp) else np.nan
-        pairs = len(words := name.split()) > 2 and NUMBER.fullmatch(words[1])
-        if not name or pairs or name in files or not time[-1] < seconds < np.inf:
-            message = f"{line[:80]!r} must be an increasing time in s, a blank and the name of one "
-            message += f"depth frame{'; this line pairs two images' if pairs else ''}"
-            message += "; a line above names this frame" if name in files else ""
-            raise RecordingError(message, file=file, line=number)
+        words = name.split()
+        reason = ""
+        if len(words) > 2 and NUMBER.fullmatch(words[1]):
+            reason = "; this line pairs two images"
+        elif name in files:
+            reason = "; a line above names this frame"
+        if reason or not name or not time[-1] < seconds < np.inf:
+            raise RecordingError(
+                f"{line[:80]!r} must be an increasing time in s, a blank and the name of one depth "
+                f"frame{reason}",
+                file=file,
+                line=number,
+            )
         time.append(seconds)
         files[name] = None
     if not files:
         raise RecordingError("the index has no complete line with a frame", file=file)
     if len(files) > 1:
         require_step(np.diff(time[1:]), file)
-    return DepthIndex(
-        np.array(time[1:]), tuple(files), {"cut_rows": int(text.cut is not None)}
-    )
+    counts = {"cut_rows": int(text.cut is not None)}
+    return DepthIndex(np.array(time[1:]), tuple(files), counts)
 
 
 def dropped_frames(time: np.ndarray) -> int:
@@ -241,14 +256,17 @@ def named_frames(folder: Path, pattern: str) -> FrameSequence:
     several sequences, a number occurs twice, or times are of no camera.
     """
     files = filter(Path.is_file, matching(folder, pattern, key="dataset.depth.frames"))
-    if not (sequences := frame_sequences(files)):
+    sequences = frame_sequences(files)
+    if not sequences:
         raise RecordingError(f"no depth frame matches {pattern!r}", file=folder)
-    frames, names = sequences[0], ", ".join(one.pattern.name for one in sequences[:3])
+    frames = sequences[0]
     if len(sequences) > 1 or len({*frames.values}) < len(frames.files):
-        message = f"the names that match {pattern!r} must differ only in one number, or in a time, "
-        message += f"which occurs once, found {names}; rename the frames, narrow the pattern or "
+        names = ", ".join(sequence.pattern.name for sequence in sequences[:3])
         raise RecordingError(
-            f"{message}write an index of their times", file=frames.files[-1]
+            f"the names that match {pattern!r} must differ only in one number, or in a time, which "
+            f"occurs once, found {names}; rename the frames, narrow the pattern or write an index "
+            "of their times",
+            file=frames.files[-1],
         )
     if frames.timed and len(frames.files) > 1:
         require_step(np.diff(frames.values) * 1e-9, folder)
@@ -257,10 +275,12 @@ def named_frames(folder: Path, pattern: str) -> FrameSequence:
 
 def require_step(steps: np.ndarray, file: Path) -> None:
     """Raise RecordingError where the median of ``steps`` between frames, in s, is of no camera."""
-    if not SHORTEST_STEP <= (step := float(np.median(steps))) <= LONGEST_STEP:
-        message = f"the median time between frames is {step:.6g} s, of no camera: write the times "
+    step = float(np.median(steps))
+    if not SHORTEST_STEP <= step <= LONGEST_STEP:
         raise RecordingError(
-            f"{message}in s (divide ms by 1e3, µs by 1e6, ns by 1e9)", file=file
+            f"the median time between frames is {step:.6g} s, of no camera: write the times in s "
+            "(divide ms by 1e3, µs by 1e6, ns by 1e9)",
+            file=file,
         )
 
 
@@ -269,21 +289,16 @@ def numbered_frames(folder: Path, pattern: str, *, rate: float) -> DepthIndex:
     frames = named_frames(folder, pattern)
     scale = 1e-9 if frames.timed else 1 / rate
     time = np.array([(value - frames.values[0]) * scale for value in frames.values])
-    return DepthIndex(
-        time, tuple(str(file.relative_to(folder)) for file in frames.files), {}
-    )
+    files = tuple(str(file.relative_to(folder)) for file in frames.files)
+    return DepthIndex(time, files, {})
 
 
 def _begins(head: Head) -> bool:
-    rows = [
-        line.split(maxsplit=1)
-        for line in head.lines
-        if not line.lstrip().startswith("#")
-    ]
-    if not rows or len(rows[0]) != 2:
+    lines = [line for line in head.lines if not line.lstrip().startswith("#")]
+    words = lines[0].split(maxsplit=1) if lines else []
+    if len(words) != 2 or not NUMBER.fullmatch(words[0]):
         return False
-    stamp, name = rows[0]
-    return bool(NUMBER.fullmatch(stamp)) and name.strip().lower().endswith(ENDINGS)
+    return words[1].strip().lower().endswith(ENDINGS)
 
 
 IMAGE = Format("depth image", Kind.IMAGE, read_depth, begins(PNG, *TIFF, PGM))

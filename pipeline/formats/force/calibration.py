@@ -39,39 +39,47 @@ def read_calibration(file: Path) -> Calibration:
         line = {"line": error.position[0]} if hasattr(error, "position") else {}
         message = f"this is no XML ({error}); copy it again"
         raise RecordingError(message, file=file, **line) from None
-    serial = next(
-        (one.attrib["Serial"] for one in elements if "Serial" in one.attrib), ""
-    )
-    stated = [
-        one.attrib for one in elements if {"ForceUnits", "TorqueUnits"} <= {*one.attrib}
-    ]
-    rows = {one.get("Name"): one.attrib for one in elements if one.tag == "UserAxis"}
+    serials = [e.attrib["Serial"] for e in elements if "Serial" in e.attrib]
+    stated, axes = [], {}
+    for element in elements:
+        if {"ForceUnits", "TorqueUnits"} <= {*element.attrib}:
+            stated.append(element.attrib)
+        if element.tag == "UserAxis":
+            axes[element.get("Name")] = element.attrib
     try:
         (units,) = stated
         names = {"force": units["ForceUnits"], "torque": units["TorqueUnits"]}
-        factors = [
-            UNITS[kind].get(plain_unit(name), np.nan) for kind, name in names.items()
-        ]
-        factors = np.repeat(factors, 3)
-        matrix, full_scale = _numbers(rows, "values", 6), _numbers(rows, "max", 1)
+        factors = []
+        for kind, name in names.items():
+            factors += [UNITS[kind].get(plain_unit(name), np.nan)] * 3
+        factors = np.array(factors)
+        matrix = _numbers(axes, "values", 6)
+        full_scale = _numbers(axes, "max", 1)
         if full_scale.min() <= 0:
             raise ValueError("max of an axis must be above 0")
         if np.isnan(factors).any():
             raise ValueError(f"{' or '.join(names.values())} is no known unit")
     except (KeyError, ValueError) as error:
-        message = "the file must have one calibration with ForceUnits, TorqueUnits and UserAxis of "
-        message += f"{', '.join(AXES)} ({error}); copy it again, or get a calibration of version "
-        message += "1.1 or later from ATI"
-        raise RecordingError(message, file=file) from None
+        raise RecordingError(
+            "the file must have one calibration with ForceUnits, TorqueUnits and UserAxis of "
+            f"{', '.join(AXES)} ({error}); copy it again, or get a calibration of version 1.1 or "
+            "later from ATI",
+            file=file,
+        ) from None
     matrix, full_scale = factors[:, None] * matrix, factors * full_scale[:, 0]
+    serial = serials[0] if serials else ""
     return Calibration(Path(file), serial, *names.values(), matrix, full_scale)
 
 
 def _numbers(
-    rows: Mapping[str, Mapping[str, str]], name: str, count: int
+    axes: Mapping[str, Mapping[str, str]], name: str, count: int
 ) -> np.ndarray:
-    numbers = [[*map(float, rows[axis][name].split())] for axis in AXES]
-    if {*map(len, numbers)} != {count} or not np.isfinite(numbers).all():
+    """Return the numbers (6, ``count``) in the attribute ``name`` of the six axes."""
+    numbers = []
+    for axis in AXES:
+        numbers.append([float(word) for word in axes[axis][name].split()])
+    lengths = {len(row) for row in numbers}
+    if lengths != {count} or not np.isfinite(numbers).all():
         raise ValueError(f"{name} of an axis must be {count} finite number(s)")
     return np.array(numbers)
 

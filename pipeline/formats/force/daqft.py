@@ -49,26 +49,34 @@ def read_daqft(file: Path, options: ForceLogOptions = NO_OPTIONS) -> ForceRecord
     if _is_netft(sheet.header):
         message = "this is a log of a Net F/T: set format to netft"
         raise RecordingError(message, file=file, key=f"{OPTION}.format")
-    settings, calibrated = sheet.settings, getattr(options.calibration, "serial", "")
-    serial, started = (
-        settings.get(name, "") for name in ("F/T Serial Number", "Time Started")
-    )
+    serial = sheet.settings.get("F/T Serial Number", "")
+    calibrated = getattr(options.calibration, "serial", "")
     if serial and calibrated and serial != calibrated:
         message = (
             f"the log is of the transducer {serial}, the calibration of {calibrated}"
         )
         raise RecordingError(message, file=file, key=f"{OPTION}.calibration")
-    named = options.columns or any(map(forces.axis_of, sheet.labels))
-    gauged = not named and not {*GAUGES}.isdisjoint(sheet.labels)
-    columns, factors, units = (_gauges if gauged else forces.axis_factors)(
-        sheet, options
-    )
-    about = {"serial": serial, "started": started, "units": units, "counts": {}}
-    if delay := DELAY.match("".join(sheet.header[:1])):
+    named = options.columns or any(forces.axis_of(label) for label in sheet.labels)
+    if named or {*GAUGES}.isdisjoint(sheet.labels):
+        columns, factors, units = forces.axis_factors(sheet, options)
+    else:
+        columns, factors, units = _gauges(sheet, options)
+    counts = {}
+    delay = DELAY.match("".join(sheet.header[:1]))
+    if delay:
         kind = "paused_ms" if delay[1] == "Paused for" else "skipped_samples"
-        about["counts"] = {kind: int(delay[2])}
-    rate = partial(_rate, sheet, options)
-    return forces.sheet_record(sheet, options, columns, factors, rate, **about)
+        counts[kind] = int(delay[2])
+    return forces.sheet_record(
+        sheet,
+        options,
+        columns,
+        factors,
+        partial(_rate, sheet, options),
+        serial=serial,
+        started=sheet.settings.get("Time Started", ""),
+        units=units,
+        counts=counts,
+    )
 
 
 def _gauges(
@@ -78,48 +86,45 @@ def _gauges(
     that the tare removes the bias of the gauges.
     """
     if options.calibration is None or sorted({*GAUGES} & {*sheet.labels}) != GAUGES:
-        message = "no column is labelled Force X, Force Y, Force Z; gauge voltages need columns G0 "
-        message += "to G5 and the transducer's calibration"
-        where = {
-            "file": sheet.file,
-            "line": sheet.label_line,
-            "key": f"{OPTION}.calibration",
-        }
-        raise RecordingError(message, **where)
+        raise RecordingError(
+            "no column is labelled Force X, Force Y, Force Z; gauge voltages need columns G0 to G5 "
+            "and the transducer's calibration",
+            file=sheet.file,
+            line=sheet.label_line,
+            key=f"{OPTION}.calibration",
+        )
     return [*map(sheet.labels.index, GAUGES)], options.calibration.matrix, {}
 
 
 def _rate(sheet: Sheet, options: ForceLogOptions) -> float:
     """Return the sample rate in Hz: sampling frequency over averaging level, else the option."""
-    stated, rate = [], options.rate
+    numbers, rate = [], options.rate
     for key in ("Frequency", "Averaging Level"):
         text = sheet.settings.get(key, "")
-        # with decimal commas, a point separates thousands
-        plain = (
-            text if sheet.decimal == "." else text.replace(".", "?").replace(",", ".")
+        if sheet.decimal != ".":  # a point separates thousands
+            text = text.replace(".", "?").replace(",", ".")
+        if NUMBER.fullmatch(text) and 0 < float(text) < np.inf:
+            numbers.append(float(text))
+    stated = numbers[0] / numbers[1] if len(numbers) == 2 else rate
+    if stated is None or (rate is not None and not np.isclose(rate, stated)):
+        raise RecordingError(
+            f"the sample rate in Hz is {stated} in the log (Frequency over Averaging Level) and "
+            f"{rate} by the option; set rate to the right one",
+            file=sheet.file,
+            line=sheet.label_line,
+            key=f"{OPTION}.rate",
         )
-        stated += [float(plain)] if NUMBER.fullmatch(plain) else []
-    whole = len(stated) == 2 and all(0 < number < np.inf for number in stated)
-    own = stated[0] / stated[1] if whole else rate
-    if own is None or (rate is not None and not np.isclose(rate, own)):
-        message = f"the sample rate in Hz is {own} in the log (Frequency over Averaging Level) and "
-        message += f"{rate} by the option; set rate to the right one"
-        where = {"file": sheet.file, "line": sheet.label_line, "key": f"{OPTION}.rate"}
-        raise RecordingError(message, **where)
-    return own
+    return stated
 
 
 def write_daqft(file: Path, record: ForceRecord, *, decimal: str = ".") -> None:
     """Write ``record`` as DAQ F/T does, in N and N·m, with the ``decimal`` mark "." or ","."""
     separator = ";" if decimal == "," else ","
-    labels = [f"Force {axis} (N)" for axis in "XYZ"] + [
-        f"Torque {axis} (N-m)" for axis in "XYZ"
-    ]
+    labels = [f"Force {axis} (N)" for axis in "XYZ"]
+    labels += [f"Torque {axis} (N-m)" for axis in "XYZ"]
     labels += [
         f"Frequency = {record.rate:.15G}".replace(".", decimal),
         "Averaging Level = 1",
-    ]
-    labels += [
         f"F/T Serial Number = {record.serial}",
         f"Time Started = {record.started}",
     ]
@@ -137,50 +142,72 @@ def read_netft(file: Path, options: ForceLogOptions = NO_OPTIONS) -> ForceRecord
     RecordingError also for a header without rate, units or counts per unit, and where numbers may
     be counts or not.
     """
-    sheet = read_sheet(
-        file, separator=",", decimal=".", key=OPTION
-    )  # whatever the PC's marks
+    # whatever the PC's marks
+    sheet = read_sheet(file, separator=",", decimal=".", key=OPTION)
     if not _is_netft(sheet.header):
         message = "no row of labels with 'RDT Sequence': no log of a Net F/T, or a truncated one"
         raise RecordingError(message, file=file, key=f"{OPTION}.format")
-    settings, counted = sheet.settings, options.counts
+    settings = sheet.settings
     stated = {
-        kind: settings.get(f"{kind.title()} Units") for kind in ("force", "torque")
+        "force": settings.get("Force Units"),
+        "torque": settings.get("Torque Units"),
     }
     columns, factors, units = forces.axis_factors(sheet, options, stated)
-
-    def positive(name: str, option: str) -> float:
-        text = settings.get(name, "")
-        if not NUMBER.fullmatch(text) or not 0 < float(text) < np.inf:
-            message = f"{name} in the header must be > 0, got {text!r}"
-            raise RecordingError(message, file=file, key=f"{OPTION}.{option}")
-        return float(text)
-
+    counted = options.counts
     if counted is None:
-        cells = [cell for column in columns for cell in sheet.words(column)]
-        counted = not any("." in cell or "e" in cell.lower() for cell in cells)
-        if not counted and not np.any(sheet.values(columns) % 1):
-            message = "all numbers are whole but have a decimal point, so that they may be counts "
-            message += "or not: set counts to true or false"
-            where = {"line": sheet.label_line, "key": f"{OPTION}.counts"}
-            raise RecordingError(message, file=file, **where)
+        counted = _are_counts(sheet, columns)
     if counted:
-        kinds = ["Force"] * 3 + ["Torque"] * (len(columns) - 3)
-        factors = factors / [
-            positive(f"Counts per Unit {kind}", "counts") for kind in kinds
-        ]
+        per_unit = []
+        for kind in ["Force"] * 3 + ["Torque"] * (len(columns) - 3):
+            per_unit.append(_positive(sheet, f"Counts per Unit {kind}", "counts"))
+        factors = factors / per_unit
     axes = dict(zip([*forces.FORCES, *forces.TORQUES], columns, strict=False))
     timed = replace(options, columns=axes | {"t": "RDT Sequence"})
-    status = sheet.words(
-        sheet.columns({"status": "Status (hex)"}, forces.KEY)["status"]
+    rate = options.rate or _positive(sheet, "RDT Sample Rate", "rate")
+    record = forces.sheet_record(
+        sheet,
+        timed,
+        columns,
+        factors,
+        lambda: rate,
+        started=settings.get("Start Time", ""),
+        units=units,
     )
-    about = {"started": settings.get("Start Time", ""), "units": units}
-    rate = options.rate or positive("RDT Sample Rate", "rate")
-    record = forces.sheet_record(sheet, timed, columns, factors, lambda: rate, **about)
+    status = sheet.columns({"status": "Status (hex)"}, forces.KEY)["status"]
+    faulty = [word for word in sheet.words(status) if word.strip("0x")]
     counts = dict(record.counts)
     counts["lost_packets"] = counts.pop("missing_samples")
-    counts["status_rows"] = sum(bool(word.strip("0x")) for word in status)
+    counts["status_rows"] = len(faulty)
     return replace(record, counts=counts)
+
+
+def _are_counts(sheet: Sheet, columns: list[int]) -> bool:
+    """Return whether the numbers are counts, without a decimal point; RecordingError for whole
+    numbers with one.
+    """
+    for column in columns:
+        if any("." in cell or "e" in cell.lower() for cell in sheet.words(column)):
+            break
+    else:
+        return True
+    if not np.any(sheet.values(columns) % 1):
+        raise RecordingError(
+            "all numbers are whole but have a decimal point, so that they may be counts or not: "
+            "set counts to true or false",
+            file=sheet.file,
+            line=sheet.label_line,
+            key=f"{OPTION}.counts",
+        )
+    return False
+
+
+def _positive(sheet: Sheet, name: str, option: str) -> float:
+    """Return the setting ``name`` of the header; RecordingError with the ``option`` unless > 0."""
+    text = sheet.settings.get(name, "")
+    if not NUMBER.fullmatch(text) or not 0 < float(text) < np.inf:
+        message = f"{name} in the header must be > 0, got {text!r}"
+        raise RecordingError(message, file=sheet.file, key=f"{OPTION}.{option}")
+    return float(text)
 
 
 def _is_netft(lines: list[str]) -> bool:

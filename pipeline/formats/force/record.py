@@ -27,15 +27,16 @@ from pipeline.formats.format import Format, Head, Kind
 from pipeline.formats.number_sheet import Sheet, read_sheet
 
 FORCES, TORQUES = ("fx", "fy", "fz"), ("tx", "ty", "tz")
-KINDS = (
-    dict.fromkeys(FORCES, "force") | dict.fromkeys(TORQUES, "torque") | {"t": "time"}
-)
+KINDS = {
+    **dict.fromkeys(FORCES, "force"),
+    **dict.fromkeys(TORQUES, "torque"),
+    "t": "time",
+}
 OPTION = "dataset.force.log"
 KEY = f"{OPTION}.columns"
 HEADER_LINES = 40  # lines in which the labels of a table of forces are looked for
-FEWEST = (
-    10  # least number of samples; fewer rows may be settings that look like numbers
-)
+# least number of samples; fewer rows may be settings that look like numbers
+FEWEST = 10
 AXIS = re.compile(
     r"(?:.*[./]|.*_(?=force|torque))?(f|force|t|torque|m|moment)[ _./-]?([xyz])\s*(?:[(\[].*[)\]])?"
 )
@@ -44,9 +45,8 @@ NUMBERS = re.compile(
     r"(sample|(rdt )?sequence|packet)( ?(number|no\.?|#))?", re.IGNORECASE
 )
 WRENCH = ("geometry_msgs/msg/WrenchStamped",)
-EQUAL_PAIRS = (
-    0.1  # share of equal neighbours; more are of a sensor of coarse resolution
-)
+# share of equal neighbours; more are of a sensor of coarse resolution
+EQUAL_PAIRS = 0.1
 JITTER = 0.1  # greatest deviation of an even step, over the median step
 
 
@@ -61,12 +61,10 @@ class ForceRecord:
     serial: str = ""
     started: str = ""  # start time as printed in the log
     counts: Mapping[str, int] = field(default_factory=dict)  # see the reader
-    units: Mapping[str, str] = field(
-        default_factory=dict
-    )  # quantity → unit stated in the log
-    marks: Mapping[str, str] = field(
-        default_factory=dict
-    )  # separator and decimal of a table
+    # quantity → unit stated in the log
+    units: Mapping[str, str] = field(default_factory=dict)
+    # separator and decimal of a table
+    marks: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -98,14 +96,18 @@ def si_factor(
     """
     kind = KINDS[quantity]
     units, option = UNITS[kind], getattr(options, f"{kind}_unit")
-    words = stated, option, getattr(options.calibration, f"{kind}_unit", None)
+    calibrated = getattr(options.calibration, f"{kind}_unit", None)
     plain = spelled if kind == "time" else plain_unit
-    factors = [units.get(plain(word)) for word in words if word]
+    words = [word for word in (stated, option, calibrated) if word]
+    factors = [units.get(plain(word)) for word in words]
     differ = stated and option and factors[0] != factors[1]
     if not factors or factors[0] is None or differ:
-        message = f"{quantity} has no known unit: {stated!r} in the log, {option!r} by the option; "
-        message += f"set {kind}_unit to one of {', '.join(units)}"
-        raise RecordingError(message, key=f"{OPTION}.{kind}_unit", **where)
+        raise RecordingError(
+            f"{quantity} has no known unit: {stated!r} in the log, {option!r} by the option; set "
+            f"{kind}_unit to one of {', '.join(units)}",
+            key=f"{OPTION}.{kind}_unit",
+            **where,
+        )
     return factors[0]
 
 
@@ -121,15 +123,21 @@ def repeats(values: np.ndarray) -> dict[str, int]:
 def axis_of(label: str) -> str | None:
     """Return the axis, fx to tz, of a label such as ``Force X (N)``, ``Fx`` or ``Mz [N-m]``."""
     match = AXIS.fullmatch(label.strip().lower())
-    return ("f" if match[1].startswith("f") else "t") + match[2] if match else None
+    if match is None:
+        return None
+    quantity = "f" if match[1].startswith("f") else "t"
+    return quantity + match[2]
 
 
 def require_record(record: ForceRecord, file: object) -> None:
     """Raise RecordingError where ``record`` has fewer than FEWEST samples."""
-    if (count := len(record.time)) < FEWEST:
-        message = f"{count} sample(s), at least {FEWEST} are required; the first is "
-        message += f"{record.force[0]} N, which may be a line of settings: record again"
-        raise RecordingError(message, file=file)
+    count = len(record.time)
+    if count < FEWEST:
+        raise RecordingError(
+            f"{count} sample(s), at least {FEWEST} are required; the first is {record.force[0]} N, "
+            "which may be a line of settings: record again",
+            file=file,
+        )
 
 
 def sound_samples(
@@ -147,22 +155,32 @@ def sound_samples(
     """
     require_record(record, file)
     values = np.hstack([record.force, np.nan_to_num(record.torque)])
-    starts = np.flatnonzero(np.append(True, (values[1:] != values[:-1]).any(axis=1)))
+    changed = np.append(True, (values[1:] != values[:-1]).any(axis=1))
+    starts = np.flatnonzero(changed)
     ends = np.append(starts[1:], len(values))
     lasting = record.time[ends - 1] - record.time[starts]
-    beyond = plateau(values)
+    saturated = plateau(values)
     if full_scale is not None:
-        beyond |= (np.abs(values[:, : len(full_scale)]) >= full_scale).any(axis=1)
-    faulty = {"frozen": (np.repeat(lasting > longest, ends - starts), "frozen_after")}
-    faulty["saturated"] = beyond, "full_scale"
+        loads = np.abs(values[:, : len(full_scale)])
+        saturated |= (loads >= full_scale).any(axis=1)
+    faulty = {
+        "frozen": np.repeat(lasting > longest, ends - starts),
+        "saturated": saturated,
+    }
+    limits = {"frozen": "frozen_after", "saturated": "full_scale"}  # fault → option
     sound, counts = np.ones(len(values), bool), {}
-    for name, (samples, option) in faulty.items():
+    for name, samples in faulty.items():
+        number = int(samples.sum())
         if samples.mean() > share:
-            first = f"the first at {record.time[samples][0]:.6g} s; a share of {share:g} is allowed"
-            message = f"{samples.sum()} of {len(samples)} samples are {name}, {first}"
-            raise RecordingError(message, file=file, key=f"{OPTION}.{option}")
+            raise RecordingError(
+                f"{number} of {len(samples)} samples are {name}, the first at "
+                f"{record.time[samples][0]:.6g} s; a share of {share:g} is allowed",
+                file=file,
+                key=f"{OPTION}.{limits[name]}",
+            )
         sound &= ~samples
-        counts |= {f"{name}_samples": int(samples.sum())} if samples.any() else {}
+        if number:
+            counts[f"{name}_samples"] = number
     return sound, counts
 
 
@@ -172,13 +190,15 @@ def plateau(values: np.ndarray) -> np.ndarray:
     neighbours, while at most EQUAL_PAIRS of the other neighbours are equal, so that it is no
     coarse resolution.
     """
-    cut, same = np.zeros(len(values), bool), values[1:] == values[:-1]
+    cut = np.zeros(len(values), bool)
+    same = values[1:] == values[:-1]
     for extreme in (values.max(axis=0), values.min(axis=0)):
-        at = values == extreme
-        others = (~at[1:]).sum(axis=0)
-        coarse = (same & ~at[1:]).sum(axis=0) > EQUAL_PAIRS * others
-        flat = ((same & at[1:]).sum(axis=0) >= FEWEST) & (others > 0) & ~coarse
-        cut |= (at & flat).any(axis=1)
+        at_extreme = values == extreme
+        pairs = (same & at_extreme[1:]).sum(axis=0)
+        elsewhere = (~at_extreme[1:]).sum(axis=0)
+        equal_elsewhere = (same & ~at_extreme[1:]).sum(axis=0)
+        fine = (elsewhere > 0) & (equal_elsewhere <= EQUAL_PAIRS * elsewhere)
+        cut |= (at_extreme & fine & (pairs >= FEWEST)).any(axis=1)
     return cut
 
 
@@ -198,36 +218,38 @@ def timed_record(
     """
     time = time - time[0] if len(time) else time
     steps = np.diff(time)
-    doubled = np.append(False, (steps == 0) & (values[1:] == values[:-1]).all(axis=1))
-    kept = np.diff(time[~doubled])
-    median, back = float(np.median(kept)) if len(kept) else np.nan, steps < 0
-    if back.any() or median == 0:
-        row = int(np.argmax(back)) + 1 if back.any() else 0
+    equal = (values[1:] == values[:-1]).all(axis=1)
+    distinct = np.append(True, (steps != 0) | ~equal)
+    clock_steps = np.diff(time[distinct])
+    median = float(np.median(clock_steps)) if len(clock_steps) else np.nan
+    back = steps < 0
+    if back.any():
+        row = int(np.argmax(back)) + 1
         message = f"the time goes back to {time[row]:.9g} s: rows are swapped or of two recordings"
-        if not back.any():
-            message = "most samples have the same time as the sample before: no clock"
         raise RecordingError(message, file=file, **{place: rows[row]})
-    clock = {
-        "doubled_rows": int(doubled.sum()),
-        "equal_times": int(np.sum(kept == 0)),
-        "uneven_steps": int(np.sum(np.abs(kept - median) > JITTER * median)),
-        "missing_samples": int(np.sum(np.rint(kept[kept > 1.5 * median] / median) - 1)),
+    if median == 0:
+        message = "most samples have the same time as the sample before: no clock"
+        raise RecordingError(message, file=file, **{place: rows[0]})
+    uneven = np.abs(clock_steps - median) > JITTER * median
+    long = clock_steps[clock_steps > 1.5 * median]
+    counts = more.pop("counts", {}) | {
+        "doubled_rows": int((~distinct).sum()),
+        "equal_times": int(np.sum(clock_steps == 0)),
+        "uneven_steps": int(np.sum(uneven)),
+        "missing_samples": int(np.sum(np.rint(long / median) - 1)),
     }
-    counts = more.pop("counts", {}) | clock
-    return _record(
-        time[~doubled], values[~doubled], counts, **{"rate": 1 / median} | more
-    )
+    more = {"rate": 1 / median} | more
+    return _record(time[distinct], values[distinct], counts, **more)
 
 
 def _record(
     time: np.ndarray, values: np.ndarray, counts: Mapping[str, int], **more: Any
 ) -> ForceRecord:
-    torque = (
-        values[:, 3:] if values.shape[1] == 6 else np.full((len(values), 3), np.nan)
-    )
-    return ForceRecord(
-        time, values[:, :3], torque, counts=repeats(values) | {**counts}, **more
-    )
+    torque = np.full((len(values), 3), np.nan)
+    if values.shape[1] == 6:
+        torque = values[:, 3:]
+    counts = repeats(values) | {**counts}
+    return ForceRecord(time, values[:, :3], torque, counts=counts, **more)
 
 
 def read_force_table(file: Path, options: ForceLogOptions) -> ForceRecord:
@@ -253,30 +275,31 @@ def axis_factors(
     """Return the columns of the forces, and of the torques if present, by options or labels, their
     factors to N and N·m, and kind → unit, from the units ``stated``, else from the header.
     """
-    named, twice = (
-        {axis: column for axis, column in options.columns.items() if axis != "t"},
-        "",
-    )
-    for column, label in enumerate(() if options.columns else sheet.labels):
-        if axis := axis_of(label):
-            twice = label if axis in named else twice
+    named = {axis: name for axis, name in options.columns.items() if axis != "t"}
+    doubled = ""
+    for column, label in enumerate(sheet.labels):
+        axis = axis_of(label)
+        if axis and not options.columns:
+            doubled = label if axis in named else doubled
             named[axis] = column
-    wanted = [*FORCES, *(TORQUES if {*TORQUES} & {*named} else ())]
+    wanted = [*FORCES]
+    if not {*TORQUES}.isdisjoint(named):
+        wanted += TORQUES
     where = {"file": sheet.file, "line": sheet.label_line}
-    if twice or {*wanted} ^ {*named}:
-        found = ", ".join(sorted(named)) + (f", two columns {twice}" if twice else "")
-        labels = ", ".join(sheet.labels) or "none"
-        message = f"the named axes are {found or 'none'} (labels: {labels}); fx, fy and fz, and "
-        message += (
-            "all or none of tx, ty, tz are required once each; name them in columns"
+    if doubled or {*wanted} ^ {*named}:
+        axes = ", ".join(sorted(named)) or "none"
+        twice = f", two columns {doubled}" if doubled else ""
+        raise RecordingError(
+            f"the named axes are {axes}{twice} (labels: {', '.join(sheet.labels) or 'none'}); fx, "
+            "fy and fz, and all or none of tx, ty, tz are required once each; name them in columns",
+            **where,
+            key=KEY,
         )
-        raise RecordingError(message, **where, key=KEY)
     columns = sheet.columns({axis: named[axis] for axis in wanted}, KEY)
-    units = {
-        axis: stated[KINDS[axis]] if stated else sheet.unit(n)
-        for axis, n in columns.items()
-    }
-    factors = [si_factor(axis, unit, options, **where) for axis, unit in units.items()]
+    units, factors = {}, []
+    for axis, column in columns.items():
+        units[axis] = stated[KINDS[axis]] if stated else sheet.unit(column)
+        factors.append(si_factor(axis, units[axis], options, **where))
     kinds = {KINDS[axis]: units[axis] for axis in ("fx", "tx") if units.get(axis)}
     return [*columns.values()], np.array(factors), kinds
 
@@ -294,13 +317,11 @@ def sheet_record(
     equally spaced at ``rate()`` in Hz (default the option).
     """
     labels = [bare(label) for label in sheet.labels]
-    fits = [
-        n
-        for kind in (TIMES, NUMBERS)
-        for n, name in enumerate(labels)
-        if kind.fullmatch(name)
-    ]
-    named = options.columns.get("t") if options.columns else next(iter(fits), None)
+    clocks = [n for n, label in enumerate(labels) if TIMES.fullmatch(label)]
+    clocks += [n for n, label in enumerate(labels) if NUMBERS.fullmatch(label)]
+    named = clocks[0] if clocks else None
+    if options.columns:
+        named = options.columns.get("t")
     clock = [] if named is None else [*sheet.columns({"t": named}, KEY).values()]
     samples = sheet.samples([*clock, *columns], *clock)
     values = samples.values[:, len(clock) :]
@@ -309,15 +330,15 @@ def sheet_record(
     more["marks"] = {"separator": sheet.separator, "decimal": sheet.decimal}
     ticks = samples.values[:, 0] if clock else samples.rows
     if not clock or (labels and NUMBERS.fullmatch(labels[clock[0]])):
-        if not (steady := rate() if rate else options.rate):
+        steady = rate() if rate else options.rate
+        if not steady:
             message = "the samples have no time: name a column t, or set rate in Hz"
             raise RecordingError(message, file=sheet.file, key=f"{OPTION}.rate")
         time, more["rate"] = (ticks - ticks[0]) / steady, steady
     else:
         where = {"file": sheet.file, "line": sheet.label_line}
-        time = (ticks - ticks[0]) * si_factor(
-            "t", sheet.unit(*clock, "time"), options, **where
-        )
+        second = si_factor("t", sheet.unit(*clock, "time"), options, **where)
+        time = (ticks - ticks[0]) * second
     if not clock:
         return _record(time, values, **more)
     lines = [sheet.lines[row] for row in samples.rows]
@@ -333,29 +354,32 @@ def read_force_bag(file: Path, options: ForceLogOptions = NO_OPTIONS) -> ForceRe
     """
     topic = rosbag.choose_topic(file, WRENCH, options.topic)
     samples = np.array([*rosbag.messages(file, topic, _sample)])
-    if not (finite := np.isfinite(samples).all(axis=1)).all():
-        where = {"file": file, "topic": topic, "sample": int(np.argmin(finite))}
-        raise RecordingError("a force or torque is not finite", **where)
-    return timed_record(
-        samples[:, 0], samples[:, 1:], "sample", range(len(samples)), file
-    )
+    finite = np.isfinite(samples).all(axis=1)
+    if not finite.all():
+        raise RecordingError(
+            "a force or torque is not finite",
+            file=file,
+            topic=topic,
+            sample=int(np.argmin(finite)),
+        )
+    numbers = range(len(samples))
+    return timed_record(samples[:, 0], samples[:, 1:], "sample", numbers, file)
 
 
 def _sample(message: object) -> list[float]:
-    parts = message.wrench.force, message.wrench.torque
-    return [
-        rosbag.seconds(message),
-        *(getattr(part, axis) for part in parts for axis in "xyz"),
-    ]
+    sample = [rosbag.seconds(message)]
+    for vector in (message.wrench.force, message.wrench.torque):
+        sample += [vector.x, vector.y, vector.z]
+    return sample
 
 
 def _begins(head: Head) -> bool:
     """Return whether labels of three axes of forces, and of few other columns, are above a row."""
     for number, line in enumerate(head.lines[:HEADER_LINES]):
         cells = split_line(line, separator_of(line))
-        axes = [axis for axis in map(axis_of, cells) if axis]
-        if {"fx", "fy", "fz"} <= {*axes} and 2 * len(axes) >= len(cells):
-            return any(map(is_rowlike, head.lines[number + 1 : number + 3]))
+        axes = [axis_of(cell) for cell in cells if axis_of(cell)]
+        if {*FORCES} <= {*axes} and 2 * len(axes) >= len(cells):
+            return any(is_rowlike(row) for row in head.lines[number + 1 : number + 3])
     return False
 
 

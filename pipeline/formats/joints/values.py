@@ -3,6 +3,7 @@ names are ambiguous.
 """
 
 from collections.abc import Mapping
+from itertools import combinations
 
 import numpy as np
 
@@ -26,9 +27,9 @@ def signals_by_values(
     """
     places = sorted(columns)
     for count in range(2, min(len(places), MOST_GROUPS) + 1):
-        if len(places) % count:
+        joints, rest = divmod(len(places), count)
+        if rest:
             continue
-        joints = len(places) // count
         beside = [places[k * joints : (k + 1) * joints] for k in range(count)]
         alternating = [places[k::count] for k in range(count)]
         for groups in (beside, alternating):
@@ -42,12 +43,15 @@ def _following_pairs(
     groups: list[list[int]], columns: Mapping[int, np.ndarray]
 ) -> list[tuple[list[int], list[int]]]:
     """Return the pairs of ``groups`` of which one follows the other in every column."""
+    angles = [np.column_stack([columns[n] for n in group]) for group in groups]
     pairs = []
-    for n, first in enumerate(groups):
-        for second in groups[n + 1 :]:
-            angles = [np.column_stack([columns[c] for c in g]) for g in (first, second)]
-            if follows(*angles) and follows(*angles[::-1]):
-                pairs.append((first, second))
+    for (first, first_angles), (second, second_angles) in combinations(
+        zip(groups, angles, strict=True), 2
+    ):
+        if follows(first_angles, second_angles) and follows(
+            second_angles, first_angles
+        ):
+            pairs.append((first, second))
     return pairs
 
 
@@ -100,10 +104,12 @@ def is_derivative(speed: np.ndarray, angles: np.ndarray, time: np.ndarray) -> bo
     """Return whether the integral of ``speed`` (N, joints) over ``time`` (N,) is proportional to
     the motion of the ``angles`` (N, joints), whatever the units; True if the speed is zero.
     """
-    steps = (speed[1:] + speed[:-1]) / 2 * np.diff(time)[:, None]
-    integral, moved = np.cumsum(steps, axis=0), angles[1:] - angles[0]
+    means = (speed[1:] + speed[:-1]) / 2
+    integral = np.cumsum(means * np.diff(time)[:, None], axis=0)
+    moved = angles[1:] - angles[0]
     power = float((integral**2).sum())
     if not power:
         return True
-    residual = moved - integral * float((integral * moved).sum()) / power
+    common = float((integral * moved).sum())
+    residual = moved - integral * common / power
     return bool((residual**2).sum() < INTEGRAL**2 * (moved**2).sum())
