@@ -10,15 +10,19 @@ import numpy as np
 import pandas as pd
 import pytest
 from joint_files import read_joint_log, table
+from ros_bags import Message, write_bag
 from scipy.io import loadmat, savemat
 from source_code import ROOT
 from written_logs import refusal
 
+from pipeline.core.sources import imported_sources, sources_hash
 from pipeline.formats import joints
 from pipeline.formats.format import Kind, format_of, formats_in
 from pipeline.formats.joints.arrays import read_arrays
+from pipeline.formats.joints.bag import JOINT_STATE, read_joint_bag
 from pipeline.formats.joints.log import LogOptions
 from pipeline.recordings.movement import read_log
+from pipeline.stages.files import reader_code
 
 KEY = "dataset.joint_log"
 
@@ -146,6 +150,20 @@ WRITE = {
 def archive(folder: Path, form: str = "npz", **arrays: np.ndarray) -> Path:
     WRITE[form](folder / f"log.{form}", arrays)
     return folder / f"log.{form}"
+
+
+def test_the_code_of_a_reader_is_named_for_the_files_that_it_reads(tmp_path):
+    """A further format changes no line of the list of other files."""
+    module, code = reader_code(archive(tmp_path, **ARRAYS)).split()
+    assert module == read_arrays.__module__
+    assert code == sources_hash(imported_sources([module]))
+    (tmp_path / "log.csv").write_text("time,q_0\n0.0,0.1\n0.1,0.2\n")
+    assert reader_code(tmp_path / "log.csv") == ""
+    states = Message(JOINT_STATE, 1.0, name=["a"], position=np.zeros(1))
+    states.fields |= dict.fromkeys(("velocity", "effort"), np.zeros(0))
+    bag = write_bag(tmp_path, "mcap", {"/joint_states": [(1.0, states)]})
+    for file in bag.iterdir():
+        assert reader_code(file).split()[0] == read_joint_bag.__module__
 
 
 @pytest.mark.parametrize("form", WRITE)
