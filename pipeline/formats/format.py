@@ -112,11 +112,13 @@ def formats_in(package: ModuleType, *kinds: Kind) -> tuple[Format, ...]:
     their modules, but tables last, since files of other formats also look like tables.
     """
     formats: list[Format] = []
-    for module in walk_packages(package.__path__, f"{package.__name__}."):
-        declared = getattr(import_module(module.name), "FORMAT", ())
+    for place in walk_packages(package.__path__, f"{package.__name__}."):
+        module = import_module(place.name)
+        declared = getattr(module, "FORMAT", ())
         formats += declared if isinstance(declared, tuple) else [declared]
-    chosen = [form for form in formats if not kinds or form.kind in kinds]
-    return tuple(sorted(chosen, key=lambda form: form.kind == Kind.TABLE))
+    if kinds:
+        formats = [form for form in formats if form.kind in kinds]
+    return tuple(sorted(formats, key=lambda form: form.kind == Kind.TABLE))
 
 
 def recognised(head: Head, formats: Sequence[Format]) -> Format | None:

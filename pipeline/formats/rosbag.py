@@ -336,8 +336,10 @@ def _require_sound(file: Path) -> None:
     """Raise RecordingError for a pointer and a foreign MCAP, ValueError for a short database."""
     head = Head.read(file).content
     match = PROFILE.match(head)
-    if match and match[1][0]:
-        profile = head[match.end() :][: match[1][0]].decode("latin-1")
+    length = match[1][0] if match else 0
+    if length:
+        start = match.end()
+        profile = head[start : start + length].decode("latin-1")
         if profile != "ros2":
             message = f"an MCAP of the profile {profile!r}, not ros2: record or convert it by ROS 2"
             raise RecordingError(message, file=file)

@@ -117,18 +117,19 @@ def _sections(lines: list[str], places: list[int], mark: str) -> tuple[int, int]
     ends = [n for n, line in enumerate(lines) if line.startswith(HEADER_END)]
     if not ends or ends[-1] + 1 >= len(lines):
         return 0, 0
-    whole = len(lines)
+    before = len(lines)
     for end in reversed(ends[2:]):
-        channels = [n for n in range(end) if lines[n].startswith("Channels")]
-        first = max(channels, default=end)
-        del lines[first : end + 2], places[first : end + 2]
+        above = enumerate(lines[:end])
+        channels = [n for n, line in above if line.startswith("Channels")]
+        header = slice(max(channels, default=end), end + 2)
+        del lines[header], places[header]
     start = ends[:2][-1] + 1
     labels = split_line(lines[start].rstrip(mark), mark)
-    if labels[-1] == "Comment":
-        for n in range(start + 1, len(lines)):
-            if lines[n].count(mark) == len(labels) - 2:
-                lines[n] += mark
-    return start, whole - len(lines)
+    if labels[-1] == "Comment":  # rows may lack the cell of the comment
+        for n, line in enumerate(lines):
+            if n > start and line.count(mark) == len(labels) - 2:
+                lines[n] = line + mark
+    return start, before - len(lines)
 
 
 def _units_of_labview(lines: list[str], mark: str) -> list[str]:
@@ -216,9 +217,11 @@ def _require_no_rows(lines: list[str], places: list[int], file: Path) -> None:
         for mark in SEPARATORS:
             cells = line.split() if mark == delimited.SPACE else split_line(line, mark)
             filled = [cell for cell in cells if cell]
-            if 2 < len(filled) == count_numbers(filled) and not counts_on(cells):
-                message = f"numbers unlike the rows below, or damaged: {line[:80]!r}"
-                raise RecordingError(f"{message}: {MEND}", file=file, line=place)
+            numbers = count_numbers(filled)
+            if 2 < len(filled) == numbers and not counts_on(cells):
+                text = line[:80]
+                message = f"numbers unlike the rows below, or damaged: {text!r}: {MEND}"
+                raise RecordingError(message, file=file, line=place)
 
 
 def _header(

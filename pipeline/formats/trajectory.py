@@ -25,15 +25,15 @@ def read_trajectory(file: Path) -> pd.DataFrame:
     a last row without line end. Time steps must be positive and equal to a microsecond; angles must
     not jump by more than half a turn.
     """
-
     table = _even_rows(file)
     turning = [name for name in table if name == "phi" or name.startswith("q:")]
     jumps = np.abs(np.diff(table[turning], axis=0)) > np.pi
     if jumps.any():
         row, column = np.argwhere(jumps)[0].tolist()
-        before, after = table[turning[column]].iloc[row : row + 2]
+        name = turning[column]
+        before, after = table[name].iloc[row : row + 2]
         raise RecordingError(
-            f"{turning[column]} jumps by {after - before:.4g} rad at t = {table.t[row + 1]:.6g} s: "
+            f"{name} jumps by {after - before:.4g} rad at t = {table.t[row + 1]:.6g} s: "
             "a commanded angle must be continuous beyond ±π, without jumps of 2π = 6.283 rad; "
             "export unwrapped angles",
             file=file,

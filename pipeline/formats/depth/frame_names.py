@@ -172,19 +172,21 @@ def _with_fractions(whole: list[int], matches: list[re.Match]) -> list[int]:
     digits or one begins with a zero; else whole ms, µs or ns if one ends with a zero; else the
     reading with more even steps.
     """
-    texts = [match["f"] or "" for match in matches]
-    lengths = {len(digits) for digits in texts}
-    unit = 10 ** (9 - 3 * -(-max(lengths) // 3))
-    decimals, counted, points = [], [], []
-    for seconds, digits, match in zip(whole, texts, matches, strict=True):
+    fractions = [match["f"] or "" for match in matches]
+    lengths = {len(digits) for digits in fractions}
+    groups = -(-max(lengths) // 3)  # of three digits: ms, µs or ns
+    unit = 10 ** (9 - 3 * groups)
+    decimals, counted = [], []
+    for seconds, digits in zip(whole, fractions, strict=True):
         decimals.append(seconds * NANO + int(digits.ljust(9, "0")))
         counted.append(seconds * NANO + int(digits or 0) * unit)
-        points.append(f".{digits}" in match[0])
-    if len(lengths) == 1 or any(re.match("0.", digits) for digits in texts):
+    if len(lengths) == 1 or any(re.match("0.", digits) for digits in fractions):
         return decimals
-    if any(re.search(".0$", digits) for digits in texts):
+    if any(re.search(".0$", digits) for digits in fractions):
         return counted
-    likely = (decimals, counted) if any(points) else (counted, decimals)
+    pairs = zip(matches, fractions, strict=True)
+    point = any(f".{digits}" in match[0] for match, digits in pairs)
+    likely = (decimals, counted) if point else (counted, decimals)
     return min(likely, key=_unevenness)
 
 

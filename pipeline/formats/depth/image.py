@@ -288,7 +288,8 @@ def numbered_frames(folder: Path, pattern: str, *, rate: float) -> DepthIndex:
     """Return the index of :func:`named_frames`, by times in names or numbers over ``rate``."""
     frames = named_frames(folder, pattern)
     scale = 1e-9 if frames.timed else 1 / rate
-    time = np.array([(value - frames.values[0]) * scale for value in frames.values])
+    first = frames.values[0]
+    time = np.array([(value - first) * scale for value in frames.values])
     files = tuple(str(file.relative_to(folder)) for file in frames.files)
     return DepthIndex(time, files, {})
 
@@ -296,9 +297,11 @@ def numbered_frames(folder: Path, pattern: str, *, rate: float) -> DepthIndex:
 def _begins(head: Head) -> bool:
     lines = [line for line in head.lines if not line.lstrip().startswith("#")]
     words = lines[0].split(maxsplit=1) if lines else []
-    if len(words) != 2 or not NUMBER.fullmatch(words[0]):
+    if len(words) != 2:
         return False
-    return words[1].strip().lower().endswith(ENDINGS)
+    stamp, name = words
+    timed = NUMBER.fullmatch(stamp) is not None
+    return timed and name.strip().lower().endswith(ENDINGS)
 
 
 IMAGE = Format("depth image", Kind.IMAGE, read_depth, begins(PNG, *TIFF, PGM))

@@ -204,10 +204,11 @@ def _are_counts(sheet: Sheet, columns: list[int]) -> bool:
 def _positive(sheet: Sheet, name: str, option: str) -> float:
     """Return the setting ``name`` of the header; RecordingError with the ``option`` unless > 0."""
     text = sheet.settings.get(name, "")
-    if not NUMBER.fullmatch(text) or not 0 < float(text) < np.inf:
+    number = float(text) if NUMBER.fullmatch(text) else np.nan
+    if not 0 < number < np.inf:
         message = f"{name} in the header must be > 0, got {text!r}"
         raise RecordingError(message, file=sheet.file, key=f"{OPTION}.{option}")
-    return float(text)
+    return number
 
 
 def _is_netft(lines: list[str]) -> bool:

@@ -194,11 +194,13 @@ def plateau(values: np.ndarray) -> np.ndarray:
     same = values[1:] == values[:-1]
     for extreme in (values.max(axis=0), values.min(axis=0)):
         at_extreme = values == extreme
-        pairs = (same & at_extreme[1:]).sum(axis=0)
-        elsewhere = (~at_extreme[1:]).sum(axis=0)
-        equal_elsewhere = (same & ~at_extreme[1:]).sum(axis=0)
-        fine = (elsewhere > 0) & (equal_elsewhere <= EQUAL_PAIRS * elsewhere)
-        cut |= (at_extreme & fine & (pairs >= FEWEST)).any(axis=1)
+        behind = at_extreme[1:]
+        pairs = (same & behind).sum(axis=0)
+        elsewhere = (~behind).sum(axis=0)
+        equal_elsewhere = (same & ~behind).sum(axis=0)
+        fine = equal_elsewhere <= EQUAL_PAIRS * elsewhere
+        flat = (elsewhere > 0) & fine & (pairs >= FEWEST)
+        cut |= (at_extreme & flat).any(axis=1)
     return cut
 
 
@@ -377,9 +379,10 @@ def _begins(head: Head) -> bool:
     """Return whether labels of three axes of forces, and of few other columns, are above a row."""
     for number, line in enumerate(head.lines[:HEADER_LINES]):
         cells = split_line(line, separator_of(line))
-        axes = [axis_of(cell) for cell in cells if axis_of(cell)]
+        axes = [axis for axis in map(axis_of, cells) if axis]
         if {*FORCES} <= {*axes} and 2 * len(axes) >= len(cells):
-            return any(is_rowlike(row) for row in head.lines[number + 1 : number + 3])
+            below = head.lines[number + 1 : number + 3]
+            return any(is_rowlike(row) for row in below)
     return False
 
 

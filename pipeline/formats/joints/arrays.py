@@ -244,9 +244,10 @@ def _unit(kind: str, labels: Sequence[object], file: Path) -> str:
     """Return the unit of the ``kind`` that is a word of all names of arrays, else ""."""
     arrays = [str(label).partition(":")[0] for label in labels]
     units = {unit_in_name(array, kind) for array in arrays}
-    for unit in units & {*UNITS[f"unread_{kind}"]}:
-        message = f"{labels[0]} is in {unit} by its name: convert it to "
-        raise RecordingError(message + " or ".join(UNITS[kind]), file=file)
+    for unit in units.intersection(UNITS[f"unread_{kind}"]):
+        convert = " or ".join(UNITS[kind])
+        message = f"{labels[0]} is in {unit} by its name: convert it to {convert}"
+        raise RecordingError(message, file=file)
     return units.pop() if len(units) == 1 else ""
 
 

@@ -139,12 +139,13 @@ def _joint_values(message: object, signal: str) -> tuple[float, dict[str, float]
     """Return the time in s and joint → value of the ``signal``, NaN for a missing value."""
     field = FIELDS.get(signal, "effort")
     if hasattr(message, "joint_names"):  # the state of a controller
-        joints, field = message.joint_names, POINT_FIELDS[field]
+        joints, values = message.joint_names, []
         commanded = signal in COMMANDED_SIGNALS
-        fields = COMMANDED_POINTS if commanded else MEASURED_POINTS
-        points = [getattr(message, name) for name in fields if hasattr(message, name)]
-        filled = [point for point in points if len(getattr(point, field))]
-        values = getattr(filled[0], field).tolist() if filled else []
+        for name in COMMANDED_POINTS if commanded else MEASURED_POINTS:
+            point = getattr(message, name, None)
+            numbers = getattr(point, POINT_FIELDS[field], ())
+            if len(numbers) and not values:
+                values = numbers.tolist()
     else:
         joints, values = message.name, getattr(message, field).tolist()
     present = dict(zip(joints, values, strict=False))

@@ -59,10 +59,11 @@ def increasing(log: JointLog, place: Callable[[int], dict[str, object]]) -> Join
     """
     values = np.hstack([log.time[:, None], *log.signals.values()])
     doubled = (values[1:] == values[:-1]).all(axis=1)
-    backward = (np.diff(log.time) <= 0) & ~doubled
+    time = log.time
+    backward = (np.diff(time) <= 0) & ~doubled
     if backward.any():
         row = int(np.argmax(backward)) + 1
-        before, after = log.time[row - 1 : row + 1].tolist()
+        before, after = float(time[row - 1]), float(time[row])
         raise RecordingError(
             f"the time does not increase (from {before:.16g} to {after:.16g} s): choose another "
             "column of times, or print its fraction with all its digits; if the file holds several "
@@ -73,5 +74,5 @@ def increasing(log: JointLog, place: Callable[[int], dict[str, object]]) -> Join
     signals = {name: rows[distinct] for name, rows in log.signals.items()}
     counts = log.counts | {"doubled_rows": int(doubled.sum())}
     lines = np.array(log.lines)[distinct].tolist() if len(log.lines) else ()
-    time = log.time[distinct]
+    time = time[distinct]
     return replace(log, time=time, signals=signals, counts=counts, lines=lines)

@@ -163,7 +163,8 @@ def joint_parts(names: Sequence[str]) -> list[str]:
     shared = set.intersection(*map(set, words)) if len(words) > 1 else set()
     parts = []
     for name_words in words:
-        parts.append("_".join(word for word in name_words if word not in shared))
+        distinct = [word for word in name_words if word not in shared]
+        parts.append("_".join(distinct))
     return parts
 
 

@@ -36,16 +36,20 @@ def log_of_sheet(sheet: Sheet, options: LogOptions) -> JointLog:
     places = sheet.columns(clock | dict(wanted), f"{OPTION}.signals")
     first_signal = next(iter(options.signals), "")
     factors = _si_factors(sheet, places, first_signal, options)
-    measured = [column for name, column in places.items() if name.endswith("(actual)")]
+    measured = [places[name] for name in wanted if name.endswith("(actual)")]
     _require_named_joints(sheet, measured, options.names)
 
     samples = sheet.samples([*places.values()], places.get("time"), measured)
     values = samples.values * np.array(factors)
     lines = [sheet.lines[row] for row in samples.rows]
-    time = values[:, 0] if clock else _times_of_rows(sheet, samples.rows, options)
+    if clock:
+        time = values[:, 0]
+    else:
+        time = _times_of_rows(sheet, samples.rows, options)
     signals, start = {}, len(clock)
     for signal in options.signals:
-        end = start + sum(name.endswith(f" ({signal})") for name in wanted)
+        names = [name for name in wanted if name.endswith(f" ({signal})")]
+        end = start + len(names)
         signals[signal] = values[:, start:end]
         start = end
     log = JointLog(time, signals, sheet.counts | samples.counts, lines=lines)

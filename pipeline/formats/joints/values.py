@@ -43,15 +43,13 @@ def _following_pairs(
     groups: list[list[int]], columns: Mapping[int, np.ndarray]
 ) -> list[tuple[list[int], list[int]]]:
     """Return the pairs of ``groups`` of which one follows the other in every column."""
-    angles = [np.column_stack([columns[n] for n in group]) for group in groups]
+    angles = []
+    for group in groups:
+        angles.append(np.column_stack([columns[n] for n in group]))
     pairs = []
-    for (first, first_angles), (second, second_angles) in combinations(
-        zip(groups, angles, strict=True), 2
-    ):
-        if follows(first_angles, second_angles) and follows(
-            second_angles, first_angles
-        ):
-            pairs.append((first, second))
+    for n, k in combinations(range(len(groups)), 2):
+        if follows(angles[n], angles[k]) and follows(angles[k], angles[n]):
+            pairs.append((groups[n], groups[k]))
     return pairs
 
 
@@ -89,7 +87,10 @@ def follows(angles: np.ndarray, moved: np.ndarray) -> bool:
     (N, joints) in the share ROWS of the rows; False without a motion.
     """
     limit = FOLLOWS * np.ptp(moved, axis=0).max(initial=0.0)
-    return bool(limit) and bool(np.quantile(np.abs(angles - moved), ROWS) < limit)
+    if not limit:
+        return False
+    distance = np.quantile(np.abs(angles - moved), ROWS)
+    return bool(distance < limit)
 
 
 def is_quaternion(rows: np.ndarray) -> bool:
@@ -105,11 +106,14 @@ def is_derivative(speed: np.ndarray, angles: np.ndarray, time: np.ndarray) -> bo
     the motion of the ``angles`` (N, joints), whatever the units; True if the speed is zero.
     """
     means = (speed[1:] + speed[:-1]) / 2
-    integral = np.cumsum(means * np.diff(time)[:, None], axis=0)
+    steps = means * np.diff(time)[:, None]
+    integral = np.cumsum(steps, axis=0)
     moved = angles[1:] - angles[0]
     power = float((integral**2).sum())
     if not power:
         return True
+
     common = float((integral * moved).sum())
     residual = moved - integral * common / power
-    return bool((residual**2).sum() < INTEGRAL**2 * (moved**2).sum())
+    greatest = INTEGRAL**2 * (moved**2).sum()
+    return bool((residual**2).sum() < greatest)

@@ -195,7 +195,8 @@ def _announced_frames(header: C3dHeader, contents: dict) -> int:
     if start is not None and end is not None:
         stated = max(end - start + 1, stated or 0)
     capped = header.last == LONGEST
-    if stated and (capped or stated % 2**16 == header.frames % 2**16):
+    agreeing = stated and stated % 2**16 == header.frames % 2**16
+    if agreeing or (stated and capped):
         return max(stated, header.frames)
     surplus = (header.held - header.frames) * header.row
     if capped and (surplus >= BLOCK or surplus < 0):  # more than padding

@@ -151,8 +151,10 @@ def _fields(line: str, file: Path) -> dict[str, str]:
     starts = [place for place, cell in enumerate(cells) if cell in KEYS]
     fields: dict[str, str] = {}
     for start, end in pairwise([*starts, len(cells)]):
-        key, values = cells[start], cells[start + 1 : end]
-        value = ",".join(values).strip(",") if key in TEXTS else "".join(values[:1])
+        key, *values = cells[start:end]
+        value = "".join(values[:1])
+        if key in TEXTS:
+            value = ",".join(values).strip(",")
         if fields.setdefault(key, value) != value:
             message = f"the header has two different values of {key}"
             raise RecordingError(message, file=file, line=1, key=key)
@@ -318,13 +320,19 @@ def write_motive(file: Path, take: MotionTake, *, start: str) -> None:
     sample, bodies before markers. ``start`` is the start of the capture in Motive's format, such as
     ``2024-03-05 10.15.00.000 AM``. ``take.version`` and ``take.counts`` are not written.
     """
-    values = dict.fromkeys(KEYS, "") | dict.fromkeys(RATES, f"{take.rate:.6f}")
-    values |= {"Format Version": "1.23", "Take Name": _quoted(take.name)}
-    values |= {"Rotation Type": "Quaternion", "Length Units": "Meters"}
-    values |= {"Coordinate Space": "Global", "Capture Start Time": start}
-    values["Total Frames in Take"] = str(int(take.frame[-1] - take.frame[0]) + 1)
-    values["Total Exported Frames"] = str(len(take.frame))
+    values = dict.fromkeys(KEYS, "")
     del values["Capture Start Frame"]  # Motive 1.23 writes this key for some takes only
+    values |= dict.fromkeys(RATES, f"{take.rate:.6f}")
+    values |= {
+        "Format Version": "1.23",
+        "Take Name": _quoted(take.name),
+        "Rotation Type": "Quaternion",
+        "Length Units": "Meters",
+        "Coordinate Space": "Global",
+        "Capture Start Time": start,
+        "Total Frames in Take": str(int(take.frame[-1] - take.frame[0]) + 1),
+        "Total Exported Frames": str(len(take.frame)),
+    }
     place = [("Position", axis) for axis in "XYZ"]
     pose = [("Rotation", axis) for axis in "XYZW"] + place
     assets = [(BODY, name, pose) for name in take.bodies]
@@ -333,7 +341,8 @@ def write_motive(file: Path, take: MotionTake, *, start: str) -> None:
     for number, (kind, name, quantities) in enumerate(assets, start=0xA10):
         for quantity, axis in quantities:
             labels.append((kind, _quoted(name), f'"{number:X}"', quantity, axis))
-    header = [",".join(f"{key},{value}" for key, value in values.items()), ""]
+    cells = [f"{key},{value}" for key, value in values.items()]
+    header = [",".join(cells), ""]
     starts = ",Type", ",Name", ",ID", ",", "Frame,Time (Seconds)"
     for start_of_row, row in zip(starts, np.transpose(labels), strict=True):
         header.append(",".join([start_of_row, *row]))
@@ -342,8 +351,10 @@ def write_motive(file: Path, take: MotionTake, *, start: str) -> None:
         blocks += [body.quaternion, body.position]
     table = np.column_stack([*blocks, *take.markers.values()])
     row = ",".join(["%d", *["%.6f"] * (table.shape[1] - 1)]) + "\r\n"
-    rows = (row * len(table) % tuple(table.ravel().tolist())).replace("nan", "")
-    Path(file).write_bytes(("\r\n".join(header) + "\r\n" + rows).encode())
+    numbers = tuple(table.ravel().tolist())
+    rows = (row * len(table) % numbers).replace("nan", "")
+    text = "\r\n".join(header) + "\r\n" + rows
+    Path(file).write_bytes(text.encode())
 
 
 def _quoted(name: str) -> str:

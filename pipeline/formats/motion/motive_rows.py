@@ -212,6 +212,8 @@ def _dense(
     are there without rows, too.
     """
     samples = dict.fromkeys(names, np.full((frames, len(columns)), nan))
-    for name, rows in table.set_index("k").groupby("name", sort=False)[columns]:
-        samples[name] = rows.reindex(np.arange(frames)).to_numpy()
+    numbers = np.arange(frames)
+    by_frame = table.set_index("k")
+    for name, rows in by_frame.groupby("name", sort=False)[columns]:
+        samples[name] = rows.reindex(numbers).to_numpy()
     return samples

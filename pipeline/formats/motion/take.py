@@ -136,11 +136,14 @@ def rate_from_times(frame: np.ndarray, printed: np.ndarray) -> float | None:
         return None
     mean = (frame[-1] - frame[0]) / (time[-1] - time[0])
     whole = np.round(mean)
-    off = np.abs((frame - frame[0]) / max(whole, 1.0) - (time - time[0]))
+    expected = (frame - frame[0]) / max(whole, 1.0)
+    off = np.abs(expected - (time - time[0]))
     hundredths = time * 100
     rounded = np.allclose(hundredths, np.round(hundredths), rtol=0, atol=1e-6)
-    allowed = max(0.5 / mean, TIME_ROUNDING if rounded else 0.0)
-    return float(whole) if off.max() < allowed else float(mean)
+    rounding = TIME_ROUNDING if rounded else 0.0
+    if off.max() < max(0.5 / mean, rounding):
+        return float(whole)
+    return float(mean)
 
 
 def compare_frames(stated: str, frames: int) -> dict[str, int]:
@@ -213,19 +216,23 @@ class _Samples:
         """Return the ``position`` (N, 3) of a marker or body in m, NaN where it is lost."""
         zero = (position == 0).all(axis=1)
         equal = (position == position[:, :1]).all(axis=1)
-        filler = equal & ~zero & (np.abs(position[:, 0]) >= LEAST_FILLER)
+        large = np.abs(position[:, 0]) >= LEAST_FILLER
+        filler = equal & large & ~zero
         position = np.where(filler[:, None], np.nan, position)
         position = position / UNITS_PER_METRE[self.raw.unit]
+
         missing = ~np.isfinite(position)
         sighted, lost = ~missing.all(axis=1), missing.any(axis=1)
         self._require_plausible(position, sighted, name)
-        self.counts["zero_samples"] += int(zero.sum())
+        self._count("zero_samples", zero)
         if filler.any():
-            fillers = self.counts.get("filler_samples", 0) + int(filler.sum())
-            self.counts["filler_samples"] = fillers
-        self.counts["partial_samples"] += int((lost & sighted).sum())
+            self._count("filler_samples", filler)
+        self._count("partial_samples", lost & sighted)
         position[zero | lost] = np.nan
         return position
+
+    def _count(self, name: str, samples: np.ndarray) -> None:
+        self.counts[name] = self.counts.get(name, 0) + int(samples.sum())
 
     def _require_plausible(
         self, position: np.ndarray, sighted: np.ndarray, name: str
@@ -257,7 +264,7 @@ class _Samples:
         length other than 1.
         """
         zero = (quaternion == 0).all(axis=-1)
-        self.counts["zero_samples"] += int(zero.sum())
+        self._count("zero_samples", zero)
         lost = zero | np.isnan(quaternion).any(axis=-1)
         rotation = np.where(lost[:, None], np.nan, quaternion)
         with np.errstate(over="ignore"):
