@@ -74,47 +74,47 @@ def pinhole(
     ``size`` (width, height); RecordingError (with ``evidence``) for another ``stated`` size,
     implausible values, and coefficients of a ``model`` other than OpenCV's.
     """
-    fault = ""
+    (fx, skew, cx), (low, fy, cy), bottom = matrix.tolist()
+    triangular = (skew, low, *bottom) == (0, 0, 0, 0, 1)
+    usual = distortion.size in COEFFICIENTS and np.isfinite(distortion).all()
     if stated not in (None, size):
         fault = (
             f"calibrated at {stated[0]} × {stated[1]} pixels, not {size[0]} × {size[1]}"
         )
     elif distortion.any() and model not in (None, "", "null", *MODELS):
         fault = f"the distortion model is {model!r}; calibrate with one of {', '.join(MODELS)}"
-    else:
-        fault = _matrix_fault(matrix, size)
-    if not fault and (
-        not np.isfinite(distortion).all() or distortion.size not in COEFFICIENTS
-    ):
+    elif not np.isfinite(matrix).all() or min(fx, fy) <= 0 or not triangular:
+        fault = "the camera matrix is not [fx 0 cx; 0 fy cy; 0 0 1]"
+    elif not usual:
         fault = (
             f"{distortion.size} distortion coefficients, or one that is not finite; OpenCV's model "
             f"has {COEFFICIENTS}"
         )
-    if fault:
-        raise RecordingError(fault, **evidence)
-    (fx, _, cx), (_, fy, cy), _ = matrix.tolist()
-    return Intrinsics(fx, fy, cx, cy, *size, tuple(distortion.ravel().tolist()))
-
-
-def _matrix_fault(matrix: np.ndarray, size: tuple[int, int]) -> str:
-    """Return the fault of a camera's ``matrix`` (3, 3) for images of ``size``; "" if sound."""
-    (fx, skew, cx), (low, fy, cy), bottom = matrix.tolist()
-    triangular = (skew, low, *bottom) == (0, 0, 0, 0, 1)
-    if not np.isfinite(matrix).all() or min(fx, fy) <= 0 or not triangular:
-        return "the camera matrix is not [fx 0 cx; 0 fy cy; 0 0 1]"
-    off_centre = min(cx, cy) <= 0
-    for principal, side, most in zip((cx, cy), size, ANY_SIZE, strict=True):
-        if side < most and abs(principal / side - 0.5) >= OFF_CENTRE:
-            off_centre = True
-    narrow = max(fx, fy) > NARROWEST * max(size)
-    wide = min(fx, fy) < max(cx, cy) / WIDEST
-    if narrow or wide or off_centre:
-        return (
+    elif not _is_plausible((fx, fy), (cx, cy), size):
+        fault = (
             f"a focal length of {max(fx, fy):.6g} px and a principal point at {cx:.1f}, {cy:.1f} "
             f"px are of no camera of {size[0]} × {size[1]} pixels: state them in px of these "
             "images, not of another size"
         )
-    return ""
+    else:
+        return Intrinsics(fx, fy, cx, cy, *size, tuple(distortion.ravel().tolist()))
+    raise RecordingError(fault, **evidence)
+
+
+def _is_plausible(
+    focal: tuple[float, float], principal: tuple[float, float], size: tuple[int, int]
+) -> bool:
+    """Return whether a camera for images of ``size`` (width, height) may have the ``focal`` lengths
+    (fx, fy) and the ``principal`` point (cx, cy), all in px.
+    """
+    narrow = max(focal) > NARROWEST * max(size)
+    wide = min(focal) < max(principal) / WIDEST
+    if narrow or wide or min(principal) <= 0:
+        return False
+    for place, side in zip(principal, size, strict=True):
+        if side < ANY_SIZE[0] and abs(place / side - 0.5) >= OFF_CENTRE:
+            return False
+    return True
 
 
 def read_intrinsics(
