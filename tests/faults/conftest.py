@@ -192,11 +192,12 @@ def depth_bench(folder: Path, dataset: Dataset, arm: Arm, motion) -> Bench:
         frames, clock = on_motion_clock(
             CameraTake(frames, markers, []), dataset.depth, arm
         )
-        known = arm, dataset.robot.joints, trajectory, section, motion(0.0)
-        angles = articulate_rows(frames, clouds, *known)
-        counts = counts_of([*quality, *clock]) | {
-            "valid": float(frames["valid"].mean())
-        }
+        joints, start = dataset.robot.joints, motion(0.0)
+        angles = articulate_rows(
+            frames, clouds, arm, joints, trajectory, section, start
+        )
+        counts = counts_of([*quality, *clock])
+        counts["valid"] = float(frames["valid"].mean())
         counts["frames_without_fit"] = len(frames) - len(angles)
         return Recovered(angles["t"].to_numpy(), values(angles, "q"), counts)
 
@@ -208,8 +209,8 @@ def benches(dataset, motion, tmp_path_factory) -> dict[str, Bench]:
     """Instrument → its recording."""
     robot = dataset.robot
     arm = load_arm(ROOT / robot.urdf, robot.joints, robot.tool, robot.locked)
-    known = dataset, arm, motion
+    folder = tmp_path_factory.mktemp
     return {
-        "take": take_bench(tmp_path_factory.mktemp("take"), *known),
-        "depth": depth_bench(tmp_path_factory.mktemp("depth"), *known),
+        "take": take_bench(folder("take"), dataset, arm, motion),
+        "depth": depth_bench(folder("depth"), dataset, arm, motion),
     }

@@ -91,12 +91,12 @@ def test_a_fault_is_repaired_and_counted_or_refused_with_its_place(benches, name
         whole = float(fault.mild).is_integer() and float(fault.grave).is_integer()
         files = fault.inflict(bench.files, round(severity) if whole else severity, seed)
         assert files != bench.files
-        kind, found = bench.outcome(files, fault.counted)
-        assert kind in fault.outcomes, (seed, kind, found)
+        kind, outcome = bench.outcome(files, fault.counted)
+        assert kind in fault.outcomes, (seed, kind, outcome)
         if kind == REFUSED:
-            assert {"file", "take"} & set(found.evidence)
+            assert {"file", "take"} & set(outcome.evidence)
             # the path is evidence, so that messages are the same on every machine
-            assert "\n" not in found.message and "/tmp" not in found.message
+            assert "\n" not in outcome.message and "/tmp" not in outcome.message
 
 
 @pytest.mark.parametrize(
@@ -121,8 +121,9 @@ def test_a_repaired_recording_has_the_error_of_a_clean_one(
 
     for seed in range(3):
         files = fault.inflict(bench.files, severity, seed)
-        kind, found = bench.outcome(files, fault.counted)
-        assert kind == REPAIRED and error(found) <= times * error(bench.clean)
+        kind, recovered = bench.outcome(files, fault.counted)
+        assert kind == REPAIRED
+        assert error(recovered) <= times * error(bench.clean)
 
 
 def test_a_number_changed_in_silence_is_unnoticed_and_other_line_ends_are_unharmed(
@@ -131,7 +132,8 @@ def test_a_number_changed_in_silence_is_unnoticed_and_other_line_ends_are_unharm
     bench, name = benches["take"], "optitrack/test_001.csv"
     row = bench.files[name].splitlines()[60]
     head, y, z = row.rsplit(b",", 2)  # the marker's z is normal to the plane of the arm
-    other = b",".join([head, y[:-1] + (b"9" if y[-1:] < b"5" else b"1"), z])
-    for old, new, kind in ((row, other, UNNOTICED), (b"\r\n", b"\n", UNHARMED)):
+    digit = b"9" if y[-1:] < b"5" else b"1"
+    changed = b",".join([head, y[:-1] + digit, z])
+    for old, new, kind in ((row, changed, UNNOTICED), (b"\r\n", b"\n", UNHARMED)):
         files = {**bench.files, name: bench.files[name].replace(old, new)}
         assert bench.outcome(files, ("skipped_frames",))[0] == kind

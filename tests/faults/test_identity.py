@@ -131,11 +131,14 @@ def swaying_takes(takes: int, motion, rng: np.random.Generator) -> np.ndarray:
     at rest has two values.
     """
     time = np.arange(320) / 100
-    q = (rng.random((takes, 320, 4)) < 0.003).cumsum(axis=1) % 2 * 1e-4
+    changes = rng.random((takes, 320, 4)) < 0.003
+    q = changes.cumsum(axis=1) % 2 * 1e-4
     for take in q:
-        waves = rng.uniform(2, 10, 6)[:, None] * time + rng.uniform(0, 6, (3, 6, 1))
+        frequencies = rng.uniform(2, 10, 6)[:, None]
+        phases = rng.uniform(0, 6, (3, 6, 1))
         late = time + rng.normal(0, 1e-3, 320)
-        take[:, :3] = motion(late) + 0.002 * np.sin(waves).sum(axis=1).T
+        waves = np.sin(frequencies * time + phases).sum(axis=1)
+        take[:, :3] = motion(late) + 0.002 * waves.T
         take[:, :3] += rng.normal(0, 1e-4, (320, 3))
     return q
 
@@ -251,10 +254,12 @@ def test_images_of_another_take_have_a_share_beyond_the_limit(motion, dataset):
         angles = joints[images].filter(like="q").to_numpy()
         nodes = arm.chain.points(angles)[:, 1:].mean(axis=1)
         centroids = [np.interp(seen_at, time, x) for x in nodes.T]
-        seen = np.stack(centroids, axis=1)
-        seen = np.ascontiguousarray(seen + rng.normal(0, noise, seen.shape))
+        exact = np.stack(centroids, axis=1)
+        drawn = rng.normal(0, noise, exact.shape)
+        seen = np.ascontiguousarray(exact + drawn)
         order = [joints[name], *joints[:name], *joints[name + 1 :]]
-        residual, *beside = camera_residuals((seen_at, seen), order, arm, (-0.2, 0.2))
+        window = (-0.2, 0.2)
+        residual, *beside = camera_residuals((seen_at, seen), order, arm, window)
         return residual_share(seen, residual, beside)
 
     limit = LIMITS.camera_residual_share
@@ -313,10 +318,11 @@ def forces() -> dict[str, np.ndarray]:
     for name, arranged in FORCE.configurations.items():
         robots = len(arranged.direction)
         turns = arranged.direction + rng.normal(0, 600**-0.5, (3000, robots))
-        spread = rng.normal(size=(3000, robots)) * FORCE.tension_std[:robots]
-        pulls = np.array(arranged.tension) + spread
-        axes = [(pulls * f(turns)).sum(axis=1) for f in (np.cos, np.sin)]
-        records[name] = np.stack(axes, axis=1)
+        deviations = rng.normal(size=(3000, robots)) * FORCE.tension_std[:robots]
+        pulls = np.array(arranged.tension) + deviations
+        x = (pulls * np.cos(turns)).sum(axis=1)
+        y = (pulls * np.sin(turns)).sum(axis=1)
+        records[name] = np.stack([x, y], axis=1)
     return records
 
 

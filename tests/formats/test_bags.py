@@ -45,11 +45,13 @@ def read_all(bag: Path) -> list[tuple[float, int]]:
 
 
 def recorded(folder: Path, form: str, count: int = 5) -> Path:
-    stamps = [START + 0.04 * i for i in range(count)]
-    depth = [(stamp, image(PIXELS + i, stamp)) for i, stamp in enumerate(stamps)]
-    colour = [(stamp + 0.001, image(PIXELS, stamp)) for stamp in stamps]
-    held = {"/depth": depth, "/colour": colour, "/empty": []}
-    return write_bag(folder, form, held, kinds={"/empty": IMAGE})
+    depth, colour = [], []
+    for number in range(count):
+        stamp = START + 0.04 * number
+        depth.append((stamp, image(PIXELS + number, stamp)))
+        colour.append((stamp + 0.001, image(PIXELS, stamp)))
+    topics = {"/depth": depth, "/colour": colour, "/empty": []}
+    return write_bag(folder, form, topics, kinds={"/empty": IMAGE})
 
 
 @pytest.mark.parametrize("form", FORMS)

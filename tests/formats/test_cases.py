@@ -96,11 +96,12 @@ def place_of(number: str, folder: Path) -> Path:
     if not (place / "make.py").is_file():
         return place
     shutil.copyfile(place / "make.py", folder / "make.py")
-    given, sys.argv = sys.argv, ["make.py", str(folder)]
+    arguments = sys.argv
+    sys.argv = ["make.py", str(folder)]
     try:
         runpy.run_path(str(folder / "make.py"), run_name="__main__")
     finally:
-        sys.argv = given
+        sys.argv = arguments
     return folder
 
 

@@ -54,7 +54,8 @@ def sheet(folder: Path, text: str, **options: str) -> Sheet:
 @pytest.mark.parametrize("form", ["%.6f", "%.15G", "%.17g"])
 def test_numbers_are_correctly_rounded_as_by_python(form):
     generator = np.random.default_rng(1)
-    drawn = generator.normal(size=5000) * 10.0 ** generator.integers(-9, 9, 5000)
+    powers = generator.integers(-9, 9, 5000)
+    drawn = generator.normal(size=5000) * 10.0**powers
     rows = [form % value for value in drawn]
     result = numbers_of(rows, list(range(5000)), [0], file=FILE)
     np.testing.assert_array_equal(result[:, 0], [float(row) for row in rows])

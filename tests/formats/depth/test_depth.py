@@ -52,15 +52,15 @@ def test_written_frames_read_back_without_loss_and_with_the_same_bytes(tmp_path)
 @pytest.mark.parametrize("compression", ["raw", "tiff_lzw", "tiff_adobe_deflate"])
 @pytest.mark.parametrize("kind", [np.uint16, np.float32])
 def test_tiffs_keep_their_values_and_their_description(tmp_path, kind, compression):
-    image = made.SMALL.astype(kind)
-    (tmp_path / "d.tif").write_bytes(
-        made.tiff(image, "depth scale=0.25", compression=compression)
-    )
-    raw = read_depth(tmp_path / "d.tif", shape=made.SMALL.shape)
-    assert (raw.pixels.dtype, raw.description) == (kind, "depth scale=0.25")
+    file, image = tmp_path / "d.tif", made.SMALL.astype(kind)
+    text = "depth scale=0.25"
+    file.write_bytes(made.tiff(image, text, compression=compression))
+    raw = read_depth(file, shape=made.SMALL.shape)
+    assert (raw.pixels.dtype, raw.description) == (kind, text)
     np.testing.assert_array_equal(raw.pixels, image)
     depth = metres(raw, Encoding("plain", 1000, scale_key="scale"))
-    np.testing.assert_allclose(depth[image > 0], image[image > 0] * 0.25e-3, rtol=1e-6)
+    seen = image > 0
+    np.testing.assert_allclose(depth[seen], image[seen] * 0.25e-3, rtol=1e-6)
 
 
 def test_a_scale_of_a_description_is_one_positive_number():
@@ -135,9 +135,7 @@ BINARY = [n for n in made.CLOUDS if "ascii" not in n and "crlf" not in n]
 @pytest.mark.parametrize("name", BINARY)
 def test_bytes_inserted_in_binary_points_are_refused(tmp_path, name, inserted, share):
     content, file = made.CLOUDS[name], tmp_path / name
-    mark = (
-        content.index(b"DATA") if name.endswith("pcd") else content.index(b"end_header")
-    )
+    mark = content.index(b"DATA" if name.endswith("pcd") else b"end_header")
     start = content.index(b"\n", mark) + 1
     place = start + int(share * (len(content) - start))
     file.write_bytes(content[:place] + inserted + content[place:])
@@ -358,11 +356,12 @@ LAYOUTS = {
 @pytest.mark.parametrize("big", [False, True])
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_clouds_of_any_layout_keep_their_points(layout, big, rows):
-    points = GENERATOR.normal(size=(12, 3)).astype(np.float32).astype(float)
-    points[4, 1], points[5] = np.nan, 0.0
-    message = cloud(points, 1.0, *LAYOUTS[layout], big=big, rows=rows).for_version(
-        "ros2"
-    )
+    drawn = GENERATOR.normal(size=(12, 3))
+    points = drawn.astype(np.float32).astype(float)
+    points[4, 1] = np.nan
+    points[5] = 0.0
+    recorded = cloud(points, 1.0, *LAYOUTS[layout], big=big, rows=rows)
+    message = recorded.for_version("ros2")
     np.testing.assert_array_equal(cloud_points(message), points)
     assert PointCloud.measured(points).missing == 2
 

@@ -81,8 +81,9 @@ HEADERS = [
 
 @pytest.mark.parametrize("header", HEADERS)
 def test_labels_units_and_settings_may_have_rows_of_their_own(tmp_path, header):
-    (tmp_path / "log.csv").write_text(f"{header}\n{ROW}\n{ROW}\n")
-    result = read_daqft(tmp_path / "log.csv")
+    file = tmp_path / "log.csv"
+    file.write_text(f"{header}\n{ROW}\n{ROW}\n")
+    result = read_daqft(file)
     np.testing.assert_array_equal(result.force, [[1.5, 2, 3]] * 2)
     np.testing.assert_allclose(result.torque, [[0.004, 0.005, 0.006]] * 2)
     assert (result.rate, result.serial) == (62.5, "FT1")
@@ -188,7 +189,8 @@ def test_counts_of_forces_and_of_torques_are_divided_each_by_its_own(
 
 def test_what_may_be_counts_is_asked(tmp_path):
     file, sevens = tmp_path / "log.csv", np.full((3, 3), 7.0)
-    write_netft(file, ForceRecord(np.arange(3) / 500, sevens, sevens, 500, "", "", {}))
+    time = np.arange(3) / 500
+    write_netft(file, ForceRecord(time, sevens, sevens, 500, "", "", {}))
     assert refusal(read_netft, file).evidence["key"] == f"{KEY}.counts"
     for counts, value in ((False, 7), (True, 7e-6)):
         force = read_netft(file, ForceLogOptions(counts=counts)).force
@@ -221,8 +223,8 @@ def calibration(folder: Path, body: str = "", *, units: str = NEWTON) -> Path:
 def test_units_matrix_and_ratings_are_those_of_the_user_axes_in_any_encoding(
     tmp_path, encoding
 ):
-    others = rows("Axis", 7 * MATRIX) + '<BasicTransform Dx="0" Dy="0" Dz="9"/>'
-    for body in (rows("UserAxis", MATRIX), others + rows("UserAxis", MATRIX)):
+    axes = rows("Axis", 7 * MATRIX) + '<BasicTransform Dx="0" Dy="0" Dz="9"/>'
+    for body in (rows("UserAxis", MATRIX), axes + rows("UserAxis", MATRIX)):
         file = calibration(tmp_path, body)
         file.write_bytes(
             file.read_text().replace("made up", "Meßgerät").encode(encoding)
@@ -236,7 +238,7 @@ def test_units_matrix_and_ratings_are_those_of_the_user_axes_in_any_encoding(
         newton = MATRIX * np.repeat([1, 1e-3], 3)[:, None]
         np.testing.assert_array_equal(result.matrix, newton)
         np.testing.assert_allclose(result.full_scale, [25, 25, 35, 0.25, 0.25, 0.25])
-    error = refusal(read_calibration, calibration(tmp_path, others))
+    error = refusal(read_calibration, calibration(tmp_path, axes))
     assert "get a calibration of version 1.1" in error.message
 
 

@@ -26,9 +26,11 @@ VALUES = np.random.default_rng(8).normal(size=(20, 6))
 def bag(folder: Path, picks=range(20), topics=("/ft/wrench",)) -> Path:
     """A ROS 2 bag of the ``picks`` of samples at 500 Hz on every topic."""
     folder.mkdir(exist_ok=True)
-    samples = [(START + 0.002 * k, VALUES[k].reshape(2, 3)) for k in picks]
-    held = [Message(WRENCH[0], stamp, wrench=wrench) for stamp, wrench in samples]
-    recorded = [(START + sent / 1e6, message) for sent, message in enumerate(held)]
+    recorded = []
+    for sent, k in enumerate(picks):
+        wrench = VALUES[k].reshape(2, 3)
+        message = Message(WRENCH[0], START + 0.002 * k, wrench=wrench)
+        recorded.append((START + sent / 1e6, message))
     return write_bag(folder, "sqlite3", dict.fromkeys(topics, recorded))
 
 
@@ -87,11 +89,13 @@ def test_samples_at_or_beyond_full_scale_of_any_axis_are_saturated(torque):
 @pytest.mark.parametrize("torque", [True, False])
 @pytest.mark.parametrize("start", [0, 300, 948])
 def test_identical_samples_that_last_longer_than_the_limit_are_frozen(torque, start):
-    log, frozen = record(torque=torque), slice(start, start + 52)
-    log.force[frozen], log.torque[frozen] = log.force[start], log.torque[start]
-    assert sound_samples(log, None, 0.515, 0.0, file="log.csv")[0].all()
+    log, rows = record(torque=torque), np.arange(start, start + 52)
+    log.force[rows] = log.force[start]
+    log.torque[rows] = log.torque[start]
+    sound, _ = sound_samples(log, None, 0.515, 0.0, file="log.csv")
+    assert sound.all()
     sound, counts = sound_samples(log, None, 0.5, 0.052, file="log.csv")
-    assert np.flatnonzero(~sound).tolist() == [*range(start, start + 52)]
+    np.testing.assert_array_equal(np.flatnonzero(~sound), rows)
     assert counts == {"frozen_samples": 52}
     with pytest.raises(RecordingError, match="52 of 1000 samples are frozen") as caught:
         sound_samples(log, SCALE, 0.5, 0.051, file="log.csv")
@@ -164,11 +168,14 @@ FOREIGN |= {"time_stamp": "/ft/wrench/{}/{}", "timestamp": "wrench_{}_{}"}
 
 @pytest.mark.parametrize("time", FOREIGN)
 def test_labels_of_other_programs_name_their_axes_and_times(tmp_path, time):
-    labels = [time, *(FOREIGN[time].format("force", axis) for axis in "xyz"), "tool_tx"]
-    rows = (f"{k / 100},1,2,{k},9" for k in range(12))
-    file = table(tmp_path, *rows, header=",".join(labels) + "\n")
-    record = read_force_table(file, ForceLogOptions(force_unit="N", time_unit="s"))
-    assert record.force[3].tolist() == [1, 2, 3] and record.rate == pytest.approx(100)
+    forces = [FOREIGN[time].format("force", axis) for axis in "xyz"]
+    header = ",".join([time, *forces, "tool_tx"]) + "\n"
+    rows = [f"{k / 100},1,2,{k},9" for k in range(12)]
+    file = table(tmp_path, *rows, header=header)
+    options = ForceLogOptions(force_unit="N", time_unit="s")
+    record = read_force_table(file, options)
+    assert record.force[3].tolist() == [1, 2, 3]
+    assert record.rate == pytest.approx(100)
     assert np.isnan(record.torque).all()
 
 

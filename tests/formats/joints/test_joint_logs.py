@@ -271,20 +271,22 @@ def test_matrices_in_structs_have_a_dotted_path_and_version_7_3_is_named(tmp_pat
 
 @pytest.mark.parametrize("run", ["run_A", "run_B"])
 def test_structs_of_a_real_arm_are_what_scipy_reads(run):
-    if not (file := ROOT.parent / f"shared/recordings/kr300/{run}.mat").is_file():
+    file = ROOT.parent / f"shared/recordings/kr300/{run}.mat"
+    if not file.is_file():
         pytest.skip(f"the recordings of the KR300 are absent at {file}")
-    rec, log = loadmat(file, simplify_cells=True)["rec"], read_arrays(file, PLAIN)
+    struct = loadmat(file, simplify_cells=True)["rec"]
+    log = read_arrays(file, PLAIN)
     for signal, name in (("actual", "act_pos_se_deg"), ("target", "ref_pos_deg")):
-        np.testing.assert_array_equal(log.signals[signal], np.deg2rad(rec[name].T))
-    np.testing.assert_allclose(log.time, rec["time_cont"], atol=1e-9)
+        angles = np.deg2rad(struct[name].T)
+        np.testing.assert_array_equal(log.signals[signal], angles)
+    np.testing.assert_allclose(log.time, struct["time_cont"], atol=1e-9)
 
 
 @pytest.mark.parametrize("form", ["npz", "mat"])
 def test_joints_times_samples_and_joint_names_beside_the_times_are_read(tmp_path, form):
     beside = {"joint_names": np.array([*"abc"]), "None": np.array(["x"])}
-    file = archive(
-        tmp_path, form, **{name: one.T for name, one in ARRAYS.items()} | beside
-    )
+    turned = {name: array.T for name, array in ARRAYS.items()}
+    file = archive(tmp_path, form, **turned | beside)
     log = read_arrays(file, PLAIN)
     np.testing.assert_array_equal(log.signals["target"], ACTUAL + 1)
     assert log.joints == ("a", "b", "c")

@@ -97,11 +97,11 @@ ORDERED = [  # names in a file, joints of a URDF, the joints that the names mean
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("names", "known", "meant"), ORDERED)
+@pytest.mark.parametrize(("names", "joints", "meant"), ORDERED)
 def test_names_in_a_file_mean_joints_of_the_urdf_whatever_their_order(
-    names, known, meant
+    names, joints, meant
 ):
-    assert match_joints(names, known) == meant
+    assert match_joints(names, joints) == meant
 
 
 TIME = np.arange(400) / 125

@@ -108,12 +108,14 @@ def test_a_c3d_of_another_program_is_read(tmp_path, name):
     content, markers, first, counts = C3DS[name]
     (tmp_path / "t.c3d").write_bytes(content)
     take = read_c3d(tmp_path / "t.c3d")
-    assert list(take.markers) == markers and take.frame[0] == first
+    assert list(take.markers) == markers
+    assert take.frame[0] == first
     skipped = {key: n for key, n in take.counts.items() if key.startswith("skipped_")}
     assert skipped == counts | {"skipped_frames": 0}
     assert f"first frame {first};" in seen(tmp_path / "t.c3d")
-    xyz = points(5, len(markers) + counts.get("skipped_model_outputs", 0))
-    np.testing.assert_allclose(take.markers[markers[1]], xyz[:, 1], rtol=0, atol=3e-7)
+    outputs = counts.get("skipped_model_outputs", 0)
+    xyz = points(5, len(markers) + outputs)[:, 1]
+    np.testing.assert_allclose(take.markers[markers[1]], xyz, rtol=0, atol=3e-7)
 
 
 DATA_START = (
@@ -163,12 +165,14 @@ RATES = [  # frames that are left out, rate, decimals of the times, the rate tha
 ]
 
 
-@pytest.mark.parametrize(("frames", "rate", "decimals", "known"), RATES)
+@pytest.mark.parametrize(("frames", "rate", "decimals", "expected"), RATES)
 def test_a_rate_that_no_header_states_is_that_of_the_printed_times(
-    frames, rate, decimals, known
+    frames, rate, decimals, expected
 ):
     frame = np.delete(np.arange(72210, 74210), frames)
     estimated = rate_from_times(frame, np.round(frame / rate, decimals))
-    assert (estimated is None) == (known is None)
-    assert known is None or estimated == pytest.approx(known, abs=1e-9)
+    if expected is None:
+        assert estimated is None
+    else:
+        assert estimated == pytest.approx(expected, abs=1e-9)
     assert rate_from_times(frame, np.zeros(len(frame))) is None

@@ -153,10 +153,12 @@ def test_euler_angles_are_products_of_axis_rotations_in_the_order_of_the_header(
     pose = read_motive(columns_file(tmp_path, body, rotation=order)).bodies["B"]
     expected = np.eye(3)
     for axis in order:
-        angle, number = np.radians(degrees[axis]), "XYZ".index(axis)
-        c, s = np.cos(angle), np.sin(angle)
-        turn, i, j = np.eye(3), (number + 1) % 3, (number + 2) % 3
-        turn[[i, j, i, j], [i, j, j, i]] = c, c, -s, s
+        number = "XYZ".index(axis)
+        i, j = (number + 1) % 3, (number + 2) % 3
+        angle = np.radians(degrees[axis])
+        turn = np.eye(3)
+        turn[i, i] = turn[j, j] = np.cos(angle)
+        turn[i, j], turn[j, i] = -np.sin(angle), np.sin(angle)
         expected = expected @ turn
     rotation = Rotation.from_quat(pose.quaternion[0]).as_matrix()
     np.testing.assert_allclose(rotation, expected, atol=1e-14)
