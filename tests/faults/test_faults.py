@@ -48,7 +48,7 @@ offset = d.retimed(lambda t, share, s: t + s)
 drift = d.retimed(lambda t, share, s: t * (1 + s))
 jump = d.retimed(lambda t, share, s: t + s * (share > 0.5))
 # by instrument, pattern and name: damage, mild, grave, outcomes, and the counts of which a repair
-# changes one; formats/test_properties.py has the rows that are lost, doubled or cut
+# changes one; formats/test_damage.py has the rows that are lost, doubled or cut
 GRID = {
     ("take", TAKE): {
         "frame count": (
