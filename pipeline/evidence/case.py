@@ -180,8 +180,8 @@ def readings(
     wishart = base.models.get(WISHART)
     if wishart is None:
         return {}
-    own = decomposition_of(wishart.decomposition, wishart.left, task, joints).name
+    own = decomposition_of(wishart.decomposition, task, joints).name
     cases = {NAMES.get(own, own): base}
     for name in COMPUTED:
-        cases.setdefault(NAMES[name], base.with_wishart(decomposition=name, left=None))
+        cases.setdefault(NAMES[name], base.with_wishart(decomposition=name))
     return cases

@@ -27,7 +27,7 @@ from numpy import ndarray
 
 from pipeline.core.errors import ModelDomainError
 from pipeline.core.filters import MEMORY, NONE
-from pipeline.filtering.measurement import Measurements
+from pipeline.filtering.measurement import Frames, Measurements
 from pipeline.models.model import root, without_measurement
 from pipeline.statistics.takes import takes_moments
 
@@ -37,39 +37,36 @@ def linear_filter(
     covariance: ndarray,
     takes: Sequence[Measurements],
     dt: float,
-    response=None,
+    response: ndarray | None = None,
 ) -> tuple[ndarray, ndarray]:
     """Return means (T, M+1, n) in rad and covariances (T, M+1, n, n) in rad² of the poses of the T
     ``takes`` at each step given the frames up to it. ``path`` (M+1, n) rad is q̄ at steps of ``dt``
     (s), ``covariance`` (M+1, n, M+1, n) rad² is P, ``response`` (n, n) is A (default identity).
     Raises ModelDomainError where P or R has a negative eigenvalue.
     """
-    posteriors = [_posterior(path, covariance, take, dt, response) for take in takes]
-    means, covariances = zip(*posteriors, strict=True)
+    observation = np.eye(path.shape[1]) if response is None else response
+    means, covariances = [], []
+    for take in takes:
+        mean, posterior = _posterior(path, covariance, take, dt, observation)
+        means.append(mean)
+        covariances.append(posterior)
     return np.stack(means), np.stack(covariances)
 
 
-def _posterior(path, covariance, measurements, dt, response):
+def _posterior(
+    path: ndarray,
+    covariance: ndarray,
+    measurements: Measurements,
+    dt: float,
+    observation: ndarray,
+) -> tuple[ndarray, ndarray]:
+    """Return mean (M+1, n) and covariance (M+1, n, n) at each step of one take."""
     from scipy.linalg import cho_factor, solve_triangular
 
     grid, n = path.shape
     frames = measurements.frames(grid - 1, dt)
-    after = np.repeat(np.arange(grid), np.diff(frames.first))
-    before, share = np.maximum(after - 1, 0), frames.share[:, None]
-    point = (1 - share) * path[before] + share * path[after]
-    share = share[:, :, None, None]
-    # (F, n, M+1, n) covariances of each frame with each pose
-    across = (1 - share) * covariance[before] + share * covariance[after]
-    residual = frames.unbiased - point
-    observation = np.eye(n) if response is None else response
-    across = (observation @ across.reshape(-1, n, grid * n)).reshape(-1, n, grid, n)
-    among = np.moveaxis(across, 2, 0)
-    among = (1 - share) * among[before] + share * among[after]
-    total = np.moveaxis(among @ observation.T, 0, 2)  # (F, n, F, n)
-    each = np.arange(len(after))
-    unwhitened = np.linalg.inv(frames.whitening)
-    total[each, :, each] += unwhitened @ unwhitened.swapaxes(-1, -2)
-    rows = len(after) * n
+    residual, across, total = _innovations(path, covariance, frames, observation)
+    rows = residual.size
     try:
         factor, _ = cho_factor(total.reshape(rows, rows), lower=True)
     except np.linalg.LinAlgError:
@@ -77,12 +74,39 @@ def _posterior(path, covariance, measurements, dt, response):
         raise ModelDomainError(message, take=measurements.take) from None
     white = solve_triangular(factor, residual.reshape(rows), lower=True)
     gain = solve_triangular(factor, across.reshape(rows, grid * n), lower=True)
+
+    # a pose is filtered by the frames up to it
     so_far = np.arange(rows)[:, None] < n * frames.first[1:]
-    gain = np.moveaxis(
-        gain.reshape(rows, grid, n) * so_far[..., None], 0, 2
-    )  # (M+1, n, nF)
+    gain = gain.reshape(rows, grid, n) * so_far[..., None]
+    gain = np.moveaxis(gain, 0, 2)  # (M+1, n, nF)
     steps = np.arange(grid)
-    return path + gain @ white, covariance[steps, :, steps] - gain @ gain.swapaxes(1, 2)
+    mean = path + gain @ white
+    return mean, covariance[steps, :, steps] - gain @ gain.swapaxes(1, 2)
+
+
+def _innovations(
+    path: ndarray, covariance: ndarray, frames: Frames, observation: ndarray
+) -> tuple[ndarray, ndarray, ndarray]:
+    """Return the innovations (F, n) in rad of the ``frames``, the covariances HP (F, n, M+1, n) of
+    each frame with each pose, and S (F, n, F, n), in rad².
+    """
+    grid, n = path.shape
+    after = np.repeat(np.arange(grid), np.diff(frames.first))
+    before = np.maximum(after - 1, 0)
+    share = frames.share[:, None]
+    residual = frames.unbiased - ((1 - share) * path[before] + share * path[after])
+
+    share = share[:, :, None, None]
+    across = (1 - share) * covariance[before] + share * covariance[after]
+    across = (observation @ across.reshape(-1, n, grid * n)).reshape(-1, n, grid, n)
+
+    among = np.moveaxis(across, 2, 0)
+    among = (1 - share) * among[before] + share * among[after]
+    total = np.moveaxis(among @ observation.T, 0, 2)
+    frame = np.arange(len(after))
+    unwhitened = np.linalg.inv(frames.whitening)
+    total[frame, :, frame] += unwhitened @ unwhitened.swapaxes(-1, -2)
+    return residual, across, total
 
 
 def baseline_predictions(
@@ -94,19 +118,17 @@ def baseline_predictions(
     (takes, K, n) rad are the training takes, ``measurement`` (n, n) rad² is Σ.
     """
     mean, covariance = takes_moments(training)
-    off = poses - mean
+    deviation = poses - mean
     roots = deviation_roots(training, measurement)
-    each = roots @ roots
-    across = autocorrelation(training, measurement)[1] * (roots[1:] @ roots[:-1])
-    gain = np.swapaxes(
-        np.linalg.solve(each[:-1] + measurement, np.swapaxes(across, 1, 2)), 1, 2
-    )
-    left = each[1:] + measurement - gain @ np.swapaxes(across, 1, 2)
-    errors = off[..., 1:, :] - np.matvec(gain, off[..., :-1, :])
-    return {
-        NONE: (off[..., 1:, :], covariance[1:]),
-        MEMORY: (errors, (left + np.swapaxes(left, 1, 2)) / 2),
-    }
+    measured = roots @ roots + measurement  # S_k + Σ
+    lag_one = autocorrelation(training, measurement)[1]
+    across = lag_one * (roots[1:] @ roots[:-1])
+    gain = np.linalg.solve(measured[:-1], across.swapaxes(1, 2)).swapaxes(1, 2)
+
+    errors = deviation[..., 1:, :] - np.matvec(gain, deviation[..., :-1, :])
+    left = measured[1:] - gain @ across.swapaxes(1, 2)
+    symmetric = (left + left.swapaxes(1, 2)) / 2
+    return {NONE: (deviation[..., 1:, :], covariance[1:]), MEMORY: (errors, symmetric)}
 
 
 def autocorrelated_filter(
@@ -117,8 +139,9 @@ def autocorrelated_filter(
     measurement noise.
     """
     roots = deviation_roots(poses, measurement)
-    apart = np.abs(np.subtract.outer(*[np.arange(len(roots))] * 2))
-    correlation = autocorrelation(poses, measurement)[apart]
+    steps = np.arange(len(roots))
+    lags = np.abs(np.subtract.outer(steps, steps))
+    correlation = autocorrelation(poses, measurement)[lags]
     prior = np.einsum("kia,lja,kl->kilj", roots, roots, correlation)  # Cov(e_k, e_l)
     return linear_filter(poses.mean(axis=0), prior, takes, dt)
 
@@ -139,10 +162,12 @@ def deviation_roots(poses: ndarray, measurement: ndarray) -> ndarray:
     """Return S_k^½ (K, n, n) in rad of ``poses`` (takes, K, n), zero along axes without a variance
     beyond the measurement's.
     """
-    covariances = takes_moments(poses)[1]
-    return np.stack(
-        [root(without_measurement(each, measurement)[0]) for each in covariances]
-    )
+    _, covariances = takes_moments(poses)
+    roots = []
+    for covariance in covariances:
+        of_motion, _ = without_measurement(covariance, measurement)
+        roots.append(root(of_motion))
+    return np.stack(roots)
 
 
 def autocorrelation(poses: ndarray, measurement: ndarray) -> ndarray:
@@ -150,8 +175,12 @@ def autocorrelation(poses: ndarray, measurement: ndarray) -> ndarray:
     the white spectrum of the measurement exceeds the spectrum of the takes by chance, the
     difference is set to zero, so that r is positive semidefinite.
     """
-    deviation, (takes, steps, _) = poses - poses.mean(axis=0), poses.shape
-    power = np.sum(np.abs(np.fft.rfft(deviation, 2 * steps, axis=1)) ** 2, axis=(0, 2))
+    takes, steps, _ = poses.shape
+    deviation = poses - poses.mean(axis=0)
+    spectrum = np.fft.rfft(deviation, 2 * steps, axis=1)
+    power = np.sum(np.abs(spectrum) ** 2, axis=(0, 2))
     noise = (takes - 1) * steps * np.trace(measurement)
     products = np.fft.irfft(np.maximum(power - noise, 0.0), 2 * steps)[:steps]
-    return products / products[0] if products[0] > 0 else np.eye(1, steps)[0]
+    if not products[0] > 0:
+        return np.eye(1, steps)[0]
+    return products / products[0]

@@ -20,11 +20,9 @@ from pipeline.core.columns import columns, matrices, members, values
 from pipeline.core.errors import ConfigError, ModelDomainError
 from pipeline.core.options.dataset import Dataset
 
-MOTION, TRACK, ARTICULATE = (
-    Path("data/ingest/motion"),
-    Path("data/track"),
-    Path("data/articulate"),
-)
+MOTION = Path("data/ingest/motion")
+TRACK = Path("data/track")
+ARTICULATE = Path("data/articulate")
 SHARE_DIGITS = 6  # of times in steps: 0.03 s / 0.01 s is step 3, not a later step
 SINGULAR_VARIANCE = 1e-12  # least/greatest variance of R at which R counts as singular
 
@@ -77,9 +75,12 @@ class Measurements:
         variances = np.linalg.eigvalsh(self.covariance)
         singular = variances[:, 0] <= SINGULAR_VARIANCE * variances[:, -1]
         if singular.any():
-            message = "the covariance of the measurement's noise is not positive definite; estimate"
-            where = {"take": self.take, "frame": int(np.argmax(singular))}
-            raise ModelDomainError(f"{message} it from more takes than joints", **where)
+            raise ModelDomainError(
+                "the covariance of the measurement's noise is not positive definite; estimate it "
+                "from more takes than joints",
+                take=self.take,
+                frame=int(np.argmax(singular)),
+            )
         return np.linalg.inv(np.linalg.cholesky(self.covariance))
 
 
@@ -87,14 +88,21 @@ def measurements(angles: pd.DataFrame, noise: pd.DataFrame) -> list[Measurements
     """Return the depth camera's measurements of every take from the tables ``angles`` and
     ``kinect_noise``; the noise of a take is estimated from the other takes.
     """
-    names, takes = members(angles, "q"), []
+    joints, takes = members(angles, "q"), []
     for take, rows in angles.groupby("take"):
-        others = noise[noise["take"] == take].set_index("frame")
+        noise_of_take = noise[noise["take"] == take].set_index("frame")
         # no noise is estimated at a frame that no other take has
-        rows = rows[rows["frame"].isin(others.index)]
-        others = others.loc[rows["frame"]]
-        t, q, bias = rows["t"].to_numpy(), values(rows, "q"), values(others, "b")
-        takes.append(Measurements(str(take), t, q, bias, matrices(others, "r", names)))
+        rows = rows[rows["frame"].isin(noise_of_take.index)]
+        noise_of_frames = noise_of_take.loc[rows["frame"]]
+        takes.append(
+            Measurements(
+                take=str(take),
+                t=rows["t"].to_numpy(),
+                y=values(rows, "q"),
+                bias=values(noise_of_frames, "b"),
+                covariance=matrices(noise_of_frames, "r", joints),
+            )
+        )
     return takes
 
 
@@ -105,19 +113,17 @@ def measured_takes(dataset: Dataset) -> list[Measurements]:
     if dataset.measurement == "depth":
         if not contracts.exists("angles", ARTICULATE):
             return []
-        return measurements(
-            *(contracts.read(n, ARTICULATE) for n in ("angles", "kinect_noise"))
-        )
+        angles = contracts.read("angles", ARTICULATE)
+        return measurements(angles, contracts.read("kinect_noise", ARTICULATE))
     return _encoder_takes(dataset, contracts.read("joints", TRACK))
 
 
 def _encoder_rows(joints: pd.DataFrame, part: str) -> list[tuple]:
     """Return (take, rows) of the table ``encoders`` for the takes of ``joints`` in the ``part``."""
-    takes, table = (
-        joints.loc[joints["part"] == part, "take"],
-        contracts.read("encoders", MOTION),
-    )
-    if absent := sorted(set(takes) - set(table["take"])):
+    takes = joints.loc[joints["part"] == part, "take"]
+    table = contracts.read("encoders", MOTION)
+    absent = sorted(set(takes) - set(table["take"]))
+    if absent:
         message = f"there are no measurements of the takes {', '.join(absent)}"
         raise ConfigError(message, key="dataset.encoders")
     return list(table[table["take"].isin(takes)].groupby("take"))
@@ -140,10 +146,10 @@ class EncoderNoise(NamedTuple):
         steps = np.arange(len(self.bias))
         place = np.clip(t / self.dt, 0, steps[-1])
         bias = np.stack([np.interp(place, steps, b) for b in self.bias.T], axis=-1)
-        together = (
-            max(1.0, self.lasts / float(np.median(np.diff(t)))) if len(t) > 1 else 1.0
-        )
-        return bias, together * self.covariance[np.round(place).astype(int)]
+        correlated = 1.0  # readings within ``lasts``
+        if len(t) > 1:
+            correlated = max(1.0, self.lasts / float(np.median(np.diff(t))))
+        return bias, correlated * self.covariance[np.round(place).astype(int)]
 
 
 def encoder_noise(errors: ndarray, dt: float) -> EncoderNoise:
@@ -151,16 +157,23 @@ def encoder_noise(errors: ndarray, dt: float) -> EncoderNoise:
     The correlation time is the sum of correlations over all lags, one value for all joints. The
     covariance of a step is pooled over the steps within this time, about the mean of each step.
     """
-    (takes, steps, n), bias = errors.shape, errors.mean(axis=0)
-    off = errors - bias
-    squares = np.sum(off**2)
-    lasting = np.sum(off.sum(axis=1) ** 2) / squares if squares > 0 else 1.0
-    total, window = np.zeros((steps + 1, n, n)), round(lasting)
-    total[1:] = np.cumsum(np.einsum("tki,tkj->kij", off, off), axis=0)
+    takes, steps, n = errors.shape
+    bias = errors.mean(axis=0)
+    deviation = errors - bias
+    squares = np.sum(deviation**2)
+    lasting = 1.0  # correlation time in steps
+    if squares > 0:
+        lasting = np.sum(deviation.sum(axis=1) ** 2) / squares
+
+    products = np.einsum("tki,tkj->kij", deviation, deviation)
+    total = np.zeros((steps + 1, n, n))
+    total[1:] = np.cumsum(products, axis=0)
+    window = round(lasting)
     first = np.maximum(np.arange(steps) - window, 0)
     last = np.minimum(np.arange(steps) + window + 1, steps)
     freedom = (takes - 1) * (last - first)[:, None, None]
-    return EncoderNoise(bias, (total[last] - total[first]) / freedom, lasting * dt, dt)
+    covariance = (total[last] - total[first]) / freedom
+    return EncoderNoise(bias, covariance, lasting * dt, dt)
 
 
 def _encoder_takes(dataset: Dataset, joints: pd.DataFrame) -> list[Measurements]:
@@ -170,15 +183,21 @@ def _encoder_takes(dataset: Dataset, joints: pd.DataFrame) -> list[Measurements]
     if dataset.encoders is None:
         message = "the filter needs measurements that the dataset does not have"
         raise ConfigError(message, key="dataset.encoders")
-    rate, errors, takes = dataset.motion.rate, [], []
-    training, test = (_encoder_rows(joints, part) for part in ("training", "test"))
-    for take, read in training:
+    rate, errors = dataset.motion.rate, []
+    for take, readings in _encoder_rows(joints, "training"):
         tracked = joints[joints["take"] == take]
-        at_steps = [np.interp(tracked["t"], read["t"], y) for y in values(read, "q").T]
+        at_steps = [
+            np.interp(tracked["t"], readings["t"], angle)
+            for angle in values(readings, "q").T
+        ]
         errors.append(np.stack(at_steps, axis=-1) - values(tracked, "q"))
     noise = encoder_noise(np.stack(errors), 1 / rate)
-    for take, rows in test:
-        read = rows[:: max(1, round(1 / rows["t"].diff().median() / rate))]
-        t, y = read["t"].to_numpy(), read[columns("q", dataset.robot.joints)].to_numpy()
+
+    takes = []
+    for take, rows in _encoder_rows(joints, "test"):
+        readings_per_step = max(1, round(1 / rows["t"].diff().median() / rate))
+        readings = rows[::readings_per_step]
+        t = readings["t"].to_numpy()
+        y = readings[columns("q", dataset.robot.joints)].to_numpy()
         takes.append(Measurements(str(take), t, y, *noise.of_readings(t)))
     return takes

@@ -17,7 +17,7 @@ from pipeline.core import rng as streams
 from pipeline.core.errors import DegenerateFilterError, ModelDomainError
 from pipeline.core.options.analysis import Filter
 from pipeline.filtering import sampling
-from pipeline.filtering.measurement import Measurements
+from pipeline.filtering.measurement import Frames, Measurements
 from pipeline.models.closed_loop import FOLDER, Loop
 from pipeline.models.draws import compiled_arm
 from pipeline.models.model import Commands, MotionModel, corrected_command
@@ -106,74 +106,101 @@ def particle_filter(
     covariance that is not positive definite, with take and step.
     """
     frames = measurements.frames(len(commands.v), dt)
-    poses, rejected = initial_particles(
-        start, chain, options.particles, rng, measurements.take
-    )
-    limits = [np.array(limit, dtype=float) for limit in (chain.lower, chain.upper)]
-    # no effective sample size is below 0
-    threshold = float(options.threshold) if options.scheme != "none" else 0.0
-    scheme = sampling.SCHEMES.index(options.scheme)
-    setting = sampling.Setting(tuple(limits), frames, scheme, threshold)
+    take = measurements.take
+    poses, rejected = initial_particles(start, chain, options.particles, rng, take)
+    setting = _setting(chain, frames, options)
     q = np.array(poses.T, order="C")
     particles, record = sampling.fresh_arrays(*q.shape, len(commands.v) + 1)
     steps = setting, q, particles, record, rng
     if model.traits.compiled:
-        v, path = (np.array(each, dtype=float, order="C") for each in commands[:2])
+        v, path = (np.array(array, dtype=float, order="C") for array in commands[:2])
         loop = Commands(v, path, float(commands.share))
         arm = model.law(chain), *compiled_arm(chain)
         vanished = sampling.sequential_importance_sampling(*arm, loop, *steps)
     else:
-        memory = (
-            model.first_memory(poses, start.mean, rng) if model.traits.memory else None
-        )
+        memory = None
+        if model.traits.memory:
+            memory = model.first_memory(poses, start.mean, rng)
         vanished = _filter_by_draws(model, chain, commands, memory, *steps)
     if vanished >= 0:
-        message = f"all {options.particles} weights vanished: every particle has left the joint "
-        message += "limits or is not finite; use more particles, or compare the model's noise and "
-        message += "the start pose with the recording"
-        where = {
-            "take": measurements.take,
-            "step": vanished,
-            "time": round(vanished * dt, 6),
-        }
-        raise DegenerateFilterError(message, **where)
+        raise DegenerateFilterError(
+            f"all {options.particles} weights vanished: every particle has left the joint limits "
+            "or is not finite; use more particles, or compare the model's noise and the start "
+            "pose with the recording",
+            take=take,
+            step=vanished,
+            time=round(vanished * dt, 6),
+        )
     record.outside[0] = rejected
     left_out = len(measurements.t) - len(frames.share)
     return Posterior(*record, np.diff(frames.first) > 0, left_out)
 
 
+def _setting(chain: Chain, frames: Frames, options: Filter) -> sampling.Setting:
+    limits = np.array(chain.lower, dtype=float), np.array(chain.upper, dtype=float)
+    # no effective sample size is below 0
+    threshold = float(options.threshold) if options.scheme != "none" else 0.0
+    scheme = sampling.SCHEMES.index(options.scheme)
+    return sampling.Setting(limits, frames, scheme, threshold)
+
+
 def _filter_by_draws(
-    model, chain, commands, memory, setting, q, particles, record, rng
+    model: MotionModel,
+    chain: Chain,
+    commands: Commands,
+    memory: ndarray | None,
+    setting: sampling.Setting,
+    q: ndarray,
+    particles: sampling.Particles,
+    record: sampling.Record,
+    rng: Generator,
 ) -> int:
     """Return and fill what :func:`sequential_importance_sampling` does, by the ``model``'s draws in
     NumPy, from the ``memory`` (P, s) of the particles or None. Each step takes tens of times as
-    long. A pose after a singular pose is NaN; the memory stays where it would not be finite.
+    long.
     """
     before = q.copy()
     for k in range(len(record.ess)):
         if k > 0:
             q, before = before, q
-            alive = ~chain.singular(before.T)
-            poses, v = before.T[alive], commands.v[k - 1]
-            v = np.broadcast_to(v, (len(poses), len(v)))
-            if commands.share:
-                v = corrected_command(
-                    chain, poses, v, commands.path[k - 1], commands.share
-                )
-            q[:] = np.nan
-            if memory is None:
-                q.T[alive] = model.sample(chain, poses, v, rng)
-            else:
-                q.T[alive], after = model.advance(chain, poses, v, memory[alive], rng)
-                memory = memory.copy()
-                memory[alive] = np.where(np.isfinite(after), after, memory[alive])
+            memory = _move_by_draws(model, chain, commands, memory, k, before, q, rng)
         state = sampling.update(k, setting, before, q, particles, record, rng)
         if state == sampling.VANISHED:
             return k
         if state == sampling.RESAMPLED:
             before, q = q, before
-            memory = None if memory is None else memory[particles.chosen]
+            if memory is not None:
+                memory = memory[particles.chosen]
     return -1
+
+
+def _move_by_draws(
+    model: MotionModel,
+    chain: Chain,
+    commands: Commands,
+    memory: ndarray | None,
+    k: int,
+    before: ndarray,
+    q: ndarray,
+    rng: Generator,
+) -> ndarray | None:
+    """Fill ``q`` (n, P) with the poses of step ``k`` after ``before``, and return their memory. A
+    pose after a singular pose is NaN; the memory stays where it would not be finite.
+    """
+    alive = ~chain.singular(before.T)
+    poses, v = before.T[alive], commands.v[k - 1]
+    v = np.broadcast_to(v, (len(poses), len(v)))
+    if commands.share:
+        target = commands.path[k - 1]
+        v = corrected_command(chain, poses, v, target, commands.share)
+    q[:] = np.nan
+    if memory is None:
+        q.T[alive] = model.sample(chain, poses, v, rng)
+        return None
+    q.T[alive], after = model.advance(chain, poses, v, memory[alive], rng)
+    memory = memory.copy()
+    memory[alive] = np.where(np.isfinite(after), after, memory[alive])
+    return memory
 
 
 def initial_particles(
@@ -184,26 +211,24 @@ def initial_particles(
     ``count`` consecutive draws lie outside D_q.
     """
     if not np.isfinite(start.covariance).all():
-        message = (
-            "the covariance of the start poses is not finite; give two training takes"
-        )
-        raise ModelDomainError(message, take=take)
+        message = "the covariance of the start poses is not finite"
+        raise ModelDomainError(f"{message}; give two training takes", take=take)
     variances, axes = np.linalg.eigh(start.covariance)
     # rounding may turn the zero eigenvalues of a singular covariance negative
-    root, poses, rejected = (
-        axes * np.sqrt(np.maximum(variances, 0.0)),
-        start.mean[None][:0],
-        0,
-    )
+    root = axes * np.sqrt(np.maximum(variances, 0.0))
+    poses, rejected = np.empty((0, len(variances))), 0
     while len(poses) < count:
         normals = rng.standard_normal((count, len(variances)))
         draws = start.mean + (root * normals[:, None]).sum(axis=-1)
         inside = draws[chain.within_limits(draws) & ~chain.singular(draws)]
         if len(inside) == 0:
-            message = f"none of {count} start poses lies within the joint limits; compare the "
-            message += "start of the training takes with the limits in the URDF"
-            mean = start.mean.round(4).tolist()
-            raise DegenerateFilterError(message, take=take, step=0, mean=mean)
+            raise DegenerateFilterError(
+                f"none of {count} start poses lies within the joint limits; compare the start of "
+                "the training takes with the limits in the URDF",
+                take=take,
+                step=0,
+                mean=start.mean.round(4).tolist(),
+            )
         rejected += count - len(inside)
         poses = np.concatenate([poses, inside])[:count]
     return poses, rejected

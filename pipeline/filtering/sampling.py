@@ -102,17 +102,17 @@ def weigh(frames, frame, before, q, log_weights, scratch):
         # slices: the compiler knows that none of their indices is negative
         stop = start + count
         for j in range(n):
-            here, there, rest = before[j, start:stop], q[j, start:stop], scratch[j]
-            y = measured[j]
+            here, there = before[j, start:stop], q[j, start:stop]
+            y, rest = measured[j], scratch[j]
             for i in range(count):
                 rest[i] = y - (here[i] + share * (there[i] - here[i]))
         square[:count] = 0.0
         for j in range(n):
             whitened[:count] = 0.0
             for k in range(j + 1):
-                w, other = white[j, k], scratch[k]
+                w, rest = white[j, k], scratch[k]
                 for i in range(count):
-                    whitened[i] += w * other[i]
+                    whitened[i] += w * rest[i]
             for i in range(count):
                 square[i] += whitened[i] * whitened[i]
         weighed = log_weights[start:stop]
@@ -152,11 +152,8 @@ def weighted_moments(weights, q, mean, covariance, scratch):
         count = min(WIDTH, len(weights) - start)
         weight, weighted = weights[start : start + count], scratch[n, :count]
         for j in range(n):
-            angle, middle, deviation = (
-                q[j, start : start + count],
-                mean[j],
-                scratch[j, :count],
-            )
+            angle, middle = q[j, start : start + count], mean[j]
+            deviation = scratch[j, :count]
             for i in range(count):
                 deviation[i] = angle[i] - middle
                 weighted[i] = weight[i] * deviation[i]
@@ -195,9 +192,8 @@ class Setting(NamedTuple):
     limits: tuple
     frames: NamedTuple  # pipeline.filtering.measurement.Frames
     scheme: int  # index of SCHEMES
-    threshold: (
-        float  # effective sample size over P below which the particles are resampled
-    )
+    # effective sample size over P below which the particles are resampled
+    threshold: float
 
 
 class Particles(NamedTuple):
@@ -205,9 +201,8 @@ class Particles(NamedTuple):
 
     weights: ndarray  # (P,) of sum 1
     log_weights: ndarray  # (P,)
-    chosen: (
-        ndarray  # (P,) indices of the particles that continued in the last resampling
-    )
+    # (P,) indices of the particles that continued in the last resampling
+    chosen: ndarray
     size: ndarray  # (1,) effective sample size
     scratch: ndarray  # (n + 2, max(P, WIDTH))
 
@@ -225,12 +220,22 @@ class Record(NamedTuple):
 
 def fresh_arrays(n: int, count: int, grid: int) -> tuple[Particles, Record]:
     """Return equal weights of ``count`` particles of n joints, and a record of ``grid`` poses."""
-    weights, log_weights = np.full(count, 1.0 / count), np.full(count, -np.log(count))
-    scratch = np.empty((n + 2, max(count, WIDTH)))
-    particles = np.empty(count, dtype=np.int64), np.array([float(count)]), scratch
-    moments = np.empty((grid, n)), np.empty((grid, n, n)), np.empty(grid)
-    counts = (np.zeros(grid, dtype=kind) for kind in (np.bool_, np.int64, np.int64))
-    return Particles(weights, log_weights, *particles), Record(*moments, *counts)
+    particles = Particles(
+        weights=np.full(count, 1.0 / count),
+        log_weights=np.full(count, -np.log(count)),
+        chosen=np.empty(count, dtype=np.int64),
+        size=np.array([float(count)]),
+        scratch=np.empty((n + 2, max(count, WIDTH))),
+    )
+    record = Record(
+        mean=np.empty((grid, n)),
+        covariance=np.empty((grid, n, n)),
+        ess=np.empty(grid),
+        resampled=np.zeros(grid, dtype=np.bool_),
+        clipped=np.zeros(grid, dtype=np.int64),
+        outside=np.zeros(grid, dtype=np.int64),
+    )
+    return particles, record
 
 
 @compiled

@@ -109,7 +109,6 @@ def perturbation_gap(
         "pivoted_lu": lambda jacobian: lu(jacobian, permute_l=True)[0],
         "qr": lambda jacobian: qr(jacobian)[0],
         "qr_transposed": lambda jacobian: qr(jacobian.T, mode="economic")[1].T,
-        "given": lambda _: np.array(decomposition.left),
     }[decomposition.name]
     gaps = []
     for closed, jacobian, step, omega in zip(*problems, strict=True):

@@ -202,26 +202,19 @@ def _factor_step(law, before, block, rows, n, m, count):
     """Multiply the task rows by J₁⁻¹ (``before`` B⁻¹ is applied) or by J₁ (after). For QR of J the
     rows stay, because the law is invariant under rotations of a.
     """
-    if law.kind == laws.GIVEN_LAW:
-        # J₁, then its inverse, row by row after the degrees of freedom
-        first, product = 1 + (m * m if before else 0), rows.spare
-        for r in range(m):
-            fill(block, product + r, 0.0, count)
-            at = first + r * m
-            add_combination(block, product + r, law.parameters, at, rows.task, m, count)
-        for r in range(m):
-            copy(block, rows.task + r, product + r, count)
-    elif law.kind == laws.PIVOTED_LU_LAW and before:
+    if law.kind != laws.PIVOTED_LU_LAW:
+        return
+    if before:
         _eliminate(block, rows, n, m, count)
-    elif law.kind == laws.PIVOTED_LU_LAW:
-        task, lower = rows.task, rows.spare + 4
-        for k in range(m - 1, 0, -1):
-            add_dot(block, task + k, 1.0, lower + k * n, task, k, count)
-        flag = lower + m * n + m * (m - 1) // 2
-        for k in range(m - 1, -1, -1):
-            for below in range(m - 1, k, -1):
-                flag -= 1
-                _exchange(block, task + k, task + below, flag, count)
+        return
+    task, lower = rows.task, rows.spare + 4
+    for k in range(m - 1, 0, -1):
+        add_dot(block, task + k, 1.0, lower + k * n, task, k, count)
+    flag = lower + m * n + m * (m - 1) // 2
+    for k in range(m - 1, -1, -1):
+        for below in range(m - 1, k, -1):
+            flag -= 1
+            _exchange(block, task + k, task + below, flag, count)
 
 
 @inner

@@ -17,14 +17,11 @@ from pipeline.arm.interface import Mechanism
 from pipeline.core.errors import ModelDomainError
 
 # kinds of compiled laws (pipeline.models.kernel); the numbers have no order
-ADDITIVE_LAW, GAUSSIAN_LAW, QR_LAW, GIVEN_LAW, PIVOTED_LU_LAW, QR_TRANSPOSED_LAW = (
-    range(6)
-)
+ADDITIVE_LAW, GAUSSIAN_LAW, QR_LAW, PIVOTED_LU_LAW, QR_TRANSPOSED_LAW = range(5)
 WISHART_LAWS = {  # by the name of the decomposition; they apply B⁻¹ to a = J₁⁻¹v
     "pivoted_lu": PIVOTED_LU_LAW,
     "qr": QR_LAW,
     "qr_transposed": QR_TRANSPOSED_LAW,
-    "given": GIVEN_LAW,
 }
 # greatest relative asymmetry or negative eigenvalue that counts as rounding
 TOLERANCE = 1e-12

@@ -102,7 +102,7 @@ def test_a_wrong_line_of_params_yaml_is_refused_in_one_line(compose, choices, wo
             "noise_std.*greater than or equal to 0",
         ),
         ("models.wishart", "{kind: laplace}", "no kind 'laplace'; there are additive"),
-        ("models.wishart.left", "[[1.0]]", "given"),
+        ("models.wishart.left", "[[1.0]]", "unknown key 'left'"),
         ("models.gaussian_2", "{kind: gaussian}", "no model gaussian_2 is chosen"),
     ],
 )

@@ -24,8 +24,6 @@ OUTSIDE = {
         "decomposition": "qr",
     },
     "no sigma_B": {"kind": "wishart", "sigma_b": float("nan"), "decomposition": "qr"},
-    "J1 of two rows": {"kind": "wishart", "sigma_b": 0.2, "decomposition": "given"}
-    | {"left": np.eye(2).tolist()},
     "alpha": {"kind": "gaussian", "alpha": -0.1, "u": 20.0},
     "asymmetric": {"kind": "additive", "noise_covariance": [[1.0, 2.0], [3.0, 4.0]]},
     "two joints": {"kind": "additive", "noise_covariance": np.eye(2).tolist()},

@@ -9,7 +9,6 @@ on the redundancy" and computes in MATLAB, whose ``lu`` pivots. Each gives anoth
   invariant under rotations. The law depends only on the units of the rows.
 - ``qr_transposed``: QR of Jᵀ, J₁ = Rᵀ, J₂ = Qᵀ, ‖a‖ = ‖J⁺v‖. The law depends on no unit, axis or
   order.
-- ``given``: J₁ is a constant, e.g. diag(ℓ, ℓ, 1), which converts m to rad at a lever arm ℓ.
 """
 
 from collections.abc import Sequence
@@ -23,64 +22,34 @@ from pipeline.core.errors import ModelDomainError
 from pipeline.models.model import task_step
 
 COMPUTED = ("pivoted_lu", "qr", "qr_transposed")
-LEAST_CONDITION = 1e-9  # least divided by greatest singular value of a given J₁
 
 
 @dataclass(frozen=True)
 class Decomposition:
-    """Decomposition by its ``name``, one of :data:`COMPUTED`, or ``given`` with ``left`` J₁ (m, m).
-    Raises ModelDomainError for an unknown name or a J₁ that is not regular.
-    """
+    """Decomposition by its ``name``, one of :data:`COMPUTED`; ModelDomainError for another name."""
 
     name: str
-    left: Sequence[Sequence[float]] | ndarray | None = None
 
     def __post_init__(self) -> None:
-        if self.left is None and self.name in COMPUTED:
-            return
-        if self.left is None or self.name != "given":
-            known = f"one of {', '.join(COMPUTED)}, or given with the first factor of the Jacobian"
-            raise ModelDomainError(
-                f"the decomposition must be {known}", decomposition=self.name
-            )
-        try:
-            matrix = np.array(self.left, dtype=float)
-            regular = np.linalg.cond(matrix) * LEAST_CONDITION < 1
-            object.__setattr__(self, "left", tuple(map(tuple, matrix.tolist())))
-        except (TypeError, ValueError, np.linalg.LinAlgError):
-            regular = False
-        if not (regular and len(set(matrix.shape)) == 1):
-            message = "the given first factor of the Jacobian must be a finite, regular matrix"
-            raise ModelDomainError(
-                f"{message}, as many rows as columns", left=str(self.left)
-            )
-
-    def require_size(self, m: int) -> None:
-        """Raise ModelDomainError for a given J₁ of another size than ``m`` task rows."""
-        if self.left is not None and len(self.left) != m:
-            message = (
-                f"the given first factor must have as many rows as the task, {m}, got "
-            )
-            raise ModelDomainError(message + str(len(self.left)), left=self.left)
+        if self.name not in COMPUTED:
+            message = f"the decomposition must be one of {', '.join(COMPUTED)}"
+            raise ModelDomainError(message, decomposition=self.name)
 
 
 PIVOTED_LU = Decomposition("pivoted_lu")
-CONTROL = Decomposition(
-    "qr_transposed"
-)  # for comparison: independent of units, axes and order
+# for comparison: independent of units, axes and order
+CONTROL = Decomposition("qr_transposed")
 
 
 def decomposition_of(
-    name: str,
-    left: Sequence[Sequence[float]] | None,
-    task: Sequence[str],
-    joints: Sequence[str],
+    name: str, task: Sequence[str], joints: Sequence[str]
 ) -> Decomposition:
-    """Return the decomposition of this ``name`` and ``left`` J₁. ``by_shape`` is pivoted LU for as
-    many ``joints`` as ``task`` rows, and QR for more joints.
+    """Return the decomposition of this ``name``. ``by_shape`` is pivoted LU for as many ``joints``
+    as ``task`` rows, and QR for more joints.
     """
-    by_shape = "pivoted_lu" if len(task) == len(joints) else "qr"
-    return Decomposition(by_shape if name == "by_shape" else name, left)
+    if name == "by_shape":
+        name = "pivoted_lu" if len(task) == len(joints) else "qr"
+    return Decomposition(name)
 
 
 def factors(
@@ -101,37 +70,37 @@ def split(
     (..., m), whose leading axes broadcast. The result is meaningless if J lacks full row rank.
     """
     m, n = jacobian.shape[-2:]
-    decomposition.require_size(m)
-    batch = np.broadcast_shapes(jacobian.shape[:-2], v.shape[:-1])
-    # [J | v] with the batch axes last, which is several times as fast for small matrices
-    rows = np.empty((m, n + 1, *batch))
-    rows[:, :n] = np.moveaxis(
-        np.broadcast_to(jacobian, (*batch, m, n)), (-2, -1), (0, 1)
-    )
-    rows[:, n] = np.moveaxis(np.broadcast_to(v, (*batch, m)), -1, 0)
+    rows = _extended_rows(jacobian, v)
     with np.errstate(divide="ignore", invalid="ignore"):
         # J₁⁻¹[J | v] = [J₂ | a]
-        if decomposition.name == "given":
-            rows = np.tensordot(
-                np.linalg.inv(np.array(decomposition.left)), rows, axes=1
-            )
-        elif decomposition.name == "qr_transposed":
+        if decomposition.name == "qr_transposed":
             orthonormalize(rows, n)
         elif decomposition.name == "pivoted_lu":
             _eliminate(rows)
-        second = np.zeros((m, n + m, *batch))
+        # J₂ = R'ᵀQ'ᵀ, so that J₂⁺ = Q'R'⁻ᵀ
+        second = np.zeros((m, n + m, *rows.shape[2:]))
         second[:, :n] = rows[:, :n]
         second[np.arange(m), n + np.arange(m)] = 1.0
         log_determinant = orthonormalize(second, n)
-        # J₂ = R'ᵀQ'ᵀ, so that J₂⁺ = Q'R'⁻ᵀ
-        back = np.zeros((n, m, *batch))
+        back = np.zeros((n, m, *rows.shape[2:]))
         for row in second:
             back += row[:n, None] * row[None, n:]
-    return (
-        np.moveaxis(rows[:, n], 0, -1),
-        np.moveaxis(back, (0, 1), (-2, -1)),
-        log_determinant,
-    )
+    a = np.moveaxis(rows[:, n], 0, -1)
+    return a, np.moveaxis(back, (0, 1), (-2, -1)), log_determinant
+
+
+def _extended_rows(jacobian: ndarray, v: ndarray) -> ndarray:
+    """Return [J | v] (m, n + 1, ...) with the batch axes last, which is several times as fast for
+    small matrices.
+    """
+    m, n = jacobian.shape[-2:]
+    batch = np.broadcast_shapes(jacobian.shape[:-2], v.shape[:-1])
+    jacobian = np.broadcast_to(jacobian, (*batch, m, n))
+    v = np.broadcast_to(v, (*batch, m))
+    rows = np.empty((m, n + 1, *batch))
+    rows[:, :n] = np.moveaxis(jacobian, (-2, -1), (0, 1))
+    rows[:, n] = np.moveaxis(v, -1, 0)
+    return rows
 
 
 def _eliminate(rows: ndarray) -> None:
@@ -140,10 +109,9 @@ def _eliminate(rows: ndarray) -> None:
         greatest = k + np.abs(rows[k:, k]).argmax(axis=0)
         for i in range(k + 1, len(rows)):
             swap = greatest == i
-            rows[k], rows[i] = (
-                np.where(swap, rows[i], rows[k]),
-                np.where(swap, rows[k], rows[i]),
-            )
+            upper = np.where(swap, rows[i], rows[k])
+            lower = np.where(swap, rows[k], rows[i])
+            rows[k], rows[i] = upper, lower
         rows[k + 1 :] -= (rows[k + 1 :, k] / rows[k, k])[:, None] * rows[k]
         rows[k + 1 :, k] = 0.0  # exactly
 
@@ -171,7 +139,6 @@ def frames(a: ndarray) -> ndarray:
     mirror = a.copy()
     mirror[..., 0] += sign * r
     reach = (r * (r + np.abs(a[..., 0])))[..., None, None]
-    reflection = (
-        np.eye(a.shape[-1]) - mirror[..., :, None] * mirror[..., None, :] / reach
-    )
+    outer = mirror[..., :, None] * mirror[..., None, :]
+    reflection = np.eye(a.shape[-1]) - outer / reach
     return -sign[..., None, None] * reflection

@@ -5,15 +5,15 @@ state.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 import numpy as np
 import pandas as pd
 from numpy import ndarray
 from numpy.random import Generator
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from pipeline.core import validation
 from pipeline.core.errors import ModelDomainError
@@ -42,13 +42,12 @@ RATIOS = np.geomspace(1e-5, 1e-1, 25)  # α₂/α₁ of the curve, in rad
 FLOORS = (0.5, 0.3, 0.2, 0.1, 0.05, 0.01)  # ε of the table over ε and weight
 RATIO_FACTORS = (0.25, 1.0, 4.0)  # on the weight of the fit, in the same table
 TOLERANCE = 1e-3  # of ln α₂/α₁ at which σ̂_B equals the moment estimate
-SIGMA_B_RANGE = (
-    0.01,
-    2.0,
-)  # of the likelihood search; a density exists only below the upper end
+# of the likelihood search; a density exists only below the upper end
+SIGMA_B_RANGE = (0.01, 2.0)
 MARGIN = 1e-4  # in ln σ_B, distance of the search from the limit of the density
 COARSE = 0.05  # of ln σ_B, tolerance of the search before the spline
 REACH, NODES = 0.4, 9  # half width in ln σ_B and nodes of the spline; error below 1e-4
+RATIO = "weights_ratio_alpha2_over_alpha1_rad"
 Estimator = Literal["moments", "paper", "likelihood"]
 
 
@@ -57,34 +56,16 @@ class Options(base.Options):
     """``estimator``: ``moments``, ``paper`` (a convex problem on every step) or ``likelihood``."""
 
     estimator: Estimator = "moments"
-    decomposition: Literal["by_shape", "pivoted_lu", "qr", "qr_transposed", "given"] = (
-        "by_shape"
-    )
-    left: list[list[float]] | None = (
-        None  # rows of J₁, only for the decomposition given
-    )
-    # only for the paper's estimator: ε of B⁻¹ ⪰ εI, factor on the α₂/α₁ from the noise at rest
+    decomposition: Literal["by_shape", "pivoted_lu", "qr", "qr_transposed"] = "by_shape"
+    # only for the paper's estimator: ε of B⁻¹ ⪰ εI
     floor: Annotated[float, Field(gt=0, lt=1)] = 0.2
-    ratio_factor: Annotated[float, Field(gt=0)] = 1.0
-
-    @model_validator(mode="after")
-    def _require_left(self) -> Self:
-        if (self.decomposition == "given") != (self.left is not None):
-            raise validation.Fault(
-                "left", "is required for, and only for, the decomposition given"
-            )
-        if self.left is not None and any(
-            len(row) != len(self.left) for row in self.left
-        ):
-            raise validation.Fault("left", "must be square: the rows of J1")
-        return self
 
 
 def estimate(recorded: Recorded, options: Options) -> Estimate:
     """Estimate σ_B by the estimator of ``options``; raises the errors of the estimator."""
     decomposition = _decomposition(options, recorded)
     if options.estimator == "paper":
-        return fit_paper(recorded, decomposition, options.floor, options.ratio_factor)
+        return fit_paper(recorded, decomposition, options.floor)
     fit = fit_moments if options.estimator == "moments" else fit_likelihood
     return fit(recorded, decomposition)
 
@@ -93,32 +74,43 @@ def _estimate(
     sigma_b: float,
     recorded: Recorded,
     decomposition: Decomposition,
-    diagnostics,
-    **more,
+    diagnostics: dict[str, float],
+    from_takes: Callable[[ndarray], dict[str, float]],
+    details: Any = None,
 ) -> Estimate:
     limit = largest_dispersion(len(recorded.chain.task), inverse_moments=2)
     diagnostics = {**diagnostics, "sigma_b_limit_of_the_covariance": limit}
-    parameters = _parameters(sigma_b, decomposition)
-    return Estimate(parameters, {"sigma_b": sigma_b}, diagnostics, **more)
+    return Estimate(
+        parameters=_parameters(sigma_b, decomposition),
+        estimates={"sigma_b": sigma_b},
+        diagnostics=diagnostics,
+        details=details,
+        from_takes=from_takes,
+    )
 
 
 def _decomposition(options: Options, recorded: Recorded) -> Decomposition:
-    names = recorded.chain.task, recorded.joints
-    return decomposition_of(options.decomposition, options.left, *names)
+    task = recorded.chain.task
+    return decomposition_of(options.decomposition, task, recorded.joints)
+
+
+def _parameters(sigma_b: float, decomposition: Decomposition) -> dict[str, Any]:
+    name = decomposition.name
+    return {"kind": "wishart", "sigma_b": sigma_b, "decomposition": name}
 
 
 def estimator_options(options: Options) -> dict[str, Options]:
     """Options of every estimator, for the decomposition of ``options`` and for the control."""
     cases = {"": options}
     if options.decomposition != CONTROL.name:
-        cases[f"control_{CONTROL.name}_"] = replace(
-            options, decomposition=CONTROL.name, left=None
-        )
-    return {
-        f"{prefix}{{}}_{estimator}": replace(each, estimator=estimator)
-        for prefix, each in cases.items()
-        for estimator in get_args(Estimator)
-    }
+        prefix = f"control_{CONTROL.name}_"
+        cases[prefix] = replace(options, decomposition=CONTROL.name)
+    by_pattern = {}
+    for prefix, case in cases.items():
+        for estimator in get_args(Estimator):
+            pattern = f"{prefix}{{}}_{estimator}"
+            by_pattern[pattern] = replace(case, estimator=estimator)
+    return by_pattern
 
 
 def truths(
@@ -126,27 +118,11 @@ def truths(
 ) -> list[Truth]:
     """Return known parameters with σ_B = each of ``dispersions``."""
     decomposition = _decomposition(options, recorded)
-    return [
-        Truth(
-            f"wishart {sigma_b:g}",
-            _parameters(sigma_b, decomposition),
-            {"sigma_b": sigma_b},
-        )
-        for sigma_b in dispersions
-    ]
-
-
-def _parameters(sigma_b: float, decomposition: Decomposition) -> dict[str, Any]:
-    left = (
-        {}
-        if decomposition.left is None
-        else {"left": np.array(decomposition.left).tolist()}
-    )
-    return {
-        "kind": "wishart",
-        "sigma_b": sigma_b,
-        "decomposition": decomposition.name,
-    } | left
+    known = []
+    for sigma_b in dispersions:
+        parameters = _parameters(sigma_b, decomposition)
+        known.append(Truth(f"wishart {sigma_b:g}", parameters, {"sigma_b": sigma_b}))
+    return known
 
 
 def diagnose(
@@ -161,49 +137,66 @@ def diagnose(
     first has σ̂_B of (BsampOpt) over α₂/α₁, for the recorded takes and for as many takes drawn from
     the model of ``estimate``; the second over ε of B⁻¹ ⪰ εI and α₂/α₁, for the recorded takes.
     """
-    from pipeline.models.convex import (
-        perturbation_gap,
-    )  # here: CVXPY takes long to import
-
-    decomposition, metrics = _decomposition(options, recorded), {}
+    decomposition, floor = _decomposition(options, recorded), options.floor
+    metrics: dict[str, float] = {}
     try:
-        fit = fit_paper(recorded, decomposition, options.floor, options.ratio_factor)
-        q, v, noise = moving_steps(recorded)
-        moving = np.flatnonzero(
-            np.broadcast_to(np.any(recorded.v, axis=-1), recorded.q.shape[:2])
-        )
-        checked = np.sort(rng.choice(len(q), min(checks, len(q)), replace=False))
-        weights, objectives = fit.details
-        steps = (
-            recorded.chain.jacobian(q[checked]),
-            task_step(recorded.chain, v)[checked],
-        )
-        problems = objectives[moving[checked]], *steps, noise[checked]
-        gap = perturbation_gap(problems, decomposition, weights, options.floor)
-        metrics["convex_problems_checked"] = len(checked)
-        metrics["convex_check_greatest_relative_gap"] = gap
+        fit = fit_paper(recorded, decomposition, floor)
+        metrics = _solver_gap(recorded, decomposition, fit, floor, checks, rng)
         moments = fit_moments(recorded, decomposition).estimates["sigma_b"]
     except ModelDomainError as error:
         print(f"fit: no curve over the weights of the convex problem: {error}")
         return metrics, {}
-    sources, rows = {"recorded": recorded}, []
+
+    ratio = fit.diagnostics[RATIO]
+    steps = problem_steps(recorded, decomposition)
+    curve = _weight_curve(steps, floor, moments).assign(source="recorded")
+    metrics["sigma_b_greatest_over_weights"] = curve["sigma_b"][: len(RATIOS)].max()
+    curves = [curve]
     if estimate is not None:
-        sources["drawn"] = _drawn_takes(estimate.model, recorded, rng)
-    for source, takes in sources.items():
-        points = _weight_curve(
-            problem_steps(takes, decomposition), options.floor, moments
-        )
-        rows += [(*point, source) for point in points]
-    greatest = max(row[1] for row in rows if row[2:] == ("curve", "recorded"))
-    ratio = fit.diagnostics["weights_ratio_alpha2_over_alpha1_rad"]
-    rows.append((ratio, fit.estimates["sigma_b"], "used", "recorded"))
-    table = pd.DataFrame(rows, columns=["ratio", "sigma_b", "point", "source"])
-    metrics["sigma_b_greatest_over_weights"] = greatest
-    floors = _floor_table(problem_steps(recorded, decomposition), ratio)
+        drawn = _drawn_takes(estimate.model, recorded, rng)
+        curve = _weight_curve(problem_steps(drawn, decomposition), floor, moments)
+        curves.append(curve.assign(source="drawn"))
+    used = (ratio, fit.estimates["sigma_b"], "used", "recorded")
+    curves.append(pd.DataFrame([used], columns=curve.columns))
+
+    floors = _floor_table(steps, ratio)
     at_ratio = floors.loc[floors["ratio"] == ratio, "sigma_b"]
     metrics["sigma_b_least_over_floors"] = at_ratio.min()
     metrics["sigma_b_greatest_over_floors"] = at_ratio.max()
-    return metrics, {"sigma_b_weights": table, "sigma_b_floors": floors}
+    weights = pd.concat(curves, ignore_index=True)
+    return metrics, {"sigma_b_weights": weights, "sigma_b_floors": floors}
+
+
+def _solver_gap(
+    recorded: Recorded,
+    decomposition: Decomposition,
+    fit: Estimate,
+    floor: float,
+    checks: int,
+    rng: Generator,
+) -> dict[str, float]:
+    """Return the number of moving steps, at most ``checks``, at which the objectives of the ``fit``
+    by (BsampOpt) are compared with the solver's, and the greatest relative difference.
+    """
+    from pipeline.models.convex import perturbation_gap  # here: CVXPY imports slowly
+
+    q, v, noise = moving_steps(recorded)
+    checked = np.sort(rng.choice(len(q), min(checks, len(q)), replace=False))
+    commanded = np.any(recorded.v, axis=-1)
+    moving = np.flatnonzero(np.broadcast_to(commanded, recorded.q.shape[:2]))
+    weights, objectives = fit.details
+    problems = (
+        objectives[moving[checked]],
+        recorded.chain.jacobian(q[checked]),
+        task_step(recorded.chain, v)[checked],
+        noise[checked],
+    )
+    return {
+        "convex_problems_checked": len(checked),
+        "convex_check_greatest_relative_gap": perturbation_gap(
+            problems, decomposition, weights, floor
+        ),
+    }
 
 
 def _floor_table(steps: tuple[ndarray, ...], ratio: float) -> pd.DataFrame:
@@ -229,30 +222,35 @@ def _drawn_takes(model: WishartModel, recorded: Recorded, rng: Generator) -> Rec
 
     q, v = recorded.q, recorded.v
     drawn, _ = draw_steps(model, recorded.chain, q, v, rng)
-    measured = rng.multivariate_normal(
-        np.zeros(q.shape[-1]), recorded.measurement, q.shape[:-1]
-    )
-    return replace(
-        recorded, noise=drawn - q - recorded.chain.nominal_step(q, v) + measured
-    )
+    zero = np.zeros(q.shape[-1])
+    measured = rng.multivariate_normal(zero, recorded.measurement, q.shape[:-1])
+    noise = drawn - q - recorded.chain.nominal_step(q, v) + measured
+    return replace(recorded, noise=noise)
 
 
 def _weight_curve(
     steps: tuple[ndarray, ...], floor: float, target: float
-) -> Iterator[tuple[float, float, str]]:
-    """Yield (α₂/α₁ in rad, σ̂_B, point) at RATIOS, and where σ̂_B falls through ``target``."""
+) -> pd.DataFrame:
+    """Return rows of ratio α₂/α₁ in rad, σ̂_B and point: at RATIOS, and where σ̂_B falls through
+    ``target``.
+    """
     from scipy.optimize import brentq
 
     curve = np.array([_sigma_b_at(steps, ratio, floor) for ratio in RATIOS])
-    yield from ((*pair, "curve") for pair in zip(RATIOS, curve, strict=True))
-    for i in np.flatnonzero((curve > target)[:-1] & ~(curve > target)[1:])[:1]:
-        ends = np.log(RATIOS[i : i + 2])
-        x = brentq(
-            lambda x: _sigma_b_at(steps, np.exp(x), floor) - target,
-            *ends,
-            xtol=TOLERANCE,
-        )
-        yield float(np.exp(x)), target, "moments"
+    rows = [
+        (ratio, sigma_b, "curve") for ratio, sigma_b in zip(RATIOS, curve, strict=True)
+    ]
+    above = curve > target
+    falls = np.flatnonzero(above[:-1] & ~above[1:])
+    if falls.size:
+        low, high = np.log(RATIOS[falls[0] : falls[0] + 2])
+
+        def excess(log_ratio: float) -> float:
+            return _sigma_b_at(steps, np.exp(log_ratio), floor) - target
+
+        log_ratio = brentq(excess, low, high, xtol=TOLERANCE)
+        rows.append((float(np.exp(log_ratio)), target, "moments"))
+    return pd.DataFrame(rows, columns=["ratio", "sigma_b", "point"])
 
 
 def fit_moments(recorded: Recorded, decomposition: Decomposition) -> Estimate:
@@ -261,19 +259,17 @@ def fit_moments(recorded: Recorded, decomposition: Decomposition) -> Estimate:
     :func:`dispersion_of_trace`.
     """
     a, back, _ = factors(recorded.chain, recorded.q, recorded.v, decomposition)
-    squares = [each.mean(axis=1) for each in step_squares(a, back)]
+    every, nominal = (squares.mean(axis=1) for squares in step_squares(a, back))
     variances, m = take_variances(recorded), a.shape[-1]
 
     def from_takes(takes: ndarray) -> dict[str, float]:
         traces, measured = variances(takes)
-        means, trace = (
-            (each[takes].mean() for each in squares),
-            float(traces.mean()) - measured,
-        )
+        trace = float(traces.mean()) - measured
+        means = every[takes].mean(), nominal[takes].mean()
         return {"sigma_b": dispersion_of_trace(*means, trace, m)}
 
     sigma_b = from_takes(np.arange(len(a)))["sigma_b"]
-    return _estimate(sigma_b, recorded, decomposition, {}, from_takes=from_takes)
+    return _estimate(sigma_b, recorded, decomposition, {}, from_takes)
 
 
 def problem_steps(
@@ -283,7 +279,8 @@ def problem_steps(
     raises SingularJacobianError.
     """
     v = np.broadcast_to(recorded.v, (*recorded.q.shape[:-1], recorded.v.shape[-1]))
-    return recorded.noise, *factors(recorded.chain, recorded.q, v, decomposition)[:2]
+    a, back, _ = factors(recorded.chain, recorded.q, v, decomposition)
+    return recorded.noise, a, back
 
 
 def solve_problems(
@@ -308,38 +305,32 @@ def _squares_about_identity(b: ndarray) -> ndarray:
 
 
 def fit_paper(
-    recorded: Recorded,
-    decomposition: Decomposition,
-    floor: float,
-    ratio_factor: float = 1.0,
+    recorded: Recorded, decomposition: Decomposition, floor: float
 ) -> Estimate:
     """σ̂_B = (1/M) Σ_k σ̂_Bk (Sec. "Motion uncertainty characterization"), with B⁻¹ ⪰ εI for
-    ``floor`` ε. α₂/α₁ is ``ratio_factor`` times the ratio of :func:`objective_weights` for the
-    noise recorded at rest, or for the known Σ_m if the motion never rests. Raises ModelDomainError
-    without either. Resampled takes keep the weights of all takes.
+    ``floor`` ε. α₂/α₁ is the ratio of :func:`objective_weights` for the noise recorded at rest, or
+    for the known Σ_m if the motion never rests. Raises ModelDomainError without either. Resampled
+    takes keep the weights of all takes.
     """
     from pipeline.models.wishart.perturbation import objective_weights
 
-    noise, known = recorded.noise, recorded.known_measurement
-    still = np.broadcast_to(~np.any(recorded.v, axis=-1), noise.shape[:-1])
-    variance = 0.0 if known is None else np.trace(known)
-    variance = np.mean(np.sum(noise[still] ** 2, axis=-1)) if still.any() else variance
-    resting = float(np.sqrt(variance))
-    weights = objective_weights(resting, len(recorded.chain.task), ratio_factor)
+    resting, m = _rest_noise(recorded), len(recorded.chain.task)
+    weights = objective_weights(resting, m)
     b, fits = solve_problems(problem_steps(recorded, decomposition), weights, floor)
     squares = _squares_about_identity(b)
-    dispersions, moving = np.sqrt(squares.mean(axis=0)), ~still.all(axis=0)
+    dispersions = np.sqrt(squares.mean(axis=0))
+    commanded = np.any(recorded.v, axis=-1)
+    moving = np.broadcast_to(commanded, squares.shape).any(axis=0)
+    unperturbed = ~fits.s.any(axis=(1, 2))
     diagnostics = {
         "sigma_b_greatest_over_time": dispersions.max(),
         "sigma_b_mean_over_moving_steps": dispersions[moving].sum()
         / max(moving.sum(), 1),
         "share_of_steps_at_rest": 1 - moving.mean(),
-        "weights_ratio_alpha2_over_alpha1_rad": weights[1] / weights[0],
+        RATIO: weights[1] / weights[0],
         "noise_at_rest_rms_rad": resting,
         "problems": len(fits.bound),
-        "problems_without_perturbation": int(
-            np.count_nonzero(~fits.s.any(axis=(1, 2)))
-        ),
+        "problems_without_perturbation": int(np.count_nonzero(unperturbed)),
         "problems_on_the_bound_of_definiteness": int(np.count_nonzero(fits.bound)),
         "sigma_b_about_the_sample_mean": normalized_std(b, b.mean(axis=0)).mean(),
     }
@@ -351,10 +342,21 @@ def fit_paper(
         return {"sigma_b": float(np.sqrt(counts @ squares / counts.sum()).mean())}
 
     # weights (α₁, α₂) and objectives (takes·M,) of the convex problems
-    more = {"from_takes": from_takes, "details": (weights, fits.objective)}
-    return _estimate(
-        float(dispersions.mean()), recorded, decomposition, diagnostics, **more
-    )
+    details = weights, fits.objective
+    sigma_b = float(dispersions.mean())
+    return _estimate(sigma_b, recorded, decomposition, diagnostics, from_takes, details)
+
+
+def _rest_noise(recorded: Recorded) -> float:
+    """Return the root mean square of ‖ω‖ in rad at rest, or of the known measurement noise if the
+    motion never rests; 0 without either.
+    """
+    noise, known = recorded.noise, recorded.known_measurement
+    still = np.broadcast_to(~np.any(recorded.v, axis=-1), noise.shape[:-1])
+    variance = 0.0 if known is None else np.trace(known)
+    if still.any():
+        variance = np.mean(np.sum(noise[still] ** 2, axis=-1))
+    return float(np.sqrt(variance))
 
 
 def fit_likelihood(recorded: Recorded, decomposition: Decomposition) -> Estimate:
@@ -362,7 +364,6 @@ def fit_likelihood(recorded: Recorded, decomposition: Decomposition) -> Estimate
     of a step plus measurement noise; without measurement noise the slowest steps would determine
     σ̂_B. Raises SingularJacobianError and ModelDomainError.
     """
-    from scipy.interpolate import CubicSpline
     from scipy.optimize import minimize_scalar
 
     chain, takes = recorded.chain, len(recorded.q)
@@ -378,20 +379,12 @@ def fit_likelihood(recorded: Recorded, decomposition: Decomposition) -> Estimate
     search = {"bounds": (low, high), "method": "bounded", "options": {"xatol": COARSE}}
     coarse = minimize_scalar(lambda x: -by_take(x).sum(), **search).x
     nodes = np.linspace(max(low, coarse - REACH), min(high, coarse + REACH), NODES)
-    log_likelihoods = np.stack([by_take(x) for x in nodes], axis=1)
-
-    def maximum(values: ndarray) -> float:
-        spline = CubicSpline(nodes, values)
-        found = np.concatenate(
-            [nodes[[0, -1]], spline.derivative().roots(extrapolate=False)]
-        )
-        return float(found[spline(found).argmax()])
-
-    best = maximum(log_likelihoods.sum(axis=0))
+    log_likelihoods = np.stack([by_take(node) for node in nodes], axis=1)
+    best = _maximum(nodes, log_likelihoods.sum(axis=0))
     at_end = best in (low, high)
 
     def from_takes(takes: ndarray) -> dict[str, float]:
-        best = maximum(log_likelihoods[takes].sum(axis=0))
+        best = _maximum(nodes, log_likelihoods[takes].sum(axis=0))
         if not at_end and best in (nodes[0], nodes[-1]):
             message = (
                 "the maximum of these takes' likelihood is outside the evaluated range"
@@ -400,5 +393,15 @@ def fit_likelihood(recorded: Recorded, decomposition: Decomposition) -> Estimate
         return {"sigma_b": float(np.exp(best))}
 
     diagnostics = {"sigma_b_at_the_end_of_its_interval": at_end}
-    fit = float(np.exp(best)), recorded, decomposition, diagnostics
-    return _estimate(*fit, from_takes=from_takes)
+    sigma_b = float(np.exp(best))
+    return _estimate(sigma_b, recorded, decomposition, diagnostics, from_takes)
+
+
+def _maximum(nodes: ndarray, values: ndarray) -> float:
+    """Return where the spline through ``values`` at ``nodes`` is greatest between the ends."""
+    from scipy.interpolate import CubicSpline
+
+    spline = CubicSpline(nodes, values)
+    extrema = spline.derivative().roots(extrapolate=False)
+    candidates = np.concatenate([nodes[[0, -1]], extrema])
+    return float(candidates[spline(candidates).argmax()])

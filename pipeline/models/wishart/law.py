@@ -52,7 +52,7 @@ class WishartModel(MotionModel):
     """Random Jacobian J₁BJ₂ with the dispersion ``sigma_b`` σ_B for a ``decomposition``, Eq.
     (LUDecom). A step, Eq. (RMTInvDiff), has the law of Algorithm 1 and no noise in the null space
     of J. Raises ModelDomainError for σ_B < LEAST_DISPERSION. Its methods raise ModelDomainError
-    for a σ_B without a density or a given J₁ of another size than the task.
+    for a σ_B without a density.
     """
 
     traits: ClassVar = Traits(noisy_at_rest=False, needs_jacobian=True)
@@ -68,18 +68,11 @@ class WishartModel(MotionModel):
 
     def law(self, chain: Chain) -> Law:
         m = len(chain.task)
-        self.decomposition.require_size(m)
         d = degrees_of_freedom(self.sigma_b, m)
         # one χ² variate is enough for three task rows (models.kernel) and for one
         degrees = (d - m + 1,) if m in (1, 3) else (d - m + 1, d - m + 2)
-        parameters = np.array([d])
-        if self.decomposition.left is not None:
-            left = np.array(self.decomposition.left)
-            parameters = np.concatenate(
-                [parameters, left.ravel(), np.linalg.inv(left).ravel()]
-            )
         kind = WISHART_LAWS[self.decomposition.name]
-        return Law(kind, parameters, m - 1, np.array(degrees, dtype=float))
+        return Law(kind, np.array([d]), m - 1, np.array(degrees, dtype=float))
 
     def mean(self, chain: Mechanism, q: ndarray, v: ndarray) -> ndarray:
         """(..., n) q + d/(d−m−1)·J⁺v + the null-space step in rad; ModelDomainError for σ_B ≥ 1."""
@@ -156,8 +149,8 @@ class WishartModel(MotionModel):
 
 
 def build(parameters: dict[str, Any]) -> WishartModel:
-    """Build the model from its ``sigma_b``, ``decomposition`` and optional ``left``."""
-    decomposition = Decomposition(parameters["decomposition"], parameters.get("left"))
+    """Build the model from its ``sigma_b`` and ``decomposition``."""
+    decomposition = Decomposition(parameters["decomposition"])
     return WishartModel(parameters["sigma_b"], decomposition)
 
 

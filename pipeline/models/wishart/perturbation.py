@@ -43,17 +43,15 @@ class Perturbations(NamedTuple):
     bound: ndarray  # (N,) True where the constraint B⁻¹ ⪰ εI is active
 
 
-def objective_weights(
-    rest_noise: float, m: int, factor: float = 1.0
-) -> tuple[float, float]:
+def objective_weights(rest_noise: float, m: int) -> tuple[float, float]:
     """Return (α₁, α₂) of (BsampOpt), α₁ + α₂ = 1, for B (m, m); the paper does not state them. A
     residual of ``rest_noise`` (rms ‖ω‖ at rest in rad) costs as much as a perturbation of norm
-    ‖I_m‖_F: α₂/α₁ = ``factor``·rest_noise/‖I_m‖_F. ModelDomainError if either is ≤ 0.
+    ‖I_m‖_F: α₂/α₁ = rest_noise/‖I_m‖_F. ModelDomainError if it is not positive.
     """
-    if not (0 < rest_noise < np.inf and 0 < factor < np.inf):
-        message = "the noise at rest and the factor on alpha2/alpha1 must be positive and finite"
-        raise ModelDomainError(message, rest_noise=rest_noise, factor=factor)
-    ratio = factor * rest_noise / np.sqrt(m)
+    if not 0 < rest_noise < np.inf:
+        message = "the noise at rest must be positive and finite"
+        raise ModelDomainError(message, rest_noise=rest_noise)
+    ratio = rest_noise / np.sqrt(m)
     return 1 / (1 + ratio), ratio / (1 + ratio)
 
 

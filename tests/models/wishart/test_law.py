@@ -178,8 +178,7 @@ def scene(n: int, m: int, name: str = "qr_transposed", share: float = 0.5):
     """
     arm = random_arm(n, m)
     q, v = motion(arm, 1, 0)
-    left = {"left": np.eye(m) + 0.2} if name == "given" else {}
-    model = WishartModel(SIGMA_B, Decomposition(name, **left))
+    model = WishartModel(SIGMA_B, Decomposition(name))
     spread = np.trace(model.covariance(arm, q[0], v[0])) / n
     rng = np.random.default_rng(n)
     root = np.eye(n) + 0.4 * rng.standard_normal((n, n)) / np.sqrt(n)

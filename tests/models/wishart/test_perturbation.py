@@ -51,16 +51,19 @@ def arm_problems(n: int, m: int, decomposition: Decomposition, share: float):
 @pytest.mark.parametrize(
     ("n", "m", "name"),
     [
-        *[(1, 1, "given"), (2, 2, "pivoted_lu"), (4, 4, "qr"), (6, 6, "qr_transposed")],
-        *[(2, 1, "qr_transposed"), (5, 3, "given"), (7, 6, "pivoted_lu"), (8, 3, "qr")],
+        (1, 1, "pivoted_lu"),
+        (4, 4, "qr"),
+        (6, 6, "qr_transposed"),
+        (2, 1, "qr_transposed"),
+        (5, 3, "pivoted_lu"),
+        (8, 3, "qr"),
     ],
 )
 def test_the_perturbations_are_those_of_the_problem_as_printed(n, m, name):
     """Under the bound too: whatever m, one eigenvalue of ddᵀ/2x − I alone can be positive. B⁻¹ to
     what a conic solver leaves of a flat optimum; controls: a wrong objective, the next step's B⁻¹.
     """
-    left = {"left": np.eye(m) + 0.2} if name == "given" else {}
-    decomposition = Decomposition(name, **left)
+    decomposition = Decomposition(name)
     jacobians, v, a, back, noise = arm_problems(n, m, decomposition, 1.5)
     fits = fit_perturbations(noise, a, back, WEIGHTS, FLOOR)
     assert np.linalg.eigvalsh(np.eye(m) + fits.s).min() > FLOOR - 1e-10
@@ -128,11 +131,8 @@ def test_weights_follow_from_the_noise_at_rest(m):
     alpha1, alpha2 = objective_weights(1e-3, m)
     assert alpha1 + alpha2 == pytest.approx(1, abs=1e-15)
     assert alpha1 * 1e-3 == pytest.approx(alpha2 * np.linalg.norm(np.eye(m)))
-    other1, other2 = objective_weights(1e-3, m, 0.3)
-    assert other2 / other1 == pytest.approx(0.3 * alpha2 / alpha1)
-    for bad in ((0.0, m), (1e-3, m, 0.0)):
-        with pytest.raises(ModelDomainError, match="noise at rest and the factor"):
-            objective_weights(*bad)
+    with pytest.raises(ModelDomainError, match="noise at rest must be positive"):
+        objective_weights(0.0, m)
 
 
 def recorded(chain, poses, step, sigma_b: float, measured: float) -> Recorded:
