@@ -109,48 +109,53 @@ class Chain(Mechanism):
         """(..., m) difference of the positions of the poses ``start`` and ``end`` (..., 12), and
         rotation vector of R_end·R_startᵀ times the length.
         """
-        start, end = np.broadcast_arrays(
-            np.asarray(start, float), np.asarray(end, float)
-        )
-        before, after = (x[..., 3:].reshape(*x.shape[:-1], 3, 3) for x in (start, end))
-        turned = rotation_vector(after @ before.swapaxes(-1, -2))
-        way = np.concatenate([end[..., :3] - start[..., :3], turned], axis=-1)
-        return way[..., self.constants.rows] * self.constants.units
+        start = np.asarray(start, dtype=float)
+        end = np.asarray(end, dtype=float)
+        start, end = np.broadcast_arrays(start, end)
+        turn = _rotation(end) @ _rotation(start).swapaxes(-1, -2)
+        shift = end[..., :3] - start[..., :3]
+        rows = np.concatenate([shift, rotation_vector(turn)], axis=-1)
+        return rows[..., self.constants.rows] * self.constants.units
 
     def coordinates(self, q: ndarray) -> ndarray:
         """(M+1, m) task rows of a motion ``q`` (M+1, n), in m and rad, rotations from the first
         pose.
         """
-        pose, rows = self.pose(q), self.constants.rows
-        turned = self.displacement(pose[:1], pose)
-        return np.where(rows < 3, pose[:, np.minimum(rows, 2)], turned)
+        pose = self.pose(q)
+        rows = self.constants.rows
+        turns = self.displacement(pose[:1], pose)
+        return np.where(rows < 3, pose[:, np.minimum(rows, 2)], turns)
 
     def singular(self, q: ndarray) -> ndarray:
         """(...,) True where the least singular value of the scaled Jacobian is below
         LEAST_SINGULAR, or ``q`` is not finite.
         """
-        finite, others = np.isfinite(q).all(axis=-1), len(self.task) - 1
+        finite = np.isfinite(q).all(axis=-1)
         jacobian = self.scaled_jacobian(np.where(finite[..., None], q, 0.0))
         square = jacobian @ jacobian.swapaxes(-1, -2)
-        # det JJᵀ ≤ least squared singular value times a power of the mean of the others
-        mean = np.trace(square, axis1=-2, axis2=-1) / max(others, 1)
-        near = ~(np.linalg.det(square) > 4 * LEAST_SINGULAR**2 * mean**others)
-        result = np.array(~finite)
+        # det JJᵀ ≤ least squared singular value times a power of the mean of the greater ones
+        greater = len(self.task) - 1
+        mean = np.trace(square, axis1=-2, axis2=-1) / max(greater, 1)
+        near = ~(np.linalg.det(square) > 4 * LEAST_SINGULAR**2 * mean**greater)
+
+        singular = np.array(~finite)
         least = np.linalg.svd(jacobian[near], compute_uv=False)[..., -1]
-        result[near] |= ~(least >= LEAST_SINGULAR)
-        return result[()]
+        singular[near] |= ~(least >= LEAST_SINGULAR)
+        return singular[()]
 
     @np.errstate(invalid="ignore")  # a pose may be infinite
     def inverse_jacobian(self, q: ndarray, *, what: str = "pose") -> ndarray:
         """(..., n, m) J⁺ = Jᵀ(JJᵀ)⁻¹; raises SingularJacobianError naming a singular ``what``."""
-        jacobian, square = self.jacobian(q), len(self.task) == len(self.sliding)
-        across = jacobian.swapaxes(-1, -2)
+        jacobian = self.jacobian(q)
+        transposed = jacobian.swapaxes(-1, -2)
         try:
-            inverse = np.linalg.inv(jacobian if square else jacobian @ across)
+            if len(self.task) == len(self.sliding):
+                inverse = np.linalg.inv(jacobian)
+            else:
+                inverse = transposed @ np.linalg.inv(jacobian @ transposed)
         except np.linalg.LinAlgError:
             self.require_regular(q, what=what)
             raise
-        inverse = inverse if square else across @ inverse
         # the least singular value of a matrix is at least 1/‖right inverse‖_F
         scaled = inverse * self.row_sizes / self.column_sizes[:, None]
         doubtful = ~(np.linalg.norm(scaled, axis=(-2, -1)) * LEAST_SINGULAR <= 1)
@@ -196,12 +201,14 @@ class PlanarChain(Chain):
     def placements(self) -> ndarray:
         """(4, 12) frames of the joints and the tip, which has the plane's axes at q = 0."""
         frames = [joint_axes(sign) for sign in self.signs] + [np.eye(3)]
-        vectors = np.insert(np.vstack([self.origin, self.links]), 1, 0.0, axis=1)
-        result, before = [], np.eye(3)
+        in_plane = np.vstack([self.origin, self.links])
+        vectors = np.insert(in_plane, 1, 0.0, axis=1)
+        placements, previous = [], np.eye(3)
         for frame, vector in zip(frames, vectors, strict=True):
-            result.append(np.append(before.T @ frame, before.T @ vector))
-            before = frame
-        return np.array(result)
+            turn, shift = previous.T @ frame, previous.T @ vector
+            placements.append(np.append(turn, shift))
+            previous = frame
+        return np.array(placements)
 
     @cached_property
     def sliding(self) -> ndarray:
@@ -249,10 +256,16 @@ def segment_frames(chain: PlanarChain, q: ndarray) -> tuple[ndarray, ndarray]:
     (x, normal y, z) at ``q`` (..., 3) in rad. Segment j starts at O_j; its axes, the columns of its
     rotation, are z towards O_{j+1}, y along the normal, x = y × z.
     """
-    origin, psi = chain.joint_points(q)[..., :-1, :], chain.segment_headings(q)
+    psi = chain.segment_headings(q)
     sine, cosine = np.sin(psi), np.cos(psi)
     rotation = np.zeros((*psi.shape, 3, 3))
-    rotation[..., 0, 0], rotation[..., 0, 2] = cosine, sine
-    rotation[..., 2, 0], rotation[..., 2, 2] = -sine, cosine
+    rotation[..., 0, 0] = rotation[..., 2, 2] = cosine
+    rotation[..., 0, 2] = sine
+    rotation[..., 2, 0] = -sine
     rotation[..., 1, 1] = 1.0
-    return rotation, origin
+    return rotation, chain.joint_points(q)[..., :-1, :]
+
+
+def _rotation(pose: ndarray) -> ndarray:
+    """(..., 3, 3) rotation of the ``pose`` (..., 12)."""
+    return pose[..., 3:].reshape(*pose.shape[:-1], 3, 3)

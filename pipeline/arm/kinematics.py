@@ -51,19 +51,21 @@ def link_constants(placements: ndarray) -> tuple[ndarray, ndarray, float]:
     (n + 1, 12), rotation (9) and translation (3, m). A placement's rotation is R_z(β)R_x(α)R_z(γ):
     β is added to the turn of the previous joint, γ to the turn of the next one.
     """
-    links, turn = np.zeros((len(placements) - 1, 6)), 0.0
-    for joint, placement in enumerate(placements):
+    base = np.concatenate([placements[0, 9:], placements[0, :9]])
+    links = np.zeros((len(placements) - 1, 6))
+    turn = 0.0
+    for link, placement in zip(links, placements[1:], strict=True):
         rotation, shift = placement[:9].reshape(3, 3), placement[9:]
-        if joint == 0:
-            base = np.concatenate([shift, rotation.ravel()])
-            continue
+        # turn of at most a right angle after which z is tilted only about x
         x, y = rotation[:2, 2]
-        # turn of at most a right angle after which z is tilted about x alone
         before = np.arctan2(-x if y >= 0 else x, abs(y))
         cosine, sine = np.cos(before), np.sin(before)
         back = np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])
-        rotation, shift = back @ rotation, back @ shift
-        links[joint - 1] = turn + before, rotation[2, 2], -rotation[1, 2], *shift
+        rotation = back @ rotation
+        link[LINK_TURN] = turn + before
+        link[LINK_COSINE] = rotation[2, 2]
+        link[LINK_SINE] = -rotation[1, 2]
+        link[LINK_SHIFT:] = back @ shift
         turn = np.arctan2(-rotation[0, 1], rotation[0, 0])
     return base, links, float(turn)
 
@@ -159,11 +161,8 @@ def task_jacobian(arm, block, first, count):
         row, unit = arm.rows[r], arm.units[r]
         y, z = (row + 1) % 3, (row + 2) % 3
         for j in range(n):
-            entry, axis, sliding = (
-                first + r * n + j,
-                JOINTS + 6 * j,
-                arm.sliding[j] > 0.0,
-            )
+            entry, axis = first + r * n + j, JOINTS + 6 * j
+            sliding = arm.sliding[j] > 0.0
             if row < 3 and not sliding:
                 point = axis + 3
                 for i in lanes(count):
@@ -211,24 +210,13 @@ def rotation_vectors(target, flat, count):
         zz = az[0] * bzx + az[1] * bzy + az[2] * bzz
         # 4w(w, x, y, z)
         w = max(1.0 + xx + yy + zz, 1e-300)
-        x = (
-            az[0] * byx
-            + az[1] * byy
-            + az[2] * byz
-            - (ay[0] * bzx + ay[1] * bzy + ay[2] * bzz)
-        )
-        y = (
-            ax[0] * bzx
-            + ax[1] * bzy
-            + ax[2] * bzz
-            - (az[0] * bxx + az[1] * bxy + az[2] * bxz)
-        )
-        z = (
-            ay[0] * bxx
-            + ay[1] * bxy
-            + ay[2] * bxz
-            - (ax[0] * byx + ax[1] * byy + ax[2] * byz)
-        )
+        zy = az[0] * byx + az[1] * byy + az[2] * byz
+        yz = ay[0] * bzx + ay[1] * bzy + ay[2] * bzz
+        xz = ax[0] * bzx + ax[1] * bzy + ax[2] * bzz
+        zx = az[0] * bxx + az[1] * bxy + az[2] * bxz
+        yx = ay[0] * bxx + ay[1] * bxy + ay[2] * bxz
+        xy = ax[0] * byx + ax[1] * byy + ax[2] * byz
+        x, y, z = zy - yz, xz - zx, yx - xy
         over = 1.0 / np.sqrt(w * w + x * x + y * y + z * z)
         w, x, y, z = over * w, over * x, over * y, over * z
         # tan of a quarter, an eighth and a sixteenth of the angle, divided by sin of its half

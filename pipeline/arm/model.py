@@ -19,9 +19,8 @@ from pipeline.core.options.dataset import Robot
 
 SAMPLES = 64  # poses at which the rows of the task are tested
 LINK = "link "  # prefix of the names of links in Pinocchio
-PLANAR_TOLERANCE = (
-    1e-6  # greatest sine of the angle between an axis and the plane's normal
-)
+# greatest sine of the angle between an axis and the plane's normal
+PLANAR_TOLERANCE = 1e-6
 SHORTEST_LINK = 1e-3  # m, of a planar chain
 
 
@@ -56,20 +55,28 @@ def chain_of(robot: Robot) -> Chain:
         if task == PLANE and robot.length == 1.0 and layout.has_closed_form:
             return _planar(layout)
     chain = layout.serial(task, float(robot.length))
-    # the task rows are tested at the poses of a Kronecker sequence
-    n = len(chain.lower)
-    low, high = (np.clip(limit, -np.pi, np.pi) for limit in (chain.lower, chain.upper))
-    shares = np.outer(np.arange(SAMPLES), 2.0 ** (np.arange(1, n + 1) / (n + 1))) % 1.0
-    q = low + (high - low) * shares
-    if chain.singular(q).all():
-        still = np.abs(chain.scaled_jacobian(q)).max(axis=(0, 2)) <= 1e-9
-        rows = (
-            ", ".join(np.array(task)[still])
-            or f"{', '.join(task)} independently of each other"
-        )
-        message = f"robot.task: the arm cannot move {rows}; remove task rows"
-        raise ConfigError(message, file=layout.file)
+    _require_movable(chain, layout.file)
     return chain
+
+
+def _require_movable(chain: Chain, file: Path) -> None:
+    """Raise ConfigError for task rows that the arm cannot move at any of SAMPLES poses, a Kronecker
+    sequence within its limits.
+    """
+    n = len(chain.lower)
+    low = np.clip(chain.lower, -np.pi, np.pi)
+    high = np.clip(chain.upper, -np.pi, np.pi)
+    irrational = 2.0 ** (np.arange(1, n + 1) / (n + 1))
+    shares = np.outer(np.arange(SAMPLES), irrational) % 1.0
+    q = low + (high - low) * shares
+    if not chain.singular(q).all():
+        return
+    still = np.abs(chain.scaled_jacobian(q)).max(axis=(0, 2)) <= 1e-9
+    rows = ", ".join(np.array(chain.task)[still])
+    if not rows:
+        rows = f"{', '.join(chain.task)} independently of each other"
+    message = f"robot.task: the arm cannot move {rows}; remove task rows"
+    raise ConfigError(message, file=file)
 
 
 def link_chains(robot: Robot, links: Iterable[str], key: str) -> dict[str, SerialChain]:
@@ -85,8 +92,8 @@ def link_chains(robot: Robot, links: Iterable[str], key: str) -> dict[str, Seria
             raise ConfigError(
                 f"{key}: no joint of the arm moves {link!r}", file=tree.file
             )
-        own = replace(robot, joints=joints, tool=link, plane=False, task=["x"])
-        chains[link] = layout_of(own, tree).serial(SPACE, 1.0)
+        to_link = replace(robot, joints=joints, tool=link, plane=False, task=["x"])
+        chains[link] = layout_of(to_link, tree).serial(SPACE, 1.0)
     return chains
 
 
@@ -96,10 +103,8 @@ def arm_of(robot: Robot) -> Arm:
     """
     layout = layout_of(robot)
     if not layout.has_closed_form:
-        message = (
-            f"robot.joints: {layout.names} must be three revolute joints with limits"
-        )
-        raise ConfigError(message, file=layout.file)
+        message = f"robot.joints: {layout.names} must be three revolute joints"
+        raise ConfigError(f"{message} with limits", file=layout.file)
     place = _plane_of(layout)
     return Arm(_planar(layout.in_frame(*place)), *place)
 
@@ -150,22 +155,23 @@ class Layout:
 
     def serial(self, task: tuple[str, ...], length: float) -> SerialChain:
         """Chain for ``task``: z of a joint's frame is the axis, x the previous x projected."""
-        placements, before, origin = [], np.eye(3), np.zeros(3)
-        for axis, point in zip(self.axes, self.points, strict=True):
-            across = before[:, 0] if abs(before[:, 0] @ axis) < 0.9 else before[:, 1]
+        frames, previous = [], np.eye(3)
+        for axis in self.axes:
+            slanted = abs(previous[:, 0] @ axis) < 0.9
+            across = previous[:, 0] if slanted else previous[:, 1]
             x = across - axis * (axis @ across)
             x /= np.linalg.norm(x)
-            frame = np.stack([x, np.cross(axis, x), axis], axis=1)
-            placements.append(
-                [*(before.T @ frame).ravel(), *((point - origin) @ before)]
-            )
-            before, origin = frame, point
-        tip = [
-            *(before.T @ self.rotation).ravel(),
-            *((self.position - origin) @ before),
-        ]
+            previous = np.stack([x, np.cross(axis, x), axis], axis=1)
+            frames.append(previous)
+
+        placements, previous, origin = [], np.eye(3), np.zeros(3)
+        points = [*self.points, self.position]
+        for frame, point in zip([*frames, self.rotation], points, strict=True):
+            turn, shift = previous.T @ frame, (point - origin) @ previous
+            placements.append(np.append(turn, shift))
+            previous, origin = frame, point
         return SerialChain(
-            task, length, np.array([*placements, tip]), self.sliding, *self.limits
+            task, length, np.array(placements), self.sliding, *self.limits
         )
 
     @property
@@ -179,14 +185,10 @@ class Layout:
 def _whole_model(tree: Tree) -> pin.Model:
     """Model of all joints in a URDF."""
     root = deepcopy(tree.root)
-    for key, elements in {
-        "name": root.findall("link"),
-        "link": root.findall("joint/*"),
-    }.items():
-        for element in elements:
-            if (
-                key in element.attrib
-            ):  # Pinocchio allows no joint and link of the same name
+    # Pinocchio allows no joint and link of the same name
+    for key, elements in (("name", "link"), ("link", "joint/*")):
+        for element in root.findall(elements):
+            if key in element.attrib:
                 element.set(key, LINK + element.get(key))
     return pin.buildModelFromXML(ElementTree.tostring(root, encoding="unicode"))
 
@@ -202,9 +204,9 @@ def _reduced_model(
     step = np.zeros(full.nv)
     for name, value in held:
         step[full.joints[full.getJointId(name)].idx_v] = value
-    others = [full.getJointId(name) for name in full.names[1:] if name not in names]
-    fixed = pin.integrate(full, pin.neutral(full), step)
-    model = pin.buildReducedModel(full, others, fixed)
+    outside = [full.getJointId(name) for name in full.names[1:] if name not in names]
+    held_pose = pin.integrate(full, pin.neutral(full), step)
+    model = pin.buildReducedModel(full, outside, held_pose)
     data = model.createData()
     pin.computeJointJacobians(model, data, pin.neutral(model))
     pin.updateFramePlacements(model, data)
@@ -222,30 +224,40 @@ def layout_of(robot: Robot, tree: Tree | None = None) -> Layout:
         model, data = _reduced_model(tree, tuple(names), tuple(held.items()))
     except (ValueError, RuntimeError, IndexError) as error:
         reason = " ".join(str(error).split())[:200]
-        message = (
-            f"robot.urdf: Pinocchio cannot read it ({reason}); check it with check_urdf"
-        )
-        raise ConfigError(message, file=tree.file) from None
+        message = f"robot.urdf: Pinocchio cannot read it ({reason})"
+        raise ConfigError(
+            f"{message}; check it with check_urdf", file=tree.file
+        ) from None
     jacobian = data.J.reshape(6, -1)  # a single column is a vector in Pinocchio
     sliding = np.array([joint.kind == "prismatic" for joint in joints])
     # a joint's column of the Jacobian is its axis in the root's frame
     axes = np.where(sliding, jacobian[:3], jacobian[3:]).T
     for name, length in zip(names, np.linalg.norm(axes, axis=1), strict=True):
         if not abs(length - 1.0) < 1e-6:
-            message = (
-                f"robot.urdf: the axis of {name} has length {length:.3g}; make it 1"
-            )
-            raise ConfigError(message, file=tree.file)
+            message = f"robot.urdf: the axis of {name} has length {length:.3g}"
+            raise ConfigError(f"{message}; make it 1", file=tree.file)
     points = np.array([data.oMi[i].translation for i in range(1, model.njoints)])
-    ends = np.array([(joint.lower, joint.upper) for joint in joints]).T
-    links = [LINK + link for link in (tip, base) if link is not None]
-    end, *root = (
-        data.oMf[model.getFrameId(link, pin.FrameType.BODY)] for link in links
+    lower = [joint.lower for joint in joints]
+    upper = [joint.upper for joint in joints]
+
+    def placement(link: str) -> pin.SE3:
+        return data.oMf[model.getFrameId(LINK + link, pin.FrameType.BODY)]
+
+    tip_pose = placement(tip)
+    layout = Layout(
+        file=tree.file,
+        names=names,
+        sliding=sliding,
+        axes=axes,
+        points=points,
+        rotation=tip_pose.rotation.copy(),
+        position=tip_pose.translation.copy(),
+        limits=np.array([lower, upper, model.upperVelocityLimit]),
     )
-    pose = end.rotation.copy(), end.translation.copy()
-    limits = np.vstack([*ends, model.upperVelocityLimit])
-    layout = Layout(tree.file, names, sliding, axes, points, *pose, limits)
-    return layout.in_frame(root[0].rotation, root[0].translation) if root else layout
+    if base is None:
+        return layout
+    root = placement(base)
+    return layout.in_frame(root.rotation, root.translation)
 
 
 def _plane_of(layout: Layout) -> tuple[ndarray, ndarray]:
@@ -256,17 +268,17 @@ def _plane_of(layout: Layout) -> tuple[ndarray, ndarray]:
     first = int(np.argmin(layout.sliding))
     normal = layout.axes[first] / np.linalg.norm(layout.axes[first])
     out_of_line = np.linalg.norm(np.cross(normal, layout.axes), axis=1)
-    leaning = np.where(layout.sliding, np.abs(layout.axes @ normal), out_of_line)
-    if np.any(leaning > PLANAR_TOLERANCE):
-        others = ", ".join(np.array(layout.names)[leaning > PLANAR_TOLERANCE])
-        message = f"robot.joints: the axes of {others} are not parallel to {layout.names[first]}"
-        message += "; a planar chain needs parallel axes"
-        raise ConfigError(message, file=layout.file, axes=layout.axes.round(4).tolist())
-    up = (
-        np.array([0.0, 0.0, 1.0])
-        if abs(normal[2]) < 0.99
-        else np.array([0.0, 1.0, 0.0])
-    )
+    sines = np.where(layout.sliding, np.abs(layout.axes @ normal), out_of_line)
+    leaning = np.array(layout.names)[sines > PLANAR_TOLERANCE]
+    if leaning.size:
+        raise ConfigError(
+            f"robot.joints: the axes of {', '.join(leaning)} are not parallel to "
+            f"{layout.names[first]}; a planar chain needs parallel axes",
+            file=layout.file,
+            axes=layout.axes.round(4).tolist(),
+        )
+    horizontal = abs(normal[2]) >= 0.99
+    up = np.array([0.0, 1.0, 0.0] if horizontal else [0.0, 0.0, 1.0])
     up = up - normal * (up @ normal)
     up /= np.linalg.norm(up)
     rotation = np.stack([np.cross(normal, up), normal, up], axis=1)
@@ -277,7 +289,9 @@ def _planar(layout: Layout) -> PlanarChain:
     """Planar chain of a ``layout`` in the frame of its plane."""
     places = np.vstack([layout.points, layout.position])[:, [0, 2]]
     links = np.diff(places, axis=0)
-    if np.any((lengths := np.hypot(*links.T)) < SHORTEST_LINK):
+    lengths = np.hypot(*links.T)
+    if lengths.min() < SHORTEST_LINK:
         message = "robot: joints or tool of the chain lie on one axis"
         raise ConfigError(message, file=layout.file, lengths=lengths.round(4).tolist())
-    return PlanarChain(places[0], links, np.sign(layout.axes[:, 1]), *layout.limits)
+    signs = np.sign(layout.axes[:, 1])
+    return PlanarChain(places[0], links, signs, *layout.limits)

@@ -12,24 +12,27 @@ def rotation_vector(rotation: ndarray) -> ndarray:
     """
     w = 1 + rotation[..., 0, 0] + rotation[..., 1, 1] + rotation[..., 2, 2]
     v = rotation[..., LAST, NEXT] - rotation[..., NEXT, LAST]
-    if (far := ~(w > 1)).any():
-        part = rotation[far]
-        square = np.empty((len(part), 4, 4))
-        square[:, 0, 0], square[:, 0, 1:] = w[far], v[far]
-        square[:, 1:, 0] = v[far]
-        square[:, 1:, 1:] = (
-            part + part.swapaxes(1, 2) + (2 - w[far])[:, None, None] * np.eye(3)
-        )
-        greatest = np.diagonal(square, axis1=1, axis2=2).argmax(axis=1)
-        row = square[np.arange(len(part)), greatest]
-        row = np.where(row[:, :1] < 0, -row, row)
-        w, v[far] = np.where(far, 0.0, w), row[:, 1:]
-        w[far] = row[:, 0]
+    far = ~(w > 1)
+    if far.any():
+        row = _greatest_row(rotation[far], w[far], v[far])
+        w = np.where(far, 0.0, w)
+        w[far], v[far] = row[:, 0], row[:, 1:]
     sine = np.sqrt(np.vecdot(v, v))
     angle = 2 * np.arctan2(sine, w)
-    return (
-        v * np.divide(angle, sine, out=np.zeros_like(sine), where=sine > 0)[..., None]
-    )
+    factor = np.divide(angle, sine, out=np.zeros_like(sine), where=sine > 0)
+    return v * factor[..., None]
+
+
+def _greatest_row(rotation: ndarray, w: ndarray, v: ndarray) -> ndarray:
+    """(N, 4) row of 4(w, v)(w, v)ᵀ with the greatest diagonal entry, its first entry positive."""
+    outer = np.empty((len(rotation), 4, 4))
+    outer[:, 0, 0] = w
+    outer[:, 0, 1:] = outer[:, 1:, 0] = v
+    diagonal = (2 - w)[:, None, None] * np.eye(3)
+    outer[:, 1:, 1:] = rotation + rotation.swapaxes(1, 2) + diagonal
+    greatest = np.diagonal(outer, axis1=1, axis2=2).argmax(axis=1)
+    row = outer[np.arange(len(outer)), greatest]
+    return np.where(row[:, :1] < 0, -row, row)
 
 
 def rigid_motion(places: ndarray, measured: ndarray) -> tuple[ndarray, ndarray]:
@@ -38,19 +41,21 @@ def rigid_motion(places: ndarray, measured: ndarray) -> tuple[ndarray, ndarray]:
     are not finite. The result is NaN for fewer than three points and for points in one line.
     """
     present = np.isfinite(measured).all(axis=-1)
-    weight = (present / np.maximum(present.sum(axis=-1), 1)[..., None])[..., None]
-    known = np.where(present[..., None], measured, 0.0)
-    centres = [(weight * points).sum(axis=-2) for points in (places, known)]
-    local, rotated = (
-        (p - c[..., None, :]) * present[..., None]
-        for p, c in zip((places, known), centres, strict=True)
-    )
-    spread = np.linalg.svd(local, compute_uv=False)
-    decided = spread[..., 1] > 1e-6 * np.maximum(spread[..., 0], 1e-300)
+    count = present.sum(axis=-1)
+    weight = (present / np.maximum(count, 1)[..., None])[..., None]
+    measured = np.where(present[..., None], measured, 0.0)
+    centre = (weight * places).sum(axis=-2)
+    measured_centre = (weight * measured).sum(axis=-2)
+    local = (places - centre[..., None, :]) * present[..., None]
+    rotated = (measured - measured_centre[..., None, :]) * present[..., None]
+
+    sizes = np.linalg.svd(local, compute_uv=False)
+    in_line = ~(sizes[..., 1] > 1e-6 * np.maximum(sizes[..., 0], 1e-300))
     u, _, vt = np.linalg.svd(np.swapaxes(rotated, -1, -2) @ local)
     u[..., 2] *= np.linalg.det(u @ vt)[..., None]
     rotation = u @ vt
-    translation = centres[1] - np.matvec(rotation, centres[0])
-    gone = ~(decided & (present.sum(axis=-1) >= 3))
-    rotation[gone], translation[gone] = np.nan, np.nan
+    translation = measured_centre - np.matvec(rotation, centre)
+    undetermined = in_line | (count < 3)
+    rotation[undetermined] = np.nan
+    translation[undetermined] = np.nan
     return rotation, translation

@@ -104,14 +104,14 @@ def add_dot(block, out, sign, x, y, n, count, by=1):
 @inner
 def dot(block, out, x, y, n, count):
     """Set row ``out`` to Σ_j row (``x`` + j)·row (``y`` + j), j < ``n``."""
-    whole = 3 if n >= 3 else 0
-    if whole == 0:
+    if n < 3:
         fill(block, out, 0.0, count)
-    else:
-        for i in lanes(count):
-            first, second = block[x, i] * block[y, i], block[x + 1, i] * block[y + 1, i]
-            block[out, i] = first + second + block[x + 2, i] * block[y + 2, i]
-    add_dot(block, out, 1.0, x + whole, y + whole, n - whole, count)
+        add_dot(block, out, 1.0, x, y, n, count)
+        return
+    for i in lanes(count):
+        first, second = block[x, i] * block[y, i], block[x + 1, i] * block[y + 1, i]
+        block[out, i] = first + second + block[x + 2, i] * block[y + 2, i]
+    add_dot(block, out, 1.0, x + 3, y + 3, n - 3, count)
 
 
 @inner

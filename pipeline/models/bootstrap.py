@@ -16,9 +16,8 @@ from pipeline.models import kinds
 from pipeline.models.steps import Options, Recorded
 from pipeline.statistics.takes import TAILS
 
-LEAST_TAKES = (
-    10  # minimum for a 95 % interval: fewer takes have too few distinct resamplings
-)
+# minimum for a 95 % interval: fewer takes have too few distinct resamplings
+LEAST_TAKES = 10
 
 Estimates = dict[str, float]
 FromTakes = Callable[[ndarray], Estimates]  # indices of takes → estimates by name
@@ -57,13 +56,11 @@ def spreads(
     have. The interval is centred on the estimate: percentiles of the replicates are shifted by the
     bias of a resampled variance, (takes − 1)/takes.
     """
-    quantile, values = float(stdtrit(takes - 1, TAILS[1])), {}
+    quantile, by_name = float(stdtrit(takes - 1, TAILS[1])), {}
     for name, error in _common_estimates(replicates).std(ddof=1).items():
-        half = quantile * float(error)
-        values[name] = Spread(
-            float(error), estimates[name] - half, estimates[name] + half
-        )
-    return values
+        half, middle = quantile * float(error), estimates[name]
+        by_name[name] = Spread(float(error), middle - half, middle + half)
+    return by_name
 
 
 def joint_covariance(
@@ -71,15 +68,14 @@ def joint_covariance(
 ) -> tuple[list[str], list[list[float]]]:
     """Return the names (K,) and the covariance (K, K) of the estimates that all replicates have."""
     table = _common_estimates(replicates)
-    covariance = (
-        np.atleast_2d(np.cov(table.to_numpy().T)).tolist() if len(table) else []
-    )
-    return [*table], covariance
+    if table.empty:
+        return [], []
+    covariance = np.atleast_2d(np.cov(table.to_numpy().T))
+    return [*table], covariance.tolist()
 
 
 def _common_estimates(replicates: list[Estimates | None]) -> pd.DataFrame:
     """Estimates that all replicates have, one replicate a row; empty for fewer than two."""
-    table = pd.DataFrame([each for each in replicates if each is not None]).dropna(
-        axis="columns"
-    )
+    rows = [estimates for estimates in replicates if estimates is not None]
+    table = pd.DataFrame(rows).dropna(axis="columns")
     return table if len(table) > 1 else pd.DataFrame()

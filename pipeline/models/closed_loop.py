@@ -20,7 +20,6 @@ before it does not give κ: both contain the noise of the same pose.
 import json
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import inf
 from pathlib import Path
 from typing import NamedTuple
 
@@ -97,10 +96,9 @@ def closed_loop_steps(recorded: Recorded, path: MeanPath, share: float) -> Recor
     if len(chain.task) == n:
         measurement = (1 + (1 - share) ** 2) * pose
     else:
-        kept = np.eye(n) - share * (
-            chain.inverse_jacobian(poses) @ chain.jacobian(poses)
-        )
-        measurement = pose + (kept @ pose @ np.swapaxes(kept, -1, -2)).mean(axis=0)
+        projection = chain.inverse_jacobian(poses) @ chain.jacobian(poses)
+        left = np.eye(n) - share * projection
+        measurement = pose + (left @ pose @ left.swapaxes(-1, -2)).mean(axis=0)
     return replace(recorded, v=v, noise=noise, known_measurement=measurement)
 
 
@@ -109,9 +107,8 @@ def fitted_closed_loop(folder: Path) -> tuple[MotionModel, float] | None:
     closed = folder / FOLDER
     if not closed.is_dir():
         return None
-    return kinds.fitted_model(closed), json.loads(
-        (closed / "parameters.json").read_text()
-    )[SHARE]
+    parameters = json.loads((closed / "parameters.json").read_text())
+    return kinds.fitted_model(closed), parameters[SHARE]
 
 
 class Loop(NamedTuple):
@@ -180,16 +177,22 @@ def fit_closed_loop(
         raise ModelDomainError(
             "the mean path of a closed loop needs two takes", takes=len(poses)
         )
-    deviation, share, error, estimate = poses - path.poses, 0.5, inf, open_estimate
+    deviation = poses - path.poses
+    share, estimate = 0.5, open_estimate
     for _ in range(ROUNDS):
+        previous = share
         space = state_space(estimate.model, recorded, path, share)
-        before, (share, error) = share, most_likely_share(space, deviation)
+        share, error = most_likely_share(space, deviation)
         estimate = kinds.estimate(closed_loop_steps(recorded, path, share), options)
-        if abs(share - before) <= SETTLED * error:
+        if abs(share - previous) <= SETTLED * error:
             estimate = replace(estimate, from_takes=None, details=None)  # not picklable
             return ClosedLoopFit(share, error, estimate)
-    evidence = {"share": share, "moved": abs(share - before), "standard_error": error}
-    raise SolverError(f"κ has not converged in {ROUNDS} rounds", **evidence)
+    raise SolverError(
+        f"κ has not converged in {ROUNDS} rounds",
+        share=share,
+        moved=abs(share - previous),
+        standard_error=error,
+    )
 
 
 def state_space(
@@ -202,18 +205,19 @@ def state_space(
     jacobian, step = chain.jacobian(q), np.zeros_like(v)
     drift, correction = np.empty((2, *q.shape, q.shape[-1]))
     for j, h in enumerate(PERTURBATION * np.eye(q.shape[-1])):
-        drift[..., j] = model.mean(chain, q + h, v) - model.mean(chain, q - h, v)
+        ahead, behind = model.mean(chain, q + h, v), model.mean(chain, q - h, v)
+        drift[..., j] = ahead - behind
         step[:, : len(chain.task)] = np.matvec(jacobian, h)
-        correction[..., j] = model.mean(chain, q, v + step) - model.mean(
-            chain, q, v - step
-        )
-    commands, moving = (
-        path.corrected_commands(recorded.q, share),
-        np.any(recorded.v, axis=-1),
+        ahead, behind = model.mean(chain, q, v + step), model.mean(chain, q, v - step)
+        correction[..., j] = ahead - behind
+    commands = path.corrected_commands(recorded.q, share)
+    return StateSpace(
+        drift=drift / (2 * PERTURBATION),
+        correction=correction / (2 * PERTURBATION),
+        noise=model.covariance(chain, recorded.q, commands).mean(axis=0),
+        measurement=recorded.measurement / 2,
+        moving=np.any(recorded.v, axis=-1),
     )
-    noise = model.covariance(chain, recorded.q, commands).mean(axis=0)
-    slopes = (each / (2 * PERTURBATION) for each in (drift, correction))
-    return StateSpace(*slopes, noise, recorded.measurement / 2, moving)
 
 
 def most_likely_share(space: StateSpace, deviation: ndarray) -> tuple[float, float]:
@@ -222,29 +226,24 @@ def most_likely_share(space: StateSpace, deviation: ndarray) -> tuple[float, flo
     takes. Raises SolverError if no maximum is found.
     """
     takes = len(deviation)
-    share = float(
-        GRID[take_log_likelihoods(space, deviation, GRID).sum(axis=1).argmax()]
-    )
+    of_grid = take_log_likelihoods(space, deviation, GRID).sum(axis=1)
+    share = float(GRID[of_grid.argmax()])
     for _ in range(ROUNDS):
         around = share + DIFFERENCE * np.array([-1.0, 0.0, 1.0])
         low, middle, high = take_log_likelihoods(space, deviation, around)
         slopes = (high - low) / (2 * DIFFERENCE)
         information = float(np.sum(2 * middle - high - low)) / DIFFERENCE**2
         if not information > 0:
-            raise SolverError(
-                "the likelihood of the closed loop has no maximum", share=share
-            )
+            message = "the likelihood of the closed loop has no maximum"
+            raise SolverError(message, share=share)
         scatter = np.sum((slopes - slopes.mean()) ** 2) * takes / (takes - 1)
         error = float(np.sqrt(scatter)) / information
-        before, share = (
-            share,
-            min(max(share + float(slopes.sum()) / information, 0.0), 1.0),
-        )
-        if abs(share - before) <= 0.1 * SETTLED * error:
+        previous = share
+        share = min(max(share + float(slopes.sum()) / information, 0.0), 1.0)
+        if abs(share - previous) <= 0.1 * SETTLED * error:
             return share, error
-    raise SolverError(
-        "the likelihood of the closed loop was not maximised", share=share
-    )
+    message = "the likelihood of the closed loop was not maximised"
+    raise SolverError(message, share=share)
 
 
 def take_log_likelihoods(
@@ -258,42 +257,70 @@ def take_log_likelihoods(
     deviations from the mean of N takes have N − 1 degrees of freedom, so ln|covariance| has the
     weight (N − 1)/N for each take (restricted likelihood, Patterson and Thompson 1971).
     """
-    (takes, _, n), grid = deviation.shape, len(shares)
-    transition = np.tile(np.eye(2 * n), (grid, len(space.noise), 1, 1))
-    transition[..., :n, :n] = (
-        space.drift - shares[:, None, None, None] * space.correction
-    )
-    transition[..., n:, :n] = transition[..., :n, :n] - np.eye(n)
+    takes, _, n = deviation.shape
+    result = np.zeros((len(shares), takes))
+    unsound = np.zeros(len(shares), dtype=bool)
+    transition = _transitions(space, shares)
     added = np.tile(space.noise, (1, 2, 2))
-    result, unsound = np.zeros((grid, takes)), np.zeros(grid, dtype=bool)
     for k in np.flatnonzero(space.moving):
         if k == 0 or not space.moving[k - 1]:
-            mean = np.zeros((grid, takes, 2 * n))
-            mean[..., n:] = deviation[:, k]
-            covariance = np.zeros((grid, 2 * n, 2 * n))
-            spread = deviation[:, k].T @ deviation[:, k] / (takes - 1)
-            covariance[:, :n, :n], _ = without_measurement(spread, space.measurement)
-            covariance[:, n:, n:] = space.measurement
-        transposed = transition[:, k].swapaxes(-1, -2)
-        mean, covariance = (
-            mean @ transposed,
-            transition[:, k] @ covariance @ transposed + added[k],
-        )
-        across = covariance[..., n:, :]
-        total = across[..., n:] + space.measurement
+            mean, covariance = _after_rest(space, deviation[:, k], len(shares))
+        mean, covariance = _predict(mean, covariance, transition[:, k], added[k])
         innovation = deviation[:, k + 1] - mean[..., n:]
+        total = covariance[..., n:, n:] + space.measurement
         precision, determinant = np.linalg.inv(total), np.linalg.det(total)
-        white, sound = innovation @ precision, determinant > 0
-        unsound |= ~sound
-        result -= 0.5 * np.vecdot(white, innovation)
-        result -= (
-            0.5
-            * (takes - 1)
-            / takes
-            * np.log(np.where(sound, determinant, 1.0))[:, None]
-        )
-        mean = mean + white @ across
-        covariance = covariance - across.swapaxes(-1, -2) @ precision @ across
-        covariance = 0.5 * (covariance + covariance.swapaxes(-1, -2))
+        unsound |= ~(determinant > 0)
+        weighted = innovation @ precision
+        log_determinant = np.log(np.where(determinant > 0, determinant, 1.0))
+        result -= 0.5 * np.vecdot(weighted, innovation)
+        result -= 0.5 * (takes - 1) / takes * log_determinant[:, None]
+        mean, covariance = _condition(mean, covariance, weighted, precision)
     result[unsound] = -np.inf
     return result
+
+
+def _transitions(space: StateSpace, shares: ndarray) -> ndarray:
+    """(K, M, 2n, 2n) transitions of (e, e + b) for each κ of ``shares`` (K,)."""
+    n = space.noise.shape[-1]
+    transition = np.tile(np.eye(2 * n), (len(shares), len(space.noise), 1, 1))
+    of_deviation = space.drift - shares[:, None, None, None] * space.correction
+    transition[..., :n, :n] = of_deviation
+    transition[..., n:, :n] = of_deviation - np.eye(n)
+    return transition
+
+
+def _after_rest(
+    space: StateSpace, deviation: ndarray, grid: int
+) -> tuple[ndarray, ndarray]:
+    """Return mean (K, takes, 2n) and covariance (K, 2n, 2n), K = ``grid``, given the first measured
+    ``deviation`` (takes, n) after a rest.
+    """
+    takes, n = deviation.shape
+    mean = np.zeros((grid, takes, 2 * n))
+    mean[..., n:] = deviation
+    measured = deviation.T @ deviation / (takes - 1)
+    covariance = np.zeros((grid, 2 * n, 2 * n))
+    covariance[:, :n, :n], _ = without_measurement(measured, space.measurement)
+    covariance[:, n:, n:] = space.measurement
+    return mean, covariance
+
+
+def _predict(
+    mean: ndarray, covariance: ndarray, transition: ndarray, added: ndarray
+) -> tuple[ndarray, ndarray]:
+    """Return mean and covariance after a step with noise of the covariance ``added``."""
+    transposed = transition.swapaxes(-1, -2)
+    return mean @ transposed, transition @ covariance @ transposed + added
+
+
+def _condition(
+    mean: ndarray, covariance: ndarray, weighted: ndarray, precision: ndarray
+) -> tuple[ndarray, ndarray]:
+    """Return mean and covariance given a measurement of e + b, by its innovation times the
+    ``precision``, ``weighted``.
+    """
+    n = precision.shape[-1]
+    across = covariance[..., n:, :]
+    covariance = covariance - across.swapaxes(-1, -2) @ precision @ across
+    symmetric = 0.5 * (covariance + covariance.swapaxes(-1, -2))
+    return mean + weighted @ across, symmetric

@@ -13,36 +13,30 @@ from pipeline.core.errors import SolverError
 from pipeline.models.gaussian.law import noise_scale
 from pipeline.models.wishart.decomposition import Decomposition
 
-TOLERANCES = (
-    1e-10,
-    1e-9,
-    1e-8,
-)  # of duality gap and feasibility, in the problem's unit
+# of duality gap and feasibility, in the problem's unit
+TOLERANCES = (1e-10, 1e-9, 1e-8)
 Weights = tuple[float, float]  # (α₁, α₂)
 
 
 def _solve(problem: cp.Problem, **evidence: object) -> float:
     """Return the optimal value at the smallest of TOLERANCES reached, or raise SolverError."""
     for tolerance in TOLERANCES:
-        tolerances = dict.fromkeys(
-            ("tol_gap_abs", "tol_gap_rel", "tol_feas"), tolerance
-        )
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", UserWarning)  # status reports it
-                value = problem.solve(solver=cp.CLARABEL, **tolerances)
-        except (
-            cp.SolverError,
-            ValueError,
-        ) as error:  # ValueError: data that are not finite
-            raise SolverError(
-                f"the problem could not be solved: {error}", **evidence
-            ) from None
+                value = problem.solve(
+                    solver=cp.CLARABEL,
+                    tol_gap_abs=tolerance,
+                    tol_gap_rel=tolerance,
+                    tol_feas=tolerance,
+                )
+        except (cp.SolverError, ValueError) as error:  # ValueError: not finite
+            message = f"the problem could not be solved: {error}"
+            raise SolverError(message, **evidence) from None
         if problem.status == cp.OPTIMAL:
             return float(value)
-    raise SolverError(
-        "the problem was not solved to optimality", status=problem.status, **evidence
-    )
+    message = "the problem was not solved to optimality"
+    raise SolverError(message, status=problem.status, **evidence)
 
 
 def solve_perturbation(
@@ -57,15 +51,12 @@ def solve_perturbation(
     m, size = len(v), float(np.linalg.norm(noise))
     unit = size if 0 < size < np.inf else 1.0
     b_inv = cp.Variable((m, m), symmetric=True)
-    a, step, back = (
-        np.linalg.inv(j1) @ v,
-        np.linalg.pinv(j1 @ j2) @ v,
-        np.linalg.pinv(j2),
-    )
+    a = np.linalg.inv(j1) @ v
+    step = np.linalg.pinv(j1 @ j2) @ v
+    back = np.linalg.pinv(j2)
     rest = (noise + step) / unit - (back / unit) @ (b_inv @ a)
-    objective = weights[0] * cp.norm(rest) + weights[1] / unit * cp.norm(
-        b_inv - np.eye(m), "fro"
-    )
+    perturbation = cp.norm(b_inv - np.eye(m), "fro")
+    objective = weights[0] * cp.norm(rest) + weights[1] / unit * perturbation
     problem = cp.Problem(cp.Minimize(objective), [b_inv >> floor * np.eye(m)])
     value = _solve(problem, noise=noise.tolist(), floor=floor)
     return b_inv.value, unit * value
@@ -78,14 +69,10 @@ def solve_noise_covariance(
     to tr{nΣ} ≤ α²(u² − ‖J‖_F²), Σ ≥ 0, with scale ``alpha`` α and bound ``u``. The unit of the
     problem is the bound, because the solver's tolerances are absolute. Raises SolverError.
     """
-    bound, evidence = (
-        alpha**2 * (u**2 - norm**2),
-        {"norm": norm, "alpha": alpha, "u": u},
-    )
+    bound = alpha**2 * (u**2 - norm**2)
+    evidence = {"norm": norm, "alpha": alpha, "u": u}
     if not bound > 0:
-        message = (
-            "the problem has no feasible point with det > 0: u must be above the norm"
-        )
+        message = "the problem has no feasible point: u must be above the norm"
         raise SolverError(message, **evidence)
     sigma = cp.Variable((m, m), symmetric=True)
     constraints = [cp.trace(n * sigma) <= 1, sigma >> 0]
@@ -127,9 +114,7 @@ def noise_covariance_gap(
     """
     gaps = []
     for norm, scale in zip(norms, noise_scale(norms, alpha, u, n, m), strict=True):
-        closed, solved = (
-            scale * np.eye(m),
-            solve_noise_covariance(float(norm), alpha, u, n, m),
-        )
+        closed = scale * np.eye(m)
+        solved = solve_noise_covariance(float(norm), alpha, u, n, m)
         gaps.append(np.linalg.norm(solved - closed) / np.linalg.norm(closed))
     return float(max(gaps))

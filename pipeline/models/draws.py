@@ -46,11 +46,14 @@ def draw_steps(
     lost = ~np.isfinite(drawn).all(axis=-1)
     if np.any(lost):
         chain.require_regular(q)  # the step from a singular pose is NaN
-        index = tuple(int(i) for i in np.argwhere(lost)[0])
-        message = f"the model has no finite next step at {int(lost.sum())} pose(s); check the "
-        message += "command and the parameters of the model"
-        pose = np.asarray(q, dtype=float)[index].round(4).tolist()
-        raise ModelDomainError(message, index=index, q=pose)
+        index = tuple(np.argwhere(lost)[0].tolist())
+        pose = np.asarray(q, dtype=float)[index]
+        raise ModelDomainError(
+            f"the model has no finite next step at {int(lost.sum())} pose(s); check the command "
+            "and the parameters of the model",
+            index=index,
+            q=pose.round(4).tolist(),
+        )
     return drawn, clipped
 
 
@@ -131,13 +134,11 @@ def realized_moments(
     surviving = np.isfinite(realized[..., 0]).sum(axis=0)
     if surviving.min() < 2:
         message = "fewer than two realisations avoid singular poses: no standard deviation exists"
-        raise ModelDomainError(
-            message, step=int(np.argmax(surviving < 2)), key="simulation"
-        )
+        step = int(np.argmax(surviving < 2))
+        raise ModelDomainError(message, step=step, key="simulation")
     noise = realized
     if mode == "one_step":
         nominal = q[:, :-1] + chain.nominal_step(q[:, :-1], v)
-        noise = np.concatenate(
-            [np.zeros_like(q[:, :1]), realized[:, 1:] - nominal], axis=1
-        )
+        noise = np.zeros_like(realized)
+        noise[:, 1:] = realized[:, 1:] - nominal
     return np.nanmean(realized, axis=0), np.nanstd(noise, axis=0, ddof=1)

@@ -172,9 +172,10 @@ def act(d, block, rows, m, count):
     first, normal, chi_square = rows.task, rows.normal, rows.chi_square
     stretch, r, along = rows.spare, rows.spare + 1, rows.spare + 2
     if m == 3:
-        share, other = 1.0 / (d - 1.0), normal + 1
+        share = 1.0 / (d - 1.0)
+        second = normal + 1
         for i in range(count):
-            x, y = block[normal, i], block[other, i]
+            x, y = block[normal, i], block[second, i]
             square = x * x + y * y
             block[stretch, i] = np.sqrt(expm1(square * share) / square)
     elif m > 1:
@@ -221,10 +222,10 @@ def _factor_step(law, before, block, rows, n, m, count):
 def _exchange(block, x, y, flag, count):
     """Exchange rows ``x`` and ``y`` at poses where row ``flag`` is not zero."""
     for i in range(count):
-        one, two = block[x, i], block[y, i]
+        above, below = block[x, i], block[y, i]
         exchanged = block[flag, i] != 0.0
-        block[x, i] = two if exchanged else one
-        block[y, i] = one if exchanged else two
+        block[x, i] = below if exchanged else above
+        block[y, i] = above if exchanged else below
 
 
 @inner
@@ -239,9 +240,9 @@ def _eliminate(block, rows, n, m, count):
     for k in range(m):
         pivot = lower + k * n + k
         for below in range(k + 1, m):
-            other = lower + below * n + k
+            candidate = lower + below * n + k
             for i in range(count):
-                greater = abs(block[other, i]) > abs(block[pivot, i])
+                greater = abs(block[candidate, i]) > abs(block[pivot, i])
                 block[flag, i] = 1.0 if greater else 0.0
             for j in range(n):
                 _exchange(block, lower + k * n + j, lower + below * n + j, flag, count)

@@ -41,11 +41,10 @@ class Traits(NamedTuple):
 
     noisy_at_rest: bool  # the pose is random after a step without a command
     needs_jacobian: (
-        bool  # the noise depends on J(q), not on the commanded joint step alone
+        bool  # the noise depends on J(q), not only on the commanded joint step
     )
-    compiled: bool = (
-        True  # its ``law(chain)`` returns a Law; otherwise the filter calls ``sample``
-    )
+    # its ``law(chain)`` returns a Law; otherwise the filter calls ``sample``
+    compiled: bool = True
     memory: bool = False  # it has the methods ``first_memory`` and ``advance``
 
 
@@ -73,9 +72,10 @@ def corrected_command(
     """Commands v + κ(x* − x(q)) (..., m) or (..., m + n) of a closed loop with ``share`` κ at the
     poses ``q`` (..., n) in rad, x* the ``target`` poses (..., p) of the tip.
     """
-    off = chain.displacement(chain.pose(q), target)
-    command = np.array(np.broadcast_to(v, (*off.shape[:-1], np.shape(v)[-1])), float)
-    command[..., : len(chain.task)] += share * off
+    deviation = chain.displacement(chain.pose(q), target)
+    shape = *deviation.shape[:-1], np.shape(v)[-1]
+    command = np.array(np.broadcast_to(v, shape), float)
+    command[..., : len(chain.task)] += share * deviation
     return command
 
 
@@ -92,14 +92,12 @@ def principal_axes(covariance: ndarray) -> tuple[ndarray, ndarray]:
     square = covariance.ndim == 2 and covariance.shape[0] == covariance.shape[1] > 0
     if square and np.all(np.isfinite(covariance)):
         variances, axes = np.linalg.eigh(covariance)
-        asymmetry = np.abs(covariance - covariance.T).max() / max(
-            np.abs(covariance).max(), 1e-300
-        )
-        if max(asymmetry, -variances[0] / max(abs(variances[-1]), 1e-300)) <= TOLERANCE:
+        greatest = max(np.abs(covariance).max(), 1e-300)
+        asymmetry = np.abs(covariance - covariance.T).max() / greatest
+        negative = -variances[0] / max(abs(variances[-1]), 1e-300)
+        if max(asymmetry, negative) <= TOLERANCE:
             return np.maximum(variances, 0.0), axes
-    message = (
-        "a covariance must be a finite, symmetric and positive semidefinite matrix"
-    )
+    message = "a covariance must be a finite, symmetric, positive semidefinite matrix"
     raise ModelDomainError(message, covariance=covariance.tolist())
 
 
@@ -115,9 +113,7 @@ def trace_factor(covariances: ndarray, trace: float) -> float:
     """
     current = float(np.trace(covariances, axis1=-2, axis2=-1).mean())
     if not current > 0:
-        message = (
-            "the model has no noise at any step: no noise level gives the variance"
-        )
+        message = "the model has no noise at any step: no level gives the variance"
         raise ModelDomainError(message, trace_rad2=current)
     return trace / current
 
@@ -129,9 +125,8 @@ def without_measurement(
     zero, and the number of negative variances.
     """
     variances, axes = np.linalg.eigh(covariance - measurement)
-    return (axes * np.maximum(variances, 0.0)) @ axes.T, int(
-        np.count_nonzero(variances < 0)
-    )
+    negative = int(np.count_nonzero(variances < 0))
+    return (axes * np.maximum(variances, 0.0)) @ axes.T, negative
 
 
 def normal_log_density(deviation: ndarray, covariance: ndarray) -> ndarray:
@@ -148,10 +143,12 @@ def axis_log_density(squared: ndarray, variances: ndarray) -> ndarray:
     """
     singular = ~(variances[..., 0] > TOLERANCE * variances[..., -1])
     if np.any(singular):
-        message = f"the covariance is singular at {int(np.count_nonzero(singular))} of "
-        message += f"{singular.size} step(s), where the law has no density: give the covariance of "
-        message += "the measurement noise"
-        raise ModelDomainError(message, least_variance=float(variances.min()))
+        count = int(np.count_nonzero(singular))
+        raise ModelDomainError(
+            f"the covariance is singular at {count} of {singular.size} step(s), where the law has "
+            "no density: give the covariance of the measurement noise",
+            least_variance=float(variances.min()),
+        )
     return -0.5 * (np.log(2 * np.pi * variances) + squared / variances).sum(axis=-1)
 
 

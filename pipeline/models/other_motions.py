@@ -41,18 +41,20 @@ def recorded_motions(
     if not motions:
         raise ModelDomainError("a matrix model needs two takes of a motion")
     takes = min(len(motion.q) for motion in motions)
-    parts = zip(
-        *([each[:takes] for each in motion[1:]] for motion in motions), strict=True
-    )
-    q, dq, noise = (np.concatenate(each, axis=1) for each in parts)
+    q = np.concatenate([motion.q[:takes] for motion in motions], axis=1)
+    dq = np.concatenate([motion.dq[:takes] for motion in motions], axis=1)
+    noise = np.concatenate([motion.noise[:takes] for motion in motions], axis=1)
     chain.require_regular(q, what="measured pose")
     command = dq.mean(axis=0)
     v = np.matvec(chain.jacobian(q.mean(axis=0)), command)
-    v = v if v.shape == command.shape else np.concatenate([v, command], axis=-1)
+    if v.shape != command.shape:
+        v = np.concatenate([v, command], axis=-1)
     v[~np.any(np.abs(command) > 0, axis=-1)] = 0.0
     omega = dq + noise - chain.nominal_step(q, v)
-    known = None if pose_noise is None else 2 * pose_noise**2 * np.eye(len(joints))
-    return Recorded(chain, q, v, omega, tuple(joints), known)
+    measurement = None
+    if pose_noise is not None:
+        measurement = 2 * pose_noise**2 * np.eye(len(joints))
+    return Recorded(chain, q, v, omega, tuple(joints), measurement)
 
 
 def matrix_scores(
@@ -65,22 +67,19 @@ def matrix_scores(
     """Score the ``matrix`` models of the arm ``chain`` for one step of each held-out motion: model,
     motion, log score in nats a step, reason for a missing score; no row for a single motion.
     """
+    held_out = motions if len(motions) > 1 else ()
     rows = []
-    for (name, options), part in product(
-        matrix.items(), motions if len(motions) > 1 else ()
-    ):
-        others = [other for other in motions if other is not part]
+    for (name, options), motion in product(matrix.items(), held_out):
+        remaining = [rest for rest in motions if rest is not motion]
         try:
-            fitted = recorded_motions(chain, others, joints, pose_noise)
+            fitted = recorded_motions(chain, remaining, joints, pose_noise)
             model = kinds.estimate(fitted, replace(options, closed_loop=False)).model
-            scored = recorded_motions(chain, [part], joints, pose_noise, least=1)
+            scored = recorded_motions(chain, [motion], joints, pose_noise, least=1)
             steps = chain, scored.q, scored.v, scored.q_next
-            score, reason = (
-                float(model.log_density(*steps, fitted.measurement).mean()),
-                "",
-            )
+            log_density = model.log_density(*steps, fitted.measurement)
+            score, reason = float(log_density.mean()), ""
         except PipelineError as error:
             score, reason = np.nan, error.message
-        rows.append((name, part.name, score, reason))
+        rows.append((name, motion.name, score, reason))
     table = pd.DataFrame(rows, columns=["model", "motion", "score", "reason"])
     return table.astype({"score": float})  # also without rows

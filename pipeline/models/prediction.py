@@ -76,16 +76,19 @@ def normal_steps(error: ndarray, covariance: ndarray) -> tuple[Steps, dict[str, 
     ``covariance``) (M, n, n) in rad². All scores but ``z`` are NaN if a covariance is singular,
     e.g. a sample covariance of few takes.
     """
-    with np.errstate(
-        divide="ignore", invalid="ignore"
-    ):  # all takes may be equal: zero variance
-        z = {"z": error / np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1))}
+    variances = np.diagonal(covariance, axis1=-2, axis2=-1)
+    # all takes may be equal: zero variance
+    with np.errstate(divide="ignore", invalid="ignore"):
+        z = error / np.sqrt(variances)
     try:
         log_density = normal_log_score(error, covariance)
-        return z | {"log_density": log_density, "nees": nees(error, covariance)}, {}
+        squared = nees(error, covariance)
     except ModelDomainError as refused:
         gaps = np.full(len(error), np.nan)
-        return z | {"log_density": gaps, "nees": gaps}, {"log density": str(refused)}
+        return {"z": z, "log_density": gaps, "nees": gaps}, {
+            "log density": str(refused)
+        }
+    return {"z": z, "log_density": log_density, "nees": squared}, {}
 
 
 def groups_by_speed(recorded: Recorded, rate: float) -> Mapping[str, ndarray]:
@@ -111,16 +114,11 @@ def modelled_noise(model: MotionModel, recorded: Recorded) -> ModelledNoise:
     """Process noise of ``model`` at the poses of ``recorded``, scaled to the recorded total
     variance; raises as :func:`pipeline.models.steps.at_recorded_level`.
     """
-    model, chain, q, v = (
-        at_recorded_level(model, recorded),
-        recorded.chain,
-        recorded.q,
-        recorded.v,
-    )
+    model = at_recorded_level(model, recorded)
+    chain, q, v = recorded.chain, recorded.q, recorded.v
+    variances = np.diagonal(model.covariance(chain, q, v), axis1=-2, axis2=-1)
     return ModelledNoise(
-        motion=np.diagonal(model.covariance(chain, q, v), axis1=-2, axis2=-1).mean(
-            axis=0
-        ),
+        motion=variances.mean(axis=0),
         measurement=np.diagonal(recorded.measurement),
         error=model.mean(chain, q, v) - recorded.q_next,
     )

@@ -73,14 +73,12 @@ class Recorded:
 class Estimate:
     """Result of an estimator."""
 
-    parameters: dict[
-        str, Any
-    ]  # plain values for :func:`pipeline.models.kinds.build_model`
+    # plain values for :func:`pipeline.models.kinds.build_model`
+    parameters: dict[str, Any]
     estimates: dict[str, float]  # parameters with a standard error, by name and unit
     diagnostics: dict[str, float]
-    details: Any = (
-        None  # the fit itself, for diagnostics that need more than its parameters
-    )
+    # the fit itself, for diagnostics that need more than its parameters
+    details: Any = None
     # take indices → estimates of these takes, if that is faster than another fit
     from_takes: Callable[[ndarray], dict[str, float]] | None = None
     undetermined: tuple[str, ...] = ()  # estimates at an end of the search
@@ -88,8 +86,10 @@ class Estimate:
     @property
     def determined(self) -> dict[str, float]:
         """Estimates without the undetermined ones, which have no number."""
-        numbers = self.estimates.items()
-        return {name: n for name, n in numbers if name not in self.undetermined}
+        determined = dict(self.estimates)
+        for name in self.undetermined:
+            del determined[name]
+        return determined
 
     def named(self, pattern: str, errors: Mapping[str, float]) -> dict[str, float]:
         """Return the determined estimates, their standard ``errors`` and the mark of an unbounded
@@ -176,11 +176,11 @@ def take_variances(recorded: Recorded) -> Callable[[ndarray], tuple[ndarray, flo
     Raises ModelDomainError if the measurement noise is unknown. The returned function raises it for
     a single take, and if the total variance is not above the measurement variance.
     """
-    known, _ = recorded.known_measurement, recorded.measurement  # raises
+    _ = recorded.measurement  # raises
+    measurement = recorded.known_measurement
     still = ~np.any(recorded.v, axis=-1)
-    noise = (recorded.noise - recorded.noise.mean(axis=0)).reshape(
-        len(recorded.noise), -1
-    )
+    centred = recorded.noise - recorded.noise.mean(axis=0)
+    noise = centred.reshape(len(centred), -1)
 
     def of_takes(takes: ndarray) -> tuple[ndarray, float]:
         counts = np.bincount(takes, minlength=len(noise)).astype(float)
@@ -189,16 +189,20 @@ def take_variances(recorded: Recorded) -> Callable[[ndarray], tuple[ndarray, flo
             message = "a sample covariance needs at least two takes"
             raise ModelDomainError(message, takes=different)
         sums = counts @ noise**2 - (counts @ noise) ** 2 / len(takes)
-        traces = (
-            (sums / (len(takes) - 1)).reshape(recorded.noise.shape[1], -1).sum(axis=-1)
-        )
-        measured = float(traces[still].mean() if known is None else np.trace(known))
+        variances = sums / (len(takes) - 1)
+        traces = variances.reshape(centred.shape[1], -1).sum(axis=-1)
+        if measurement is None:
+            measured = float(traces[still].mean())
+        else:
+            measured = float(np.trace(measurement))
         mean = float(traces.mean())
         if not mean > measured:
-            message = "the recorded process noise does not exceed the measurement noise in variance"
-            message += " (sums over the joints); record faster motions or more takes"
-            traces = {"recorded_trace_rad2": mean, "measurement_trace_rad2": measured}
-            raise ModelDomainError(message, **traces)
+            raise ModelDomainError(
+                "the recorded process noise does not exceed the measurement noise in variance "
+                "(sums over the joints); record faster motions or more takes",
+                recorded_trace_rad2=mean,
+                measurement_trace_rad2=measured,
+            )
         return traces, measured
 
     return of_takes

@@ -1,7 +1,7 @@
 """Estimators of Σ_ω of the additive model: mean sample covariance, or shrunk minus Σ_m."""
 
 from collections.abc import Sequence
-from itertools import combinations
+from itertools import combinations, combinations_with_replacement
 from typing import Literal
 
 import numpy as np
@@ -27,30 +27,31 @@ def estimate(recorded: Recorded, options: Options) -> Estimate:
         return _estimate(mean_covariance(recorded.noise), {})
     shrunk, intensity = shrunk_covariance(recorded.noise)
     covariance, quiet = without_measurement(shrunk, recorded.measurement)
-    names = "shrinkage_intensity", "axes_without_noise_beyond_the_measurement"
-    return _estimate(covariance, dict(zip(names, (intensity, quiet), strict=True)))
+    diagnostics = {
+        "shrinkage_intensity": intensity,
+        "axes_without_noise_beyond_the_measurement": quiet,
+    }
+    return _estimate(covariance, diagnostics)
 
 
 def truths(
     recorded: Recorded, options: Options, dispersions: Sequence[float]
 ) -> list[Truth]:
     """Return the recorded Σ_ω as the known parameters."""
-    known = _estimate(mean_covariance(recorded.noise), {})
-    return [Truth("additive", known.parameters, known.estimates)]
+    fit = _estimate(mean_covariance(recorded.noise), {})
+    return [Truth("additive", fit.parameters, fit.estimates)]
 
 
 def _estimate(covariance: ndarray, diagnostics: dict[str, float]) -> Estimate:
     """Return Σ_ω by entry in rad², and the correlations between joints with noise."""
-    std, n = np.sqrt(np.diag(covariance)), len(covariance)
-    entries = {
-        f"sigma_omega_{i + 1}{j + 1}_rad2": covariance[i, j]
-        for i in range(n)
-        for j in range(i, n)
-    } | {
-        f"correlation_omega_{i + 1}{j + 1}": covariance[i, j] / (std[i] * std[j])
-        for i, j in combinations(range(n), 2)
-        if std[i] * std[j] > 0
-    }
+    std, joints = np.sqrt(np.diag(covariance)), range(len(covariance))
+    entries = {}
+    for i, j in combinations_with_replacement(joints, 2):
+        entries[f"sigma_omega_{i + 1}{j + 1}_rad2"] = covariance[i, j]
+    for i, j in combinations(joints, 2):
+        product = std[i] * std[j]
+        if product > 0:
+            entries[f"correlation_omega_{i + 1}{j + 1}"] = covariance[i, j] / product
     parameters = {"kind": "additive", "noise_covariance": covariance.tolist()}
     return Estimate(parameters, entries, diagnostics)
 
@@ -63,11 +64,8 @@ def shrunk_covariance(noise: ndarray) -> tuple[ndarray, float]:
     """
     mean, _ = takes_moments(noise)
     takes, centred = len(noise), noise - mean
-    by_take = (
-        np.einsum("tki,tkj->tij", centred, centred)
-        * takes
-        / ((takes - 1) * noise.shape[1])
-    )
+    products = np.einsum("tki,tkj->tij", centred, centred)
+    by_take = products * takes / ((takes - 1) * noise.shape[1])
     pooled = by_take.mean(axis=0)
     target = np.trace(pooled) / len(pooled) * np.eye(len(pooled))
     distance = np.sum((pooled - target) ** 2)

@@ -44,24 +44,23 @@ class AdditiveModel(MotionModel):
         """
         n = len(chain.lower)
         if self.noise.shape != (n, n):
-            message = f"the model's matrix must have a row for each of the {n} joints of this arm"
             raise ModelDomainError(
-                f"{message}; run the stage fit for it", shape=self.noise.shape
+                f"the model's matrix must have a row for each of the {n} joints of this arm; run "
+                "the stage fit for it",
+                shape=self.noise.shape,
             )
         return Law(ADDITIVE_LAW, self._root.ravel(), normals=n)
 
     def covariance(self, chain: Mechanism, q: ndarray, v: ndarray) -> ndarray:
-        return np.broadcast_to(
-            self.noise, (*q.shape, q.shape[-1])
-        )  # at singular poses too
+        shape = *q.shape, q.shape[-1]
+        return np.broadcast_to(self.noise, shape)  # at singular poses too
 
     def with_trace(
         self, chain: Mechanism, q: ndarray, v: ndarray, trace: float
     ) -> "AdditiveModel":
         """Return the model with Σ_ω times a factor; ModelDomainError for zero noise."""
-        return AdditiveModel(
-            trace_factor(self.covariance(chain, q, v), trace) * self.noise
-        )
+        factor = trace_factor(self.covariance(chain, q, v), trace)
+        return AdditiveModel(factor * self.noise)
 
 
 def build(parameters: dict[str, Any]) -> AdditiveModel:

@@ -9,6 +9,7 @@ nor αu. The data determine u if the minimum is inside the searched interval.
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Annotated, Literal, NamedTuple, get_args
 
 import numpy as np
@@ -28,19 +29,17 @@ from pipeline.statistics.takes import takes_moments
 EXTENSIONS = np.linspace(0.005, 1.0, 200)  # grid of ũ divided by the greatest ‖J̲⁺‖
 LIKELY_EXTENSIONS = np.geomspace(0.005, 1.0, 25)  # grid of the likelihood
 BOUND = 1.1  # u of :func:`truths` divided by the greatest norm ‖J⁺‖
-ALPHA_RANGE = (
-    30.0  # α is searched from 1/30 to 30 times the value of the second moments
-)
+# α is searched from 1/30 to 30 times the value of the second moments
+ALPHA_RANGE = 30.0
 TOLERANCE = 1e-4  # of ln α
 REACH, NODES = (
     0.4,
     9,
-)  # half width and points of the grid of ln α for the likelihood of a take
+)  # half width and points of the grid of ln α for a take's likelihood
 RMS_NORM = "rms_norm_of_the_inverse_jacobian"
 Estimator = Literal["moments", "paper", "likelihood"]
-Best = Callable[
-    [ndarray], tuple[ndarray, ndarray]
-]  # ũ (G,) → least objectives, their α
+# ũ (G,) → least objectives, their α
+Best = Callable[[ndarray], tuple[ndarray, ndarray]]
 
 
 @validation.options(kw_only=True)
@@ -50,9 +49,8 @@ class Options(base.Options):
     """
 
     estimator: Estimator = "moments"
-    beta: Annotated[float, Field(ge=0, lt=1)] = (
-        0.5  # β₁, weight of the mean's error in ``paper``
-    )
+    # β₁, weight of the mean's error in ``paper``
+    beta: Annotated[float, Field(ge=0, lt=1)] = 0.5
 
 
 class GaussianFit(NamedTuple):
@@ -61,9 +59,7 @@ class GaussianFit(NamedTuple):
     alpha: float
     u: float  # û = max_k ‖J̲_k⁺‖_F + ũ
     extension: float  # ũ > 0
-    objective: (
-        float  # least value: rad⁴ (moments), rad and rad² mixed (paper) or −Σ ln p
-    )
+    objective: float  # least value: rad⁴ (moments), rad and rad² (paper) or −Σ ln p
     at_end: bool  # True if ũ is at an end of its interval: not determined
     unbounded: bool  # True at the upper end: a greater u fits as well
     extensions: ndarray
@@ -80,34 +76,10 @@ def estimate(recorded: Recorded, options: Options) -> Estimate:
         message = "the motion is at rest at every step: alpha and u cannot be estimated"
         raise ModelDomainError(message)
     if options.estimator == "paper":
-        poses = recorded.q.mean(axis=0)
-        norms = frobenius(recorded.chain.inverse_jacobian(poses, what="mean pose"))
-        # root mean square over the commands (takes, M, m) of a closed loop
-        speeds = np.sqrt(squares.reshape(-1, squares.shape[-1]).mean(axis=0))
-        steps = takes_moments(recorded.noise), speeds, norms, len(recorded.chain.task)
-        fit = fit_distance(*steps, options.beta, EXTENSIONS * norms.max())
-        mean_square, from_takes = _mean_square(norms**2, squares), None
+        fit, mean_square = _fit_distance(recorded, squares, options.beta)
+        from_takes = None
     else:
-        norms, takes = (
-            frobenius(recorded.chain.inverse_jacobian(recorded.q)),
-            len(recorded.q),
-        )
-        speeds = np.broadcast_to(squares / len(recorded.chain.task), norms.shape)
-        weighed = norms**2 * speeds
-
-        def mean_square_of(takes: ndarray) -> float:
-            return float(weighed[takes].mean() / speeds[takes].mean())
-
-        if options.estimator == "moments":
-            optimum = fit_moments(recorded, speeds, norms)
-            fit = optimum(np.arange(takes))
-        else:
-            fit, optimum = fit_likelihood(recorded)
-        mean_square = mean_square_of(np.arange(takes))
-
-        def from_takes(takes: ndarray) -> dict[str, float]:
-            return _values(*optimum(takes)[:2], mean_square_of(takes))
-
+        fit, mean_square, from_takes = _fit_takes(recorded, squares, options.estimator)
     diagnostics = {
         "u_unbounded": int(fit.unbounded),
         "extension_of_the_norm": fit.extension,
@@ -122,17 +94,62 @@ def estimate(recorded: Recorded, options: Options) -> Estimate:
         "u": fit.u,
         "u_unbounded": fit.unbounded,
     }
-    values, unsure = (
-        _values(fit.alpha, fit.u, mean_square),
-        ("u", "alpha") if fit.at_end else (),
+    return Estimate(
+        parameters=parameters,
+        estimates=_values(fit.alpha, fit.u, mean_square),
+        diagnostics=diagnostics,
+        details=fit,
+        from_takes=from_takes,
+        undetermined=("u", "alpha") if fit.at_end else (),
     )
-    return Estimate(parameters, values, diagnostics, fit, from_takes, unsure)
+
+
+def _fit_distance(
+    recorded: Recorded, squares: ndarray, beta: float
+) -> tuple[GaussianFit, float]:
+    """Return the fit of the paper's estimator, and ⟨‖J̲⁺‖²⟩ at the mean poses."""
+    poses = recorded.q.mean(axis=0)
+    norms = frobenius(recorded.chain.inverse_jacobian(poses, what="mean pose"))
+    # root mean square over the commands (takes, M, m) of a closed loop
+    speeds = np.sqrt(squares.reshape(-1, squares.shape[-1]).mean(axis=0))
+    rows, extensions = len(recorded.chain.task), EXTENSIONS * norms.max()
+    moments = takes_moments(recorded.noise)
+    fit = fit_distance(moments, speeds, norms, rows, beta, extensions)
+    return fit, _mean_square(norms**2, squares)
+
+
+def _fit_takes(
+    recorded: Recorded, squares: ndarray, estimator: Estimator
+) -> tuple[GaussianFit, float, Callable[[ndarray], dict[str, float]]]:
+    """Return the fit by ``moments`` or ``likelihood``, ⟨‖J⁺‖²⟩ at the measured poses, and a
+    function of take indices that returns the estimates of these takes.
+    """
+    norms = frobenius(recorded.chain.inverse_jacobian(recorded.q))
+    speeds = np.broadcast_to(squares / len(recorded.chain.task), norms.shape)
+    weighed = norms**2 * speeds
+    every_take = np.arange(len(recorded.q))
+
+    def mean_square_of(takes: ndarray) -> float:
+        return float(weighed[takes].mean() / speeds[takes].mean())
+
+    if estimator == "moments":
+        optimum = fit_moments(recorded, speeds, norms)
+        fit = optimum(every_take)
+    else:
+        fit, optimum = fit_likelihood(recorded)
+
+    def from_takes(takes: ndarray) -> dict[str, float]:
+        alpha, u = optimum(takes)[:2]
+        return _values(alpha, u, mean_square_of(takes))
+
+    return fit, mean_square_of(every_take), from_takes
 
 
 def estimator_options(options: Options) -> dict[str, Options]:
     """Options of every estimator."""
     return {
-        f"{{}}_{each}": replace(options, estimator=each) for each in get_args(Estimator)
+        f"{{}}_{estimator}": replace(options, estimator=estimator)
+        for estimator in get_args(Estimator)
     }
 
 
@@ -179,28 +196,29 @@ def diagnose(
     if estimate is None:
         return {}, {}
     from pipeline.models.convex import (
-        noise_covariance_gap,
-    )  # here: CVXPY takes long to import
+        noise_covariance_gap,  # here: CVXPY imports slowly
+    )
 
     fit, mean_square = estimate.details, estimate.diagnostics[RMS_NORM] ** 2
     inverse = recorded.chain.inverse_jacobian(recorded.q.mean(axis=0))
     norms = frobenius(inverse)
-    checked = norms[np.linspace(0, len(norms) - 1, min(checks, len(norms))).astype(int)]
-    gap = noise_covariance_gap(checked, fit.alpha, fit.u, *inverse.shape[-2:])
+    places = np.linspace(0, len(norms) - 1, min(checks, len(norms))).astype(int)
+    shape = inverse.shape[-2:]
     metrics = {
-        "convex_problems_checked": len(checked),
-        "convex_check_greatest_relative_gap": gap,
+        "convex_problems_checked": len(places),
+        "convex_check_greatest_relative_gap": noise_covariance_gap(
+            norms[places], fit.alpha, fit.u, *shape
+        ),
     }
-    u, least = (
-        fit.u - fit.extension + fit.extensions,
-        min(fit.objective, fit.objectives.min()),
-    )
+    u = fit.u - fit.extension + fit.extensions
+    least = min(fit.objective, fit.objectives.min())
     ridge = {
         "u": u,
         "alpha": fit.alphas,
         "level": fit.alphas * np.sqrt(u**2 - mean_square),
+        "excess": fit.objectives - least,
     }
-    return metrics, {"ridge": pd.DataFrame(ridge | {"excess": fit.objectives - least})}
+    return metrics, {"ridge": pd.DataFrame(ridge)}
 
 
 def _search(best: Best, extensions: ndarray, largest: float) -> GaussianFit:
@@ -209,26 +227,29 @@ def _search(best: Best, extensions: ndarray, largest: float) -> GaussianFit:
 
     objectives, alphas = best(extensions)
     i, last = int(objectives.argmin()), len(extensions) - 1
-    extension, objective, alpha = (
-        float(each[i]) for each in (extensions, objectives, alphas)
-    )
+    extension, alpha = float(extensions[i]), float(alphas[i])
+    objective = float(objectives[i])
     if 0 < i < last:
-        ends = extensions[i - 1], extensions[i + 1]
         refined = minimize_scalar(
-            lambda x: float(best(np.array([x]))[0][0]), bounds=ends, method="bounded"
+            lambda x: float(best(np.array([x]))[0][0]),
+            bounds=(extensions[i - 1], extensions[i + 1]),
+            method="bounded",
         )
         if refined.fun < objective:
             extension = float(refined.x)
-            objective, alpha = (float(each[0]) for each in best(np.array([extension])))
-    optimum = (
-        alpha,
-        largest + extension,
-        extension,
-        objective,
-        i in (0, last),
-        i == last,
+            least, alpha_at_least = best(np.array([extension]))
+            objective, alpha = float(least[0]), float(alpha_at_least[0])
+    return GaussianFit(
+        alpha=alpha,
+        u=largest + extension,
+        extension=extension,
+        objective=objective,
+        at_end=i in (0, last),
+        unbounded=i == last,
+        extensions=extensions,
+        objectives=objectives,
+        alphas=alphas,
     )
-    return GaussianFit(*optimum, extensions, objectives, alphas)
 
 
 def fit_moments(
@@ -261,8 +282,8 @@ def fit_moments(
 
 def fit_distance(
     moments: tuple[ndarray, ndarray],
-    speeds,
-    norms,
+    speeds: ndarray,
+    norms: ndarray,
     rows: int,
     beta1: float,
     extensions: ndarray,
@@ -276,21 +297,27 @@ def fit_distance(
     the printed objective, whose minimum is α = 0. The optimal α² is the median of tr Cov(q̃_k)/g_k
     with the weights g_k.
     """
-    (mean, covariance), moving, largest = moments, speeds > 0, float(norms.max())
+    mean, covariance = moments
+    moving, largest = speeds > 0, float(norms.max())
     traces = np.trace(covariance, axis1=-2, axis2=-1)
     constant = beta1 * np.linalg.norm(mean, axis=-1).sum()
 
     def best(extensions: ndarray) -> tuple[ndarray, ndarray]:
-        gain = ((largest + extensions[:, None]) ** 2 - norms**2) * speeds**2 / rows
-        ratios, weights = traces[moving] / gain[:, moving], gain[:, moving]
-        order = np.argsort(ratios, axis=1, kind="stable")
-        below = np.cumsum(np.take_along_axis(weights, order, 1), axis=1)
-        median = (below < below[:, -1:] / 2).sum(axis=1, keepdims=True)
-        squared = np.take_along_axis(ratios, np.take_along_axis(order, median, 1), 1)
+        u = largest + extensions[:, None]
+        gain = (u**2 - norms**2) * speeds**2 / rows
+        squared = _weighted_medians(traces[moving] / gain[:, moving], gain[:, moving])
         distance = np.abs(squared * gain - traces).sum(axis=1)
         return constant + (1 - beta1) * distance, np.sqrt(squared[:, 0])
 
     return _search(best, extensions, largest)
+
+
+def _weighted_medians(values: ndarray, weights: ndarray) -> ndarray:
+    """(G, 1) medians of the rows of ``values`` (G, M) with ``weights`` (G, M)."""
+    order = np.argsort(values, axis=1, kind="stable")
+    below = np.cumsum(np.take_along_axis(weights, order, 1), axis=1)
+    place = (below < below[:, -1:] / 2).sum(axis=1, keepdims=True)
+    return np.take_along_axis(values, np.take_along_axis(order, place, 1), 1)
 
 
 def fit_likelihood(
@@ -300,75 +327,83 @@ def fit_likelihood(
     returns their (α̂, û). The density of a step plus measurement noise is exact; u is on the grid
     max ‖J⁺‖_F·(1 + LIKELY_EXTENSIONS). Raises SingularJacobianError, ModelDomainError.
     """
-    from scipy.optimize import minimize_scalar
 
     least, axes = principal_axes(recorded.measurement)
     q, v, noise = base.moving_steps(recorded)
     inverse, v = recorded.chain.inverse_jacobian(q), task_step(recorded.chain, v)
-    norms, speeds = frobenius(inverse), np.vecdot(v, v)
-    largest, squared, reach = (
-        float(norms.max()),
-        float(np.mean(noise**2)),
-        np.log(ALPHA_RANGE),
-    )
-    parts = (noise @ axes) ** 2  # along the principal axes of Σ_m
+    norms, speeds, takes = frobenius(inverse), np.vecdot(v, v), len(recorded.q)
+    largest, squared = float(norms.max()), float(np.mean(noise**2))
+    squares = (noise @ axes) ** 2  # along the principal axes of Σ_m
 
     def gain_at(extension: float) -> ndarray:
-        return (
-            noise_scale(norms, 1.0, largest * (1 + extension), *inverse.shape[-2:])
-            * speeds
-        )
+        u = largest * (1 + extension)
+        return noise_scale(norms, 1.0, u, *inverse.shape[-2:]) * speeds
 
     def densities(log_alpha: float, gain: ndarray) -> ndarray:
-        return axis_log_density(parts, (np.exp(2 * log_alpha) * gain)[:, None] + least)
-
-    def best_at(extension: float) -> tuple[float, float]:
-        gain = gain_at(extension)
-        middle = 0.5 * np.log(squared / gain.mean())
-        result = minimize_scalar(
-            lambda log_alpha: -float(densities(log_alpha, gain).sum()),
-            bounds=(middle - reach, middle + reach),
-            method="bounded",
-            options={"xatol": TOLERANCE},
-        )
-        return float(result.fun), float(np.exp(result.x))
+        variances = (np.exp(2 * log_alpha) * gain)[:, None] + least
+        return axis_log_density(squares, variances)
 
     def best(extensions: ndarray) -> tuple[ndarray, ndarray]:
-        return tuple(np.array([best_at(float(each)) for each in extensions]).T)
+        objectives, alphas = np.empty((2, len(extensions)))
+        for i, extension in enumerate(extensions):
+            gain = gain_at(float(extension))
+            middle = 0.5 * np.log(squared / gain.mean())
+            objectives[i], alphas[i] = _least(partial(densities, gain=gain), middle)
+        return objectives, alphas
 
     fit = _search(best, LIKELY_EXTENSIONS, 1.0)
     # −Σ ln p of the moving steps of each take, at NODES of ln α for each extension of u
     log_alphas = np.log(fit.alphas)[:, None] + np.linspace(-REACH, REACH, NODES)
-    costs = np.empty((len(recorded.q), *log_alphas.shape))
+    costs = np.empty((takes, *log_alphas.shape))
     for i, extension in enumerate(fit.extensions):
         gain = gain_at(float(extension))
         for j, log_alpha in enumerate(log_alphas[i]):
-            costs[:, i, j] = (
-                -densities(log_alpha, gain).reshape(len(costs), -1).sum(axis=1)
-            )
-    scaled = {
-        name: largest * getattr(fit, name) for name in ("u", "extension", "extensions")
-    }
-    fit = fit._replace(**scaled)
+            by_take = densities(log_alpha, gain).reshape(takes, -1)
+            costs[:, i, j] = -by_take.sum(axis=1)
+    fit = fit._replace(
+        u=largest * fit.u,
+        extension=largest * fit.extension,
+        extensions=largest * fit.extensions,
+    )
+    return fit, partial(_optimum_of_takes, fit, log_alphas, costs)
 
-    def from_takes(takes: ndarray) -> tuple[float, float]:
-        cost = costs[takes].sum(axis=0)
-        optima, lowest = np.array(
-            [_vertex(*each) for each in zip(log_alphas, cost, strict=True)]
-        ).T
-        i, last = int(lowest.argmin()), len(lowest) - 1
-        if np.isnan(optima[i]):
-            message = (
-                "the maximum of these takes' likelihood is outside the evaluated range"
-            )
-            raise ModelDomainError(message, takes=takes.tolist())
-        extension, near = fit.extensions[i], slice(i - 1, i + 2)
-        if 0 < i < last:
-            extension = _vertex(fit.extensions[near], lowest[near])[0]
-        alpha = np.exp(np.interp(extension, fit.extensions, optima))
-        return float(alpha), float(fit.u - fit.extension + extension)
 
-    return fit, from_takes
+def _least(densities: Callable[[float], ndarray], middle: float) -> tuple[float, float]:
+    """Return the least −Σ ln p over ln α about ``middle``, and its α."""
+    from scipy.optimize import minimize_scalar
+
+    reach = np.log(ALPHA_RANGE)
+    result = minimize_scalar(
+        lambda log_alpha: -float(densities(log_alpha).sum()),
+        bounds=(middle - reach, middle + reach),
+        method="bounded",
+        options={"xatol": TOLERANCE},
+    )
+    return float(result.fun), float(np.exp(result.x))
+
+
+def _optimum_of_takes(
+    fit: GaussianFit, log_alphas: ndarray, costs: ndarray, takes: ndarray
+) -> tuple[float, float]:
+    """Return (α̂, û) of the ``takes`` by parabolas through −Σ ln p, ``costs`` (takes, G, NODES) at
+    ``log_alphas`` (G, NODES). Raises ModelDomainError for an optimum at an end of the nodes.
+    """
+    cost = costs[takes].sum(axis=0)
+    optima, lowest = np.empty((2, len(cost)))
+    for i, row in enumerate(cost):
+        optima[i], lowest[i] = _vertex(log_alphas[i], row)
+    i, last = int(lowest.argmin()), len(lowest) - 1
+    if np.isnan(optima[i]):
+        message = (
+            "the maximum of these takes' likelihood is outside the evaluated range"
+        )
+        raise ModelDomainError(message, takes=takes.tolist())
+    extension = fit.extensions[i]
+    if 0 < i < last:
+        near = slice(i - 1, i + 2)
+        extension, _ = _vertex(fit.extensions[near], lowest[near])
+    alpha = np.exp(np.interp(extension, fit.extensions, optima))
+    return float(alpha), float(fit.u - fit.extension + extension)
 
 
 def _vertex(x: ndarray, y: ndarray) -> tuple[float, float]:
@@ -376,5 +411,6 @@ def _vertex(x: ndarray, y: ndarray) -> tuple[float, float]:
     i = int(y.argmin())
     if i in (0, len(y) - 1):
         return np.nan, float(y[i])
-    a, b, c = np.polyfit(x[i - 1 : i + 2] - x[i], y[i - 1 : i + 2], 2)
+    near = slice(i - 1, i + 2)
+    a, b, c = np.polyfit(x[near] - x[i], y[near], 2)
     return float(x[i] - b / (2 * a)), float(c - b**2 / (4 * a))

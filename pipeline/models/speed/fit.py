@@ -24,15 +24,19 @@ def estimate(recorded: Recorded, options: Options) -> Estimate:
     measured = np.diagonal(recorded.measurement)
     steps = recorded.chain.nominal_step(recorded.q, recorded.v)
     joints = range(recorded.noise.shape[-1])
-    fits = [
-        greatest_likelihood(recorded.noise[..., j], steps[..., j], measured[j])
-        for j in joints
-    ]
+    fits = []
+    for j in joints:
+        noise, steps_of_joint = recorded.noise[..., j], steps[..., j]
+        fits.append(greatest_likelihood(noise, steps_of_joint, measured[j]))
     rest, growth = np.transpose(fits)
     estimates = {f"rest_variance_{j + 1}_rad2": rest[j] for j in joints}
     estimates |= {f"growth_{j + 1}": growth[j] for j in joints}
-    parameters = {"kind": "speed", "rest_variance": rest.tolist()}
-    return Estimate(parameters | {"growth": growth.tolist()}, estimates, {})
+    parameters = {
+        "kind": "speed",
+        "rest_variance": rest.tolist(),
+        "growth": growth.tolist(),
+    }
+    return Estimate(parameters, estimates, {})
 
 
 def greatest_likelihood(
@@ -58,12 +62,11 @@ def greatest_likelihood(
 
     least = max(measured / unit, LEAST_VARIANCE)
     ends = [(least, None), (0.0, None)]
-    found = [
+    minima = [
         minimize(loss, start, jac=True, bounds=ends, method="L-BFGS-B")
         for start in ((max(least, 1.0), 0.01), (least, 1.0))
     ]
-    best = min(found, key=lambda result: result.fun)
-    rest, growth = best.x
+    rest, growth = min(minima, key=lambda minimum: minimum.fun).x
     return max(rest * unit - measured, 0.0), growth * unit / scale
 
 

@@ -89,19 +89,22 @@ class WishartModel(MotionModel):
         self, chain: Mechanism, q: ndarray, v: ndarray, trace: float
     ) -> "WishartModel":
         a, back, _ = factors(chain, q, v, self.decomposition)
-        squares = (each.mean() for each in step_squares(a, back))
-        return replace(self, sigma_b=dispersion_of_trace(*squares, trace, a.shape[-1]))
+        every, nominal = step_squares(a, back)
+        means = every.mean(), nominal.mean()
+        return replace(self, sigma_b=dispersion_of_trace(*means, trace, a.shape[-1]))
 
     def sample(self, chain: Chain, q: ndarray, v: ndarray, rng: Generator) -> ndarray:
         """(..., n) q + J₂⁺B⁻¹a + the step in the null space of J, in rad."""
         a, back, _ = factors(chain, q, v, self.decomposition)
-        m, d = a.shape[-1], degrees_of_freedom(self.sigma_b, a.shape[-1])
-        z = d / rng.chisquare(d - m + 1, a.shape[:-1])
-        t = rng.standard_normal((*a.shape[:-1], m - 1))
-        t /= np.sqrt(rng.chisquare(d - m + 2, (*a.shape[:-1], 1)))
+        *batch, m = a.shape
+        d = degrees_of_freedom(self.sigma_b, m)
+        z = d / rng.chisquare(d - m + 1, batch)
+        t = rng.standard_normal((*batch, m - 1))
+        t /= np.sqrt(rng.chisquare(d - m + 2, (*batch, 1)))
         r = np.sqrt(np.vecdot(a, a))
         axes = frames(np.where(r[..., None] > 0, a, np.eye(m)[0]))
-        drawn = (r * z)[..., None] * (axes[..., 0] + np.matvec(axes[..., 1:], t))
+        along_and_across = axes[..., 0] + np.matvec(axes[..., 1:], t)
+        drawn = (r * z)[..., None] * along_and_across
         return q + chain.null_step(q, v) + np.matvec(back, drawn)
 
     def log_density(
@@ -118,34 +121,35 @@ class WishartModel(MotionModel):
         """
         batch = np.broadcast_shapes(q.shape[:-1], v.shape[:-1], q_next.shape[:-1])
         q, v, q_next = (
-            np.broadcast_to(x, (*batch, x.shape[-1])) for x in (q, v, q_next)
+            np.broadcast_to(rows, (*batch, rows.shape[-1])) for rows in (q, v, q_next)
         )
         step = q_next - q - chain.null_step(q, v)
         a, back, log_determinant = factors(chain, q, v, self.decomposition)
-        (n, m), d = back.shape[-2:], degrees_of_freedom(self.sigma_b, back.shape[-1])
+        n, m = back.shape[-2:]
+        d = degrees_of_freedom(self.sigma_b, m)
         moving = np.any(task_step(chain, v), axis=-1)
         if measurement is not None:
-            from pipeline.models.wishart.quadrature import (
-                blurred_log_density,
-            )  # loads numba
+            from pipeline.models.wishart import quadrature  # here: it loads numba
 
             _ = principal_axes(measurement)  # raises if it is no covariance
             result = np.array(normal_log_density(step, measurement))
             steps = step[moving], a[moving], back[moving]
-            result[moving] = blurred_log_density(*steps, measurement, d)
+            result[moving] = quadrature.blurred_log_density(*steps, measurement, d)
             return result
-        if n > m or not np.all(moving):
-            where = f"on a plane ({n} joints and {m} task rows)"
-            if n == m:
-                where = (
-                    f"at rest, as at {int(np.sum(~moving))} of {moving.size} step(s)"
-                )
-            message = f"a step of the matrix model has no density {where}; give the covariance of "
-            raise ModelDomainError(message + "the measurement noise")
-        return (
-            action_log_density(np.matvec(np.linalg.inv(back), step), a, d)
-            + log_determinant
-        )
+        if n > m:
+            raise _no_density(f"on a plane ({n} joints and {m} task rows)")
+        if not np.all(moving):
+            at_rest = int(np.sum(~moving))
+            raise _no_density(f"at rest, as at {at_rest} of {moving.size} step(s)")
+        action = np.matvec(np.linalg.inv(back), step)
+        return action_log_density(action, a, d) + log_determinant
+
+
+def _no_density(where: str) -> ModelDomainError:
+    return ModelDomainError(
+        f"a step of the matrix model has no density {where}; give the covariance of the "
+        "measurement noise"
+    )
 
 
 def build(parameters: dict[str, Any]) -> WishartModel:
@@ -163,14 +167,13 @@ def action_log_density(w: ndarray, a: ndarray, d: float) -> ndarray:
     z = np.where(along > 0, along, 1.0)
     t = (u - along[..., None] * e) / z[..., None]
     shape = (d - m + 1) / 2
-    z_term = (
-        shape * np.log(d / 2) - lgamma(shape) - (shape + 1) * np.log(z) - d / (2 * z)
-    )
-    t_term = lgamma((d + 1) / 2) - lgamma((d - m + 2) / 2) - (m - 1) / 2 * np.log(np.pi)
-    t_term = t_term - (d + 1) / 2 * np.log1p(np.vecdot(t, t))
-    return np.where(
-        along > 0, z_term + t_term - m * np.log(r) - (m - 1) * np.log(z), -np.inf
-    )
+    z_constant = shape * np.log(d / 2) - lgamma(shape)
+    z_term = z_constant - (shape + 1) * np.log(z) - d / (2 * z)
+    t_constant = lgamma((d + 1) / 2) - lgamma((d - m + 2) / 2)
+    t_constant -= (m - 1) / 2 * np.log(np.pi)
+    t_term = t_constant - (d + 1) / 2 * np.log1p(np.vecdot(t, t))
+    density = z_term + t_term - m * np.log(r) - (m - 1) * np.log(z)
+    return np.where(along > 0, density, -np.inf)
 
 
 def step_covariance(a: ndarray, back: ndarray, sigma_b: float) -> ndarray:
@@ -191,10 +194,8 @@ def _degrees_with_moments(sigma_b: float, moments: int, m: int) -> float:
     limit = largest_dispersion(m, inverse_moments=moments)
     if not sigma_b < limit:
         name = ("mean", "covariance")[moments - 1]
-        message = (
-            f"the {name} of a Wishart step exists only for sigma_B below {limit:.4g}"
-        )
-        raise ModelDomainError(message, sigma_B=sigma_b)
+        message = f"the {name} of a Wishart step exists only for sigma_B below"
+        raise ModelDomainError(f"{message} {limit:.4g}", sigma_B=sigma_b)
     return degrees_of_freedom(sigma_b, m)
 
 

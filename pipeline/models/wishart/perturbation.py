@@ -24,9 +24,8 @@ from pipeline.core.compiled import compiled, inner
 from pipeline.core.errors import ModelDomainError, SolverError
 
 STEPS = 300  # greatest number of values of s tried for a root
-LEAST_PIVOT = (
-    1e-14  # pivot of AᵀA divided by its diagonal entry; below it A is singular
-)
+# pivot of AᵀA divided by its diagonal entry; below it A is singular
+LEAST_PIVOT = 1e-14
 LEAST_REST = 1e-28  # ‖ω⊥‖²/‖ω‖² below which ω⊥ is rounding
 ENDS = 1e-24, 1e24  # of s/tr AᵀA
 LEAST = 1e-20  # least value used of λ(s)/λ
@@ -71,38 +70,36 @@ def fit_perturbations(
     """
     finite = np.all(np.isfinite(noise), axis=-1)
     if not np.all(finite):
-        where = {"index": int(finite.argmin()), "not_finite": int((~finite).sum())}
         raise ModelDomainError(
-            "the process noise must be finite at every step", **where
+            "the process noise must be finite at every step",
+            index=int(finite.argmin()),
+            not_finite=int((~finite).sum()),
         )
     ratio, delta = weights[1] / weights[0], 1 - floor
     r, size = np.sqrt(np.vecdot(a, a)), np.vecdot(noise, noise)
-    s, left, norms = np.zeros((*a.shape, a.shape[-1])), np.sqrt(size), np.zeros(len(a))
-    bound, e = np.zeros(len(a), bool), a / np.where(r > 0, r, 1.0)[:, None]
+    e = a / np.where(r > 0, r, 1.0)[:, None]
     matrix = HALF * back + (1 - HALF) * _outer(np.matvec(back, e), e)
     matrix *= r[:, None, None]
     pull = np.vecmat(noise, matrix)
-    k = np.flatnonzero(
-        np.vecdot(pull, pull) > ratio**2 * size
-    )  # y = 0 at every other step
-    e, matrix, rest = e[k], matrix[k], np.zeros(len(k))
+    # y = 0 at every other step
+    k = np.flatnonzero(np.vecdot(pull, pull) > ratio**2 * size)
+    e, matrix = e[k], matrix[k]
+    rest = np.zeros(len(k))
     if back.shape[1] > a.shape[1]:
-        within = np.linalg.qr(matrix)[0]
-        across = noise[k] - np.matvec(within, np.vecmat(noise[k], within))
-        rest = np.vecdot(across, across)
+        rest = _rest_across(noise[k], matrix)
         rest *= rest > LEAST_REST * size[k]
     gram = np.swapaxes(matrix, 1, 2) @ matrix
+
+    left = np.sqrt(size)
     y, c, left[k], solved = find_optima(pull[k], e, gram, rest, ratio, delta, STEPS)
     if not solved.all():
         index = int(k[solved.argmin()])
-        problem = {
-            "index": index,
-            "noise": noise[index].tolist(),
-            "ratio": ratio,
-            "floor": floor,
-        }
         raise SolverError(
-            "the perturbation of a step was not solved to optimality", **problem
+            "the perturbation of a step was not solved to optimality",
+            index=index,
+            noise=noise[index].tolist(),
+            ratio=ratio,
+            floor=floor,
         )
     x = np.vecdot(e, y)
     d = y - x[:, None] * e
@@ -110,12 +107,20 @@ def fit_perturbations(
     x = np.where(c > 0, across / (2 * (delta + c)) - delta, x)  # no cancellation
     block = c / np.where(across > 0, across, 1.0)
     beside = HALF * (_outer(e, d) + _outer(d, e))
+
+    s = np.zeros((*a.shape, a.shape[-1]))
+    norms, bound = np.zeros(len(a)), np.zeros(len(a), bool)
     s[k] = _outer(x[:, None] * e, e) + beside + _outer(block[:, None] * d, d)
-    norms[k], bound[k] = (
-        np.sqrt(x * x + across + c * c),
-        (c > 0) | (delta + x < APEX * delta),
-    )
+    norms[k] = np.sqrt(x * x + across + c * c)
+    bound[k] = (c > 0) | (delta + x < APEX * delta)
     return Perturbations(s, weights[0] * left + weights[1] * norms, bound)
+
+
+def _rest_across(noise: ndarray, matrix: ndarray) -> ndarray:
+    """(N,) ‖ω⊥‖² of the part of ``noise`` ω (N, n) orthogonal to the range of A, ``matrix``."""
+    within, _ = np.linalg.qr(matrix)
+    across = noise - np.matvec(within, np.vecmat(noise, within))
+    return np.vecdot(across, across)
 
 
 def _outer(x: ndarray, y: ndarray) -> ndarray:
@@ -189,11 +194,9 @@ def place(
         case[MOVED, i] *= s
     x, along = _dot(case, E, case, Y), _dot(case, E, case, MOVED)
     # ‖d‖² − 2X(δ + c) = −bend·c² + 2·tilt·c + broken, d = y − xe, moving by g − along·e a c
-    broken, tilt, bend = (
-        -2 * delta * (delta + x),
-        -delta * along - (delta + x),
-        2 * along,
-    )
+    broken = -2 * delta * (delta + x)
+    tilt = -delta * along - (delta + x)
+    bend = 2 * along
     for i in range(m):
         d, turn = case[Y, i] - x * case[E, i], case[MOVED, i] - along * case[E, i]
         broken, tilt, bend = broken + d * d, tilt + d * turn, bend - turn * turn
@@ -226,21 +229,14 @@ def find_optima(
     (N, m), ``gram`` AᵀA (N, m, m), ``rest`` ‖ω⊥‖² (N,).
     """
     count, m = pull.shape
-    y, c, left, solved = (
-        np.zeros((count, m)),
-        np.zeros(count),
-        np.zeros(count),
-        np.zeros(count) > 0,
-    )
+    y, c, left = np.zeros((count, m)), np.zeros(count), np.zeros(count)
+    solved = np.zeros(count) > 0
     factors, case = np.empty((2, m, m)), np.empty((6, m))
     for k in range(count):
         trace = 0.0
         for j in range(m):
-            case[PULL, j], case[E, j], trace = (
-                pull[k, j],
-                e[k, j],
-                trace + gram[k, j, j],
-            )
+            case[PULL, j], case[E, j] = pull[k, j], e[k, j]
+            trace += gram[k, j, j]
         if factorize(gram[k], 0.0, factors[0]) > LEAST_PIVOT:
             root = _root(ratio, delta, rest[k], trace, steps, gram[k], factors, case)
             c[k], left[k], solved[k] = root
@@ -261,7 +257,8 @@ def _root(
     c, weight, left = place(np.exp(low), delta, rest, gram, factors, case)
     if weight >= ratio:  # closest fit
         return c, left, True
-    t, stride, kept, below, above = np.log(1e-2 * trace), 2.0, 0, 0.0, 0.0
+    t, stride = np.log(1e-2 * trace), 2.0
+    last_side, below, above = 0, 0.0, 0.0
     for step in range(steps):
         c, weight, left = place(np.exp(t), delta, rest, gram, factors, case)
         # at the bound of X, λ(s) may jump from zero
@@ -270,10 +267,12 @@ def _root(
             return c, left, True
         side = 1 if f > 0 else -1
         if f > 0:
-            high, above, below = t, f, below / 2 if kept == side else below
+            high, above = t, f
+            below = below / 2 if last_side == side else below
         else:
-            low, below, above = t, f, above / 2 if kept == side else above
-        kept = side
+            low, below = t, f
+            above = above / 2 if last_side == side else above
+        last_side = side
         if not below < 0 < above:
             t, stride = t - side * stride, 2 * stride
         if below < 0 < above and step % 4 != 3:  # else a bend or a jump

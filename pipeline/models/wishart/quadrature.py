@@ -22,17 +22,12 @@ from pipeline.models.wishart.decomposition import frames
 NODES = 17  # of the rule in s and in h
 ALONG, DIRECTION = 3, 3  # terms of a step, then terms per direction
 RANGE = 3.0  # of t: ± sinh 3 = ± 10 standard deviations
-ASCENTS, HALVINGS = (
-    60,
-    8,
-)  # greatest numbers of Fisher scoring steps and of step halvings
+ASCENTS, HALVINGS = 60, 8  # most Fisher scoring steps, most step halvings
 SETTLED = 1e-3  # tolerance of the mode in standard deviations
-LEAST_SHARE = (
-    1e-3  # of the first covariance added to the second, in case all mass is at one node
-)
-FADED = (
-    -45.0
-)  # ln of a node's term relative to the greatest term; below it the mass is zero
+# of the first covariance added to the second, in case all mass is at one node
+LEAST_SHARE = 1e-3
+# ln of a node's term relative to the greatest term; below it the mass is zero
+FADED = -45.0
 
 
 def blurred_log_density(
@@ -69,24 +64,29 @@ def _mixture(y: ndarray, a: ndarray, back: ndarray) -> ndarray:
     """
     n, m = back.shape[1:]
     r = np.sqrt(np.vecdot(a, a))[:, None, None]
-    left, singular, _ = np.linalg.svd(
-        r * (back @ frames(a)[..., 1:]), full_matrices=False
-    )
+    across = r * (back @ frames(a)[..., 1:])  # M
+    left, singular, _ = np.linalg.svd(across, full_matrices=False)
     b = np.matvec(back, a)
     c, k = np.vecmat(y, left), np.vecmat(b, left)
     y, b = y - np.matvec(left, c), b - np.matvec(left, k)
+
     precision = np.vecdot(b, b)
     z0 = np.vecdot(y, b) / precision
-    rest = y - z0[:, None] * b
-    rest = np.vecdot(rest, rest) if n > m else np.zeros(len(a))
-    directions = np.stack([c, k, singular**2], axis=-1).reshape(len(a), 3 * (m - 1))
-    return np.concatenate([np.stack([z0, precision, rest], axis=1), directions], axis=1)
+    squares = np.zeros(len(a))
+    if n > m:
+        rest = y - z0[:, None] * b
+        squares = np.vecdot(rest, rest)
+    along = np.stack([z0, precision, squares], axis=1)
+    directions = np.stack([c, k, singular**2], axis=-1)
+    directions = directions.reshape(len(a), DIRECTION * (m - 1))
+    return np.concatenate([along, directions], axis=1)
 
 
 @inner
 def _log_integrand(case: ndarray, d: float, law: tuple, s: float, h: float) -> float:
     """ln of the integrand up to a constant."""
-    (shape, freedom), z = law, np.exp(s)
+    shape, freedom = law
+    z = np.exp(s)
     spread, rest = z * z * np.exp(-h), z - case[0]
     value = case[1] * rest * rest + np.exp(h) - freedom * h
     for i in range(ALONG, len(case), DIRECTION):
@@ -166,7 +166,8 @@ def _integrate(
                 for j in range(nodes):
                     spread[j], squares[j], product[j] = squared / factor[j], 0.0, 1.0
                 for k in range(ALONG, len(case), DIRECTION):
-                    residual, size = (case[k] - z * case[k + 1]) ** 2, case[k + 2]
+                    residual = (case[k] - z * case[k + 1]) ** 2
+                    size = case[k + 2]
                     for j in range(nodes):
                         scale = 1 + spread[j] * size
                         squares[j] += residual / scale
