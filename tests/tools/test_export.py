@@ -6,7 +6,6 @@ import json
 import re
 import subprocess
 import sys
-import time
 import types
 from importlib import import_module
 from pathlib import Path
@@ -206,14 +205,8 @@ EDITS = {  # name of the edit → text replaced, new text, and the key and value
     "json": ('{"format"', '["format"', "delimiter"),
     "format": ("motion model", "motion muddle", "format must be 'motion model 2', got"),
     "cut": ('"closed_loop_share": 0.0', '"share": 0.0', "no key 'closed_loop_share'"),
-    "large": ('"alpha": 0.05', '"alpha": 1e30', "at most 1e[+]12, got 1e30"),
-    "infinite": ('"alpha": 0.05', '"alpha": 1e400', "finite and .*got 1e400"),
+    "infinite": ('"alpha": 0.05', '"alpha": 1e400', "finite, got 1e400"),
     "flag": ('"rate_per_s": 100.0', '"rate_per_s": true', "rate_per_s .*got True"),
-    "twice": (
-        '"alpha": 0.05',
-        '"alpha": 0.1, "alpha": 0.05',
-        "alpha must be stated once",
-    ),
     "ranges": ('"ranges": {', '"ranges": [], "other": {', "no attribute 'items'"),
     "shape": (
         '"signs": [',
@@ -274,16 +267,6 @@ def test_a_dispersion_without_a_step_is_refused(tmp_path, chain):
     file.write_text(file.read_text().replace('"sigma_b": 0.25', '"sigma_b": 1e-320'))
     with pytest.raises(ContractError, match="sigma_B must be at least 1e-15"):
         load(file)
-
-
-def test_a_model_of_many_keys_is_read_in_linear_time(tmp_path, chain):
-    file = write_model(tmp_path / "model.json", "gaussian", chain)
-    record = json.loads(file.read_text())
-    record["notes"] = dict.fromkeys(map(str, range(60_000)), 0)
-    file.write_text(json.dumps(record))
-    begun = time.process_time()
-    load(file)
-    assert time.process_time() - begun < 5.0  # more than 40 s for each key of each key
 
 
 def test_another_period_and_joint_steps_for_task_steps_are_errors(tmp_path, chain):

@@ -2,7 +2,6 @@
 
 import json
 import warnings
-from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -23,9 +22,6 @@ UNLIMITED = {"lower": -np.inf, "upper": np.inf, "max_speed": np.inf}  # null in 
 # a value beyond its range by more than MARGIN·width + SLACK (range's unit) causes a warning
 MARGIN, SLACK = 0.05, 1e-3
 SCORED = 0.5  # s, longest horizon at which a joint error law is fitted and scored
-MOST = (
-    1e12  # greatest magnitude of a number in a file, far above any parameter of an arm
-)
 # errors of a file that is not an exported model
 INVALID = (
     OSError,
@@ -33,7 +29,6 @@ INVALID = (
     KeyError,
     TypeError,
     AttributeError,
-    RecursionError,
     ModelDomainError,
 )
 SAME_PERIOD = 1e-6  # greatest relative difference of two periods
@@ -59,19 +54,17 @@ class Exported:
     _warned: set[str] = field(default_factory=set, compare=False)
 
     def __repr__(self) -> str:
-        joints, rate = (
-            ", ".join(self.record.get("joints", [])),
-            self.record["rate_per_s"],
-        )
+        joints = ", ".join(self.record.get("joints", []))
+        rate = self.record["rate_per_s"]
         return f"<motion model {self.record['model']}: {joints} at {rate:g}/s>"
 
     def require_period(self, period: float | None) -> None:
         """Raise ModelDomainError where ``period`` in s is not the period of the fit."""
-        own = 1 / self.record["rate_per_s"]
-        if period is not None and not abs(period / own - 1) <= SAME_PERIOD:
-            message = f"the model {self.record['model']} is of steps of {own:.9g} s, not {period:g}"
+        fitted = 1 / self.record["rate_per_s"]
+        if period is not None and not abs(period / fitted - 1) <= SAME_PERIOD:
             raise ModelDomainError(
-                f"{message}: resample the commands, or fit a model at this rate"
+                f"the model {self.record['model']} is of steps of {fitted:.9g} s, not {period:g}: "
+                "resample the commands, or fit a model at this rate"
             )
 
     def _array(
@@ -87,18 +80,19 @@ class Exported:
     def _warn(self, what: str, values: ndarray) -> None:
         """Warn once for each joint or row of ``values`` outside the fitted ranges of ``what``."""
         ranges = self.record["ranges"].get(what, {})
-        for (name, ends), each in zip(
-            ranges.items(), np.moveaxis(values, -1, 0), strict=False
-        ):
+        columns = np.moveaxis(values, -1, 0)
+        for (name, ends), column in zip(ranges.items(), columns, strict=False):
             low, high = ends["least"], ends["greatest"]
             slack = SLACK + MARGIN * (high - low)
-            beyond = each[(each < low - slack) | (each > high + slack)]
-            if beyond.size and f"{what} {name}" not in self._warned:
-                self._warned.add(f"{what} {name}")
-                found = f"{what} of {name}: {beyond.flat[0]:.4g} {ends['unit']}"
-                where = f"{low:.4g} to {high:.4g} of the fit of the model {self.record['model']}"
+            beyond = column[(column < low - slack) | (column > high + slack)]
+            topic = f"{what} of {name}"
+            if beyond.size and topic not in self._warned:
+                self._warned.add(topic)
                 warnings.warn(
-                    f"{found} is outside the range {where}", OutsideRanges, stacklevel=4
+                    f"{topic}: {beyond.flat[0]:.4g} {ends['unit']} is outside the range "
+                    f"{low:.4g} to {high:.4g} of the fit of the model {self.record['model']}",
+                    OutsideRanges,
+                    stacklevel=4,
                 )
 
 
@@ -139,26 +133,22 @@ class ExportedModel(Exported):
         ModelDomainError for a step without a density, e.g. of a matrix model at rest.
         """
         q, v = self._arrays(q, task_step)
-        return self.law.log_density(
-            self.chain, q, v, np.asarray(q_next, float), measurement
-        )
+        q_next = np.asarray(q_next, float)
+        return self.law.log_density(self.chain, q, v, q_next, measurement)
 
     def command(self, q: ndarray, target: ndarray, *, task_step: ndarray) -> ndarray:
         """Command (..., m) or (..., m + n): ``task_step`` plus κ times the displacement from the
         tip's pose at ``q`` to its ``target`` pose. κ = 0 for an open loop.
         """
-        share = self.record["closed_loop_share"]
-        return corrected_command(
-            self.chain, np.asarray(q, float), task_step, target, share
-        )
+        share, q = self.record["closed_loop_share"], np.asarray(q, float)
+        return corrected_command(self.chain, q, task_step, target, share)
 
     def _arrays(self, q: ndarray, v: ndarray) -> tuple[ndarray, ndarray]:
         """Return ``q`` and ``v`` as arrays; warn of values outside the ranges of the fit."""
         n, m = len(self.chain.lower), len(self.chain.task)
         q = self._array("q", q, (n,), "rad")
-        v = self._array(
-            "v", v, (m, m + n) if n > m else (m,), f"steps of {self.chain.task}"
-        )
+        sizes = (m, m + n) if n > m else (m,)
+        v = self._array("v", v, sizes, f"steps of {self.chain.task}")
         self._warn("pose", q)
         self._warn("speed", self.record["rate_per_s"] * v)
         return q, v
@@ -201,7 +191,8 @@ class ExportedErrors(Exported):
     def start(self, q: ndarray, commanded: ndarray, rng: Generator) -> ndarray:
         """(P, s) memory of first poses ``q`` (P, n) where ``commanded`` (n,) is the command."""
         n = len(self.law.joints)
-        q, commanded = (self._array("q", each, (n,), "rad") for each in (q, commanded))
+        q = self._array("q", q, (n,), "rad")
+        commanded = self._array("commanded", commanded, (n,), "rad")
         self._warn("pose", q)
         return self.law.first_memory(q, commanded, rng)
 
@@ -211,9 +202,8 @@ class ExportedErrors(Exported):
         """Return one random next pose (P, n) in rad and its memory (P, s) for each of ``q``, after
         the commanded ``joint_step`` (n,) or (P, n) in rad.
         """
-        joint_step = self._array(
-            "joint_step", joint_step, (len(self.law.joints),), "rad a step"
-        )
+        n = len(self.law.joints)
+        joint_step = self._array("joint_step", joint_step, (n,), "rad a step")
         self._warn("joint speed", self.record["rate_per_s"] * joint_step)
         return self.law.follow(q, joint_step, memory, rng)
 
@@ -238,13 +228,14 @@ class ExportedErrors(Exported):
 
     def warn_of_unconfirmed(self) -> None:
         """Warn of the standard deviations in ``not_known`` of the record."""
-        for each in self.record["not_known"][:1]:
-            first = "{parameter} is {found} (required: {required})".format(**each)
-            message = (
-                f"{first}; {len(self.record['not_known'])} such in record['not_known']"
-            )
+        not_known = self.record["not_known"]
+        if not_known:
+            first = "{parameter} is {found} (required: {required})"
             warnings.warn(
-                f"bands not confirmed: {message}", UnconfirmedBands, stacklevel=4
+                f"bands not confirmed: {first.format(**not_known[0])}; {len(not_known)} such in "
+                "record['not_known']",
+                UnconfirmedBands,
+                stacklevel=4,
             )
 
     def _histories(
@@ -253,78 +244,71 @@ class ExportedErrors(Exported):
         """Return ``errors`` and ``commands`` as arrays; ModelDomainError for other shapes, and for
         values that are not numbers. Warn of errors and speeds outside the ranges of the fit.
         """
-        n, arrays = len(self.law.joints), {}
-        for name, values in {"errors": errors, "commands": commands}.items():
-            array = self._array(name, values, (n,), "rad")
-            if not np.isfinite(array).all():
-                row = int(np.argmax(~np.isfinite(array).reshape(-1, n).all(axis=1)))
-                message = f"{name} must be finite, got {array.reshape(-1, n)[row]} in row {row}"
-                raise ModelDomainError(
-                    f"{message}; leave out the rows before it, or fill it"
-                )
-            arrays[name] = array
-        errors, commands = arrays.values()
+        n = len(self.law.joints)
+        errors = self._array("errors", errors, (n,), "rad")
+        commands = self._array("commands", commands, (n,), "rad")
         if errors.ndim != 2 or commands.ndim != 2 or len(commands) <= len(errors):
-            message = (
-                f"errors and commands must be (K, {n}) and (K + steps, {n}), got shapes"
+            raise ModelDomainError(
+                f"errors and commands must be (K, {n}) and (K + steps, {n}), got shapes "
+                f"{errors.shape} and {commands.shape}"
             )
-            raise ModelDomainError(f"{message} {errors.shape} and {commands.shape}")
+        for name, array in {"errors": errors, "commands": commands}.items():
+            finite = np.isfinite(array).all(axis=1)
+            if not finite.all():
+                row = int(finite.argmin())
+                raise ModelDomainError(
+                    f"{name} must be finite, got {array[row]} in row {row}; leave out the rows "
+                    "before it, or fill it"
+                )
         speed = self.record["rate_per_s"] * np.diff(commands, axis=0)
-        late = self.law.lag if lag is None else lag
         self._warn("joint speed", speed)
         if len(errors):
-            moved = np.concatenate([speed[:1], speed])[: len(errors)]
-            self._warn("error", errors + late * moved)
+            lag = self.law.lag if lag is None else lag
+            speed_before = np.concatenate([speed[:1], speed])[: len(errors)]
+            self._warn("error", errors + lag * speed_before)
         return errors, commands
 
     def _warn_of_horizon(self, steps: int) -> None:
         """Warn once of a prediction beyond the longest horizon of the fit."""
-        ahead = steps / self.record["rate_per_s"]
-        if ahead <= SCORED + 1 / self.record["rate_per_s"] or "ahead" in self._warned:
-            return
-        self._warned.add("ahead")
-        message = f"{ahead:.3g} s ahead is beyond {SCORED:g} s, the longest horizon of the fit"
-        warnings.warn(message, OutsideRanges, stacklevel=3)
+        period = 1 / self.record["rate_per_s"]
+        ahead = steps * period
+        if ahead > SCORED + period and "horizon" not in self._warned:
+            self._warned.add("horizon")
+            message = f"{ahead:.3g} s ahead is beyond {SCORED:g} s, the longest horizon of the fit"
+            warnings.warn(message, OutsideRanges, stacklevel=3)
 
 
 def _chain(record: Mapping[str, Any]) -> Chain:
     """Return the arm of a file; ContractError for a value of another type or shape."""
-    kind, n = (
-        {"planar": PlanarChain, "serial": SerialChain}[record["kind"]],
-        len(record["lower"]),
-    )
-    values = {name: each for name, each in record.items() if name != "kind"}
-    sizes = {"origin": (2,), "links": (n, 2), "placements": (n + 1, 12)}
-    for name in [each for each in values if each not in ("task", "length")]:
-        limit, size = UNLIMITED.get(name), sizes.get(name, (n,))
-        full = [limit if each is None and limit else each for each in values[name]]
-        values[name] = np.array(full)
-        sound = values[name].shape == size and values[name].dtype.kind in "bif"
-        _require(sound, f"arm.{name}", f"numbers of shape {size}", repr(record[name]))
+    kind = {"planar": PlanarChain, "serial": SerialChain}[record["kind"]]
+    n = len(record["lower"])
+    values = {name: value for name, value in record.items() if name != "kind"}
+    shapes = {"origin": (2,), "links": (n, 2), "placements": (n + 1, 12)}
+    for name, value in values.items():
+        if name not in ("task", "length"):
+            values[name] = _array(name, value, shapes.get(name, (n,)))
     sound = bool(np.all(values["lower"] <= values["upper"]))
     _require(sound, "arm.lower", "≤ arm.upper", repr(record["lower"]))
     if kind is PlanarChain:
-        _require(
-            set(values["signs"]) <= {-1, 1},
-            "arm.signs",
-            "1 or -1",
-            repr(record["signs"]),
-        )
-    else:
-        values["task"], length = tuple(values["task"]), values["length"]
-        _require(
-            {*values["task"]} <= {*ROWS},
-            "arm.task",
-            f"of {', '.join(ROWS)}",
-            record["task"],
-        )
-        _require(
-            _is_number(length) and length > 0,
-            "arm.length",
-            "a number > 0",
-            repr(length),
-        )
+        sound = set(values["signs"]) <= {-1, 1}
+        _require(sound, "arm.signs", "1 or -1", repr(record["signs"]))
+        return kind(**values)
+    values["task"], length = tuple(values["task"]), values["length"]
+    known_rows = {*values["task"]} <= {*ROWS}
+    _require(known_rows, "arm.task", f"of {', '.join(ROWS)}", record["task"])
+    sound = _is_number(length) and length > 0
+    _require(sound, "arm.length", "a number > 0", repr(length))
     return kind(**values)
+
+
+def _array(name: str, value: list, shape: tuple[int, ...]) -> ndarray:
+    """Return the numbers ``value`` of the arm as an array; null is no limit."""
+    if name in UNLIMITED:
+        value = [UNLIMITED[name] if number is None else number for number in value]
+    array = np.array(value)
+    sound = array.shape == shape and array.dtype.kind in "bif"
+    _require(sound, f"arm.{name}", f"numbers of shape {shape}", repr(value))
+    return array
 
 
 def read_exported(file: Path, period: float | None = None) -> Exported:
@@ -332,12 +316,9 @@ def read_exported(file: Path, period: float | None = None) -> Exported:
     with the key and value of what is not valid, and ModelDomainError for another ``period`` in s.
     """
     try:
-        hooks = {
-            "parse_float": _number,
-            "parse_constant": _number,
-            "object_pairs_hook": _distinct,
-        }
-        record = _require_valid(json.loads(file.read_text("utf-8"), **hooks))
+        text = file.read_text("utf-8")
+        record = json.loads(text, parse_float=_number, parse_constant=_number)
+        _require_valid(record)
         law = build_model(record["parameters"])
         if law.traits.memory:
             model: Exported = ExportedErrors(law, record)
@@ -347,60 +328,46 @@ def read_exported(file: Path, period: float | None = None) -> Exported:
     except ContractError as error:
         raise ContractError(error.message, file=file) from None
     except INVALID as error:
-        found = f"no key {error}" if isinstance(error, KeyError) else f"{error}"
-        message = f"not an exported model ({found}); write one by python -m pipeline export MODEL"
+        reason = f"no key {error}" if isinstance(error, KeyError) else f"{error}"
+        message = f"not an exported model ({reason}); write one by python -m pipeline export MODEL"
         raise ContractError(message, file=file) from None
     model.require_period(period)
     return model
 
 
-def _require_valid(record: Any) -> dict[str, Any]:
-    """Return the contents of a file; ContractError with key and value for an invalid one."""
-    found = record.get("format") if isinstance(record, dict) else type(record).__name__
-    _require(found == FORMAT, "format", repr(FORMAT), repr(found))
+def _require_valid(record: Any) -> None:
+    """Raise ContractError with key and value for invalid contents of a file."""
+    stated = record.get("format") if isinstance(record, dict) else type(record).__name__
+    _require(stated == FORMAT, "format", repr(FORMAT), repr(stated))
     rate, share = record["rate_per_s"], record["closed_loop_share"]
     _require(_is_number(rate) and rate > 0, "rate_per_s", "a number > 0", repr(rate))
     sound = _is_number(share) and 0 <= share <= 1
     _require(sound, "closed_loop_share", "a number from 0 to 1", repr(share))
-    for key, own in (
-        ("rate", "rate_per_s"),
-        ("joints", "joints"),
-    ):  # a law may state them too
-        law = record["parameters"].get(key, record.get(own))
-        _require(
-            law == record.get(own),
-            own,
-            f"{law!r} as parameters.{key}",
-            repr(record.get(own)),
-        )
+    # a law may state them too
+    for key, name in (("rate_per_s", "rate"), ("joints", "joints")):
+        value = record.get(key)
+        of_law = record["parameters"].get(name, value)
+        rule = f"{of_law!r} as parameters.{name}"
+        _require(of_law == value, key, rule, repr(value))
     for quantity, ranges in record["ranges"].items():
         for name, ends in ranges.items():
-            key, rule = f"ranges.{quantity}.{name}", "least ≤ greatest"
-            _require(ends["least"] <= ends["greatest"], key, rule, repr(ends))
-    return record
+            sound = ends["least"] <= ends["greatest"]
+            key = f"ranges.{quantity}.{name}"
+            _require(sound, key, "least ≤ greatest", repr(ends))
 
 
 def _number(text: str) -> float:
-    value = float(text)
-    _require(abs(value) <= MOST, "numbers", f"finite and at most {MOST:g}", text)
-    return value
-
-
-def _distinct(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    values = dict(pairs)
-    if len(values) < len(pairs):
-        count = Counter(name for name, _ in pairs)
-        name, times = count.most_common(1)[0]
-        _require(False, name, "stated once", f"{times} values")
-    return values
+    number = float(text)
+    _require(bool(np.isfinite(number)), "numbers", "finite", text)
+    return number
 
 
 def _is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-def _require(sound: bool, key: str, rule: str, found: str) -> None:
+def _require(sound: bool, key: str, rule: str, value: str) -> None:
     if not sound:
         raise ContractError(
-            f"{key} must be {rule}, got {found}; export the model again"
+            f"{key} must be {rule}, got {value}; export the model again"
         )
