@@ -75,7 +75,8 @@ def evaluate(arm, q):
     """Return the rows of a block up to the Jacobian's (``lower``, P), at the poses ``q`` (n, P) in
     rad or m: tip, axes of the joints, and J row by row.
     """
-    rows, poses = rows_of(len(arm.sliding), len(arm.rows)), q.shape[1]
+    rows = rows_of(len(arm.sliding), len(arm.rows))
+    poses = q.shape[1]
     block = np.zeros((rows.lower, WIDTH))
     result = np.empty((rows.lower, poses))
     for start in range(0, poses, WIDTH):
@@ -97,7 +98,8 @@ def tip(arm, q, start, count, block):
     for k in range(12):
         fill(block, POSITION + k, arm.base[k], count)
     for joint in range(len(arm.sliding)):
-        coordinate, link = q[joint, start : start + count], arm.links[joint]
+        coordinate = q[joint, start : start + count]
+        link = arm.links[joint]
         turn = link[LINK_TURN]
         sliding = arm.sliding[joint] > 0.0
         if sliding:
@@ -117,7 +119,8 @@ def tip(arm, q, start, count, block):
         else:
             for i in lanes(count):
                 sine, cosine = sine_cosine(turn + coordinate[i])
-                flat[SINE * WIDTH + i], flat[COSINE * WIDTH + i] = sine, cosine
+                flat[SINE * WIDTH + i] = sine
+                flat[COSINE * WIDTH + i] = cosine
         _follow(0, link, flat, count)
         _follow(1, link, flat, count)
         _follow(2, link, flat, count)
@@ -194,6 +197,11 @@ def add_displacement(arm, target, block, out, share, count):
                 block[out + r, i] += factor * block[TURN + row - 3, i]
 
 
+@inlined
+def _product(row, x, y, z):
+    return row[0] * x + row[1] * y + row[2] * z
+
+
 @inner
 def rotation_vectors(target, flat, count):
     """Fill the rows TURN with the rotation vector in rad of R_target·Rᵀ, by the unit quaternion,
@@ -205,18 +213,14 @@ def rotation_vectors(target, flat, count):
         bxx, bxy, bxz = flat[at], flat[at + WIDTH], flat[at + 2 * WIDTH]
         byx, byy, byz = flat[at + 3 * WIDTH], flat[at + 4 * WIDTH], flat[at + 5 * WIDTH]
         bzx, bzy, bzz = flat[at + 6 * WIDTH], flat[at + 7 * WIDTH], flat[at + 8 * WIDTH]
-        xx = ax[0] * bxx + ax[1] * bxy + ax[2] * bxz
-        yy = ay[0] * byx + ay[1] * byy + ay[2] * byz
-        zz = az[0] * bzx + az[1] * bzy + az[2] * bzz
+        xx = _product(ax, bxx, bxy, bxz)
+        yy = _product(ay, byx, byy, byz)
+        zz = _product(az, bzx, bzy, bzz)
         # 4w(w, x, y, z)
         w = max(1.0 + xx + yy + zz, 1e-300)
-        zy = az[0] * byx + az[1] * byy + az[2] * byz
-        yz = ay[0] * bzx + ay[1] * bzy + ay[2] * bzz
-        xz = ax[0] * bzx + ax[1] * bzy + ax[2] * bzz
-        zx = az[0] * bxx + az[1] * bxy + az[2] * bxz
-        yx = ay[0] * bxx + ay[1] * bxy + ay[2] * bxz
-        xy = ax[0] * byx + ax[1] * byy + ax[2] * byz
-        x, y, z = zy - yz, xz - zx, yx - xy
+        x = _product(az, byx, byy, byz) - _product(ay, bzx, bzy, bzz)
+        y = _product(ax, bzx, bzy, bzz) - _product(az, bxx, bxy, bxz)
+        z = _product(ay, bxx, bxy, bxz) - _product(ax, byx, byy, byz)
         over = 1.0 / np.sqrt(w * w + x * x + y * y + z * z)
         w, x, y, z = over * w, over * x, over * y, over * z
         # tan of a quarter, an eighth and a sixteenth of the angle, divided by sin of its half

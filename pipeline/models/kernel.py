@@ -170,7 +170,9 @@ def act(d, block, rows, m, count):
     Householder reflection of the first axis to a/r.
     """
     first, normal, chi_square = rows.task, rows.normal, rows.chi_square
-    stretch, r, along = rows.spare, rows.spare + 1, rows.spare + 2
+    stretch = rows.spare
+    r = stretch + 1
+    along = stretch + 2
     if m == 3:
         share = 1.0 / (d - 1.0)
         second = normal + 1
@@ -186,8 +188,10 @@ def act(d, block, rows, m, count):
     dot(block, r, first, first, m, count)
     dot(block, along, first + 1, normal, m - 1, count)
     for i in range(count):
-        a, length, z = block[first, i], np.sqrt(block[r, i]), d / block[chi_square, i]
-        reach, t = length + abs(a), block[stretch, i]
+        a, t = block[first, i], block[stretch, i]
+        length = np.sqrt(block[r, i])
+        z = d / block[chi_square, i]
+        reach = length + abs(a)
         share = block[along, i] * t / (reach if reach > 0.0 else 1.0)
         block[first, i] = z * (a - share * (a + np.copysign(length, a)))
         block[along, i] = z * (1.0 - share)

@@ -118,11 +118,11 @@ def truths(
 ) -> list[Truth]:
     """Return known parameters with σ_B = each of ``dispersions``."""
     decomposition = _decomposition(options, recorded)
-    known = []
+    parameter_sets = []
     for sigma_b in dispersions:
-        parameters = _parameters(sigma_b, decomposition)
-        known.append(Truth(f"wishart {sigma_b:g}", parameters, {"sigma_b": sigma_b}))
-    return known
+        parameters, values = _parameters(sigma_b, decomposition), {"sigma_b": sigma_b}
+        parameter_sets.append(Truth(f"wishart {sigma_b:g}", parameters, values))
+    return parameter_sets
 
 
 def diagnose(
@@ -351,11 +351,13 @@ def _rest_noise(recorded: Recorded) -> float:
     """Return the root mean square of ‖ω‖ in rad at rest, or of the known measurement noise if the
     motion never rests; 0 without either.
     """
-    noise, known = recorded.noise, recorded.known_measurement
+    noise, measurement = recorded.noise, recorded.known_measurement
     still = np.broadcast_to(~np.any(recorded.v, axis=-1), noise.shape[:-1])
-    variance = 0.0 if known is None else np.trace(known)
+    variance = 0.0
     if still.any():
         variance = np.mean(np.sum(noise[still] ** 2, axis=-1))
+    elif measurement is not None:
+        variance = np.trace(measurement)
     return float(np.sqrt(variance))
 
 

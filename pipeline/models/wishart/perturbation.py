@@ -172,7 +172,8 @@ def _solve(factor: ndarray, case: ndarray, side: int, solution: int) -> float:
         case[solution, i] = entry
     for i in range(m):
         scaled = case[solution, i] * factor[i, i]
-        square, case[solution, i] = square + case[solution, i] * scaled, scaled
+        square += case[solution, i] * scaled
+        case[solution, i] = scaled
     for i in range(m - 1, -1, -1):
         for j in range(i + 1, m):
             case[solution, i] -= factor[j, i] * case[solution, j]
@@ -198,17 +199,23 @@ def place(
     tilt = -delta * along - (delta + x)
     bend = 2 * along
     for i in range(m):
-        d, turn = case[Y, i] - x * case[E, i], case[MOVED, i] - along * case[E, i]
-        broken, tilt, bend = broken + d * d, tilt + d * turn, bend - turn * turn
+        d = case[Y, i] - x * case[E, i]
+        turn = case[MOVED, i] - along * case[E, i]
+        broken += d * d
+        tilt += d * turn
+        bend -= turn * turn
     c = 0.0
     if broken > 0:
         root = np.sqrt(tilt * tilt + bend * broken)
         c = (tilt + root) / bend if tilt > 0 else broken / (root - tilt)
-    x, size, across = x + c * along, c * c, 0.0
+    x += c * along
+    size, across = c * c, 0.0
     for i in range(m):
         y = case[Y, i] = case[Y, i] + c * case[MOVED, i]
-        d, case[U, i] = y - x * case[E, i], y - c * case[E, i]
-        size, across = size + y * y, across + d * d
+        d = y - x * case[E, i]
+        case[U, i] = y - c * case[E, i]
+        size += y * y
+        across += d * d
     left = np.sqrt(s * s * _solve(factors[0], case, U, SPARE) + rest)
     corner = across / (2 * (delta + c)) if c > 0 else delta + x  # which does not cancel
     return c, corner * np.sqrt(size) / left * s / (corner + c), left

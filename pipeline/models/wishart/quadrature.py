@@ -87,10 +87,12 @@ def _log_integrand(case: ndarray, d: float, law: tuple, s: float, h: float) -> f
     """ln of the integrand up to a constant."""
     shape, freedom = law
     z = np.exp(s)
-    spread, rest = z * z * np.exp(-h), z - case[0]
+    spread = z * z * np.exp(-h)
+    rest = z - case[0]
     value = case[1] * rest * rest + np.exp(h) - freedom * h
     for i in range(ALONG, len(case), DIRECTION):
-        residual, total = case[i] - z * case[i + 1], 1 + spread * case[i + 2]
+        residual = case[i] - z * case[i + 1]
+        total = 1 + spread * case[i + 2]
         value += residual * residual / total + np.log(total)
     return -shape * s - d / 2 / z - 0.5 * value
 
@@ -140,11 +142,10 @@ def _integrate(
     """(N,) ln of the integral up to a constant, from the ``terms`` of :func:`_mixture`, with the
     nodes and weights ``rule`` (2, K) of the scaled s and h.
     """
-    (shape, freedom), xi, weight, nodes = law, rule[0], rule[1], rule.shape[1]
+    xi, nodes = rule[0], rule.shape[1]
     result, shape_of_grid = np.empty(len(terms)), (nodes, nodes)
     exponent, mass = np.empty(shape_of_grid), np.empty(shape_of_grid)
     rows = np.empty((4, nodes))
-    factor, spread, squares, product = rows[0], rows[1], rows[2], rows[3]
     # the exponent leaves out the determinant of the normal law: a square root per direction
     faded = FADED * max(1, (terms.shape[1] - ALONG) // DIRECTION - 1)
     for n in range(len(terms)):
@@ -154,41 +155,10 @@ def _integrate(
             root_s = np.sqrt(ss)
             slant = sh / root_s
             root_h = np.sqrt(hh - slant * slant)
-            # one exponential per node: e^h is a product of two factors
-            for j in range(nodes):
-                factor[j] = np.exp(root_h * xi[j])
-            top = -np.inf
-            for i in range(nodes):
-                s, of_h = centre_s + root_s * xi[i], centre_h + slant * xi[i]
-                z, g = np.exp(s), np.exp(of_h)
-                rest, squared = z - case[0], z * z / g
-                of_s = -shape * s - d / 2 / z - 0.5 * case[1] * rest * rest
-                for j in range(nodes):
-                    spread[j], squares[j], product[j] = squared / factor[j], 0.0, 1.0
-                for k in range(ALONG, len(case), DIRECTION):
-                    residual = (case[k] - z * case[k + 1]) ** 2
-                    size = case[k + 2]
-                    for j in range(nodes):
-                        scale = 1 + spread[j] * size
-                        squares[j] += residual / scale
-                        product[j] *= scale
-                for j in range(nodes):
-                    value = (
-                        freedom * (of_h + root_h * xi[j]) - g * factor[j] - squares[j]
-                    )
-                    exponent[i, j] = of_s + 0.5 * value
-                    mass[i, j] = weight[i] * weight[j] / np.sqrt(product[j])
-                    top = max(top, exponent[i, j])
-            total = mean_s = mean_h = new_ss = new_sh = new_hh = 0.0
-            for i in range(nodes):
-                ds = root_s * xi[i]
-                for j in range(nodes):
-                    lower, dh = exponent[i, j] - top, slant * xi[i] + root_h * xi[j]
-                    share = mass[i, j] * np.exp(lower) if lower > faded else 0.0
-                    total += share
-                    mean_s, mean_h = mean_s + share * ds, mean_h + share * dh
-                    new_ss, new_sh = new_ss + share * ds * ds, new_sh + share * ds * dh
-                    new_hh += share * dh * dh
+            place = (centre_s, centre_h, root_s, slant, root_h)
+            top = _fill_nodes(case, d, law, place, rule, rows, exponent, mass)
+            sums = _node_sums(exponent, mass, top, faded, place, xi)
+            total, mean_s, mean_h, new_ss, new_sh, new_hh = sums
             if last:
                 result[n] = top + np.log(total * root_s * root_h) - 0.5 * case[2]
                 break
@@ -198,3 +168,62 @@ def _integrate(
             hh = LEAST_SHARE * hh + max(new_hh / total - mean_h * mean_h, 0.0)
             sh = LEAST_SHARE * sh + new_sh / total - mean_s * mean_h
     return result
+
+
+@inner
+def _fill_nodes(case, d, law, place, rule, rows, exponent, mass) -> float:
+    """Fill ``exponent`` and ``mass`` (K, K) of the terms at the nodes, and return the greatest
+    exponent. ``place`` has the centre (s, h) and the Cholesky factor (ss, hs, hh) of the scale;
+    ``rows`` (4, K) is scratch.
+    """
+    centre_s, centre_h, root_s, slant, root_h = place
+    shape, freedom = law
+    xi, weight, nodes = rule[0], rule[1], rule.shape[1]
+    factor, spread, squares, product = rows[0], rows[1], rows[2], rows[3]
+    # one exponential per node: e^h is a product of two factors
+    for j in range(nodes):
+        factor[j] = np.exp(root_h * xi[j])
+    top = -np.inf
+    for i in range(nodes):
+        s, of_h = centre_s + root_s * xi[i], centre_h + slant * xi[i]
+        z, g = np.exp(s), np.exp(of_h)
+        rest, squared = z - case[0], z * z / g
+        of_s = -shape * s - d / 2 / z - 0.5 * case[1] * rest * rest
+        for j in range(nodes):
+            spread[j] = squared / factor[j]
+            squares[j] = 0.0
+            product[j] = 1.0
+        for k in range(ALONG, len(case), DIRECTION):
+            residual = (case[k] - z * case[k + 1]) ** 2
+            size = case[k + 2]
+            for j in range(nodes):
+                scale = 1 + spread[j] * size
+                squares[j] += residual / scale
+                product[j] *= scale
+        for j in range(nodes):
+            h = of_h + root_h * xi[j]
+            value = freedom * h - g * factor[j] - squares[j]
+            exponent[i, j] = of_s + 0.5 * value
+            mass[i, j] = weight[i] * weight[j] / np.sqrt(product[j])
+            top = max(top, exponent[i, j])
+    return top
+
+
+@inner
+def _node_sums(exponent, mass, top, faded, place, xi):
+    """Sum of the terms, and sums of the terms times s, h, s², sh and h² from the centre."""
+    _, _, root_s, slant, root_h = place
+    total = of_s = of_h = ss = sh = hh = 0.0
+    for i in range(len(xi)):
+        ds = root_s * xi[i]
+        for j in range(len(xi)):
+            lower = exponent[i, j] - top
+            dh = slant * xi[i] + root_h * xi[j]
+            share = mass[i, j] * np.exp(lower) if lower > faded else 0.0
+            total += share
+            of_s += share * ds
+            of_h += share * dh
+            ss += share * ds * ds
+            sh += share * ds * dh
+            hh += share * dh * dh
+    return total, of_s, of_h, ss, sh, hh
