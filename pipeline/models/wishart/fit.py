@@ -18,7 +18,7 @@ from pydantic import Field
 from pipeline.core import validation
 from pipeline.core.errors import ModelDomainError
 from pipeline.models import steps as base
-from pipeline.models.model import task_step
+from pipeline.models.model import normal_log_density, task_step
 from pipeline.models.steps import (
     Estimate,
     Recorded,
@@ -33,7 +33,11 @@ from pipeline.models.wishart.decomposition import (
     factors,
 )
 from pipeline.models.wishart.law import WishartModel, dispersion_of_trace, step_squares
-from pipeline.randommatrix.wishart import largest_dispersion, normalized_std
+from pipeline.randommatrix.wishart import (
+    degrees_of_freedom,
+    largest_dispersion,
+    normalized_std,
+)
 
 if TYPE_CHECKING:  # it loads numba
     from pipeline.models.wishart.perturbation import Perturbations
@@ -368,15 +372,17 @@ def fit_likelihood(recorded: Recorded, decomposition: Decomposition) -> Estimate
     """
     from scipy.optimize import minimize_scalar
 
-    chain, takes = recorded.chain, len(recorded.q)
-    q, v, noise = moving_steps(recorded)
-    steps = chain, q, v, q + chain.nominal_step(q, v) + noise, recorded.measurement
+    from pipeline.models.wishart import quadrature
+
+    takes, m = len(recorded.q), len(recorded.chain.task)
+    mixture = quadrature.mixture(*_blurred_steps(recorded, decomposition))
 
     def by_take(log_sigma_b: float) -> ndarray:
-        density = WishartModel(np.exp(log_sigma_b), decomposition).log_density(*steps)
+        d = degrees_of_freedom(np.exp(log_sigma_b), m)
+        density = quadrature.mixture_log_density(mixture, d)
         return density.reshape(takes, -1).sum(axis=1)
 
-    widest = min(largest_dispersion(len(chain.task)), SIGMA_B_RANGE[1])
+    widest = min(largest_dispersion(m), SIGMA_B_RANGE[1])
     low, high = np.log(SIGMA_B_RANGE[0]), np.log(widest) - MARGIN
     search = {"bounds": (low, high), "method": "bounded", "options": {"xatol": COARSE}}
     coarse = minimize_scalar(lambda x: -by_take(x).sum(), **search).x
@@ -397,6 +403,21 @@ def fit_likelihood(recorded: Recorded, decomposition: Decomposition) -> Estimate
     diagnostics = {"sigma_b_at_the_end_of_its_interval": at_end}
     sigma_b = float(np.exp(best))
     return _estimate(sigma_b, recorded, decomposition, diagnostics, from_takes)
+
+
+def _blurred_steps(
+    recorded: Recorded, decomposition: Decomposition
+) -> tuple[ndarray, ndarray, ndarray, ndarray]:
+    """Return the steps with a command without their part in the null space of J, a, J₂⁺ and Σ_m;
+    raises ModelDomainError for a singular Σ_m.
+    """
+    chain, measurement = recorded.chain, recorded.measurement
+    q, v, noise = moving_steps(recorded)
+    q_next = q + chain.nominal_step(q, v) + noise
+    step = q_next - q - chain.null_step(q, v)
+    a, back, _ = factors(chain, q, v, decomposition)
+    _ = normal_log_density(step, measurement)  # raises
+    return step, a, back, measurement
 
 
 def _maximum(nodes: ndarray, values: ndarray) -> float:

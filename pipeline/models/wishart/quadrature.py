@@ -13,6 +13,8 @@ Fisher information; the second uses the mean and covariance found by the first. 
 t the trapezoidal rule converges fast for exponential and normal tails.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy import ndarray
 
@@ -43,22 +45,40 @@ def blurred_log_density(
     the positive definite covariance of ε in rad², ``d`` the degrees of freedom of B. The relative
     error of the density is below 1e-4 with the default ``nodes`` for each integral.
     """
+    return mixture_log_density(mixture(step, a, back, measurement), d, nodes)
+
+
+class Mixture(NamedTuple):
+    """What N steps and the measurement noise contribute to the density, whatever d."""
+
+    terms: ndarray  # (N, 3 + 3(m − 1)) of :func:`_terms`
+    m: int
+    normaliser: float  # ln of the constant of N(0, Σ_m)
+
+
+def mixture(step: ndarray, a: ndarray, back: ndarray, measurement: ndarray) -> Mixture:
+    """Return the mixture of the arguments of :func:`blurred_log_density`."""
+    lower = np.linalg.cholesky(measurement)
+    white = np.linalg.inv(lower)
+    terms = _terms(step @ white.T, a, white @ back)
+    normaliser = np.log(np.diag(lower)).sum() + 0.5 * len(lower) * np.log(2 * np.pi)
+    return Mixture(terms, a.shape[-1], normaliser)
+
+
+def mixture_log_density(mixture: Mixture, d: float, nodes: int = NODES) -> ndarray:
+    """(N,) log density as :func:`blurred_log_density`."""
     from scipy.special import gammaln
 
-    lower, m = np.linalg.cholesky(measurement), a.shape[-1]
-    white = np.linalg.inv(lower)
-    terms = _mixture(step @ white.T, a, white @ back)
-    shape, freedom = (d - m + 1) / 2, float(d - m + 2)
+    shape, freedom = (d - mixture.m + 1) / 2, float(d - mixture.m + 2)
     t, spacing = np.linspace(-RANGE, RANGE, nodes, retstep=True)
+    rule = np.stack([np.sinh(t), spacing * np.cosh(t)])
     constant = shape * np.log(d / 2) - gammaln(shape)
     constant -= freedom / 2 * np.log(2) + gammaln(freedom / 2)
-    rule = np.stack([np.sinh(t), spacing * np.cosh(t)])
-    integrals = _integrate(terms, float(d), (float(shape), freedom), rule)
-    normal = np.log(np.diag(lower)).sum() + 0.5 * len(lower) * np.log(2 * np.pi)
-    return integrals + constant - normal
+    integrals = _integrate(mixture.terms, float(d), (float(shape), freedom), rule)
+    return integrals + constant - mixture.normaliser
 
 
-def _mixture(y: ndarray, a: ndarray, back: ndarray) -> ndarray:
+def _terms(y: ndarray, a: ndarray, back: ndarray) -> ndarray:
     """(N, 3 + 3(m − 1)) z₀ = b⊥ᵀy⊥/‖b⊥‖², ‖b⊥‖² and ‖y⊥ − z₀b⊥‖², then c_i, k_i and λ_i of each
     direction, in units in which Σ_m = I.
     """
@@ -139,7 +159,7 @@ def _mode(
 def _integrate(
     terms: ndarray, d: float, law: tuple[float, float], rule: ndarray
 ) -> ndarray:
-    """(N,) ln of the integral up to a constant, from the ``terms`` of :func:`_mixture`, with the
+    """(N,) ln of the integral up to a constant, from the ``terms`` of :func:`_terms`, with the
     nodes and weights ``rule`` (2, K) of the scaled s and h.
     """
     xi, nodes = rule[0], rule.shape[1]
