@@ -92,7 +92,8 @@ def trajectory_table(
     """
     import pandas as pd
 
-    pose, k = chain.pose(q), np.arange(len(q))
+    pose = chain.pose(q)
+    k = np.arange(len(q))
     task_steps = chain.displacement(pose[:-1], pose[1:])
     joint_steps = np.diff(q, axis=0)
     table = {"k": k, "t": k / rate}

@@ -33,7 +33,9 @@ def mark_singular(block, arm, jacobian, lower, spare, out, count):
     else to 0, and return True if it is 1 at any pose; m·n + m·m + m rows from ``spare`` on are
     scratch. ``lower`` has the factor L of JJᵀ.
     """
-    m, n, least = len(arm.rows), len(arm.sliding), arm.least
+    m = len(arm.rows)
+    n = len(arm.sliding)
+    least = arm.least
     if not _any_near_singular(block, arm, lower, spare, out, count):
         return False
     scaled = spare + m * m + m

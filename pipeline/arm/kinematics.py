@@ -55,7 +55,8 @@ def link_constants(placements: ndarray) -> tuple[ndarray, ndarray, float]:
     links = np.zeros((len(placements) - 1, 6))
     turn = 0.0
     for link, placement in zip(links, placements[1:], strict=True):
-        rotation, shift = placement[:9].reshape(3, 3), placement[9:]
+        rotation = placement[:9].reshape(3, 3)
+        shift = placement[9:]
         # turn of at most a right angle after which z is tilted only about x
         x, y = rotation[:2, 2]
         before = np.arctan2(-x if y >= 0 else x, abs(y))
@@ -161,10 +162,12 @@ def task_jacobian(arm, block, first, count):
     """
     n = len(arm.sliding)
     for r in range(len(arm.rows)):
-        row, unit = arm.rows[r], arm.units[r]
+        row = arm.rows[r]
+        unit = arm.units[r]
         y, z = (row + 1) % 3, (row + 2) % 3
         for j in range(n):
-            entry, axis = first + r * n + j, JOINTS + 6 * j
+            entry = first + r * n + j
+            axis = JOINTS + 6 * j
             sliding = arm.sliding[j] > 0.0
             if row < 3 and not sliding:
                 point = axis + 3
@@ -188,7 +191,8 @@ def add_displacement(arm, target, block, out, share, count):
         turn_tip(arm, block, count)
         rotation_vectors(target, block.reshape(-1), count)
     for r in range(len(arm.rows)):
-        row, factor = arm.rows[r], share * arm.units[r]
+        row = arm.rows[r]
+        factor = share * arm.units[r]
         if row < 3:
             for i in range(count):
                 block[out + r, i] += factor * (target[row] - block[POSITION + row, i])

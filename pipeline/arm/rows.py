@@ -109,7 +109,8 @@ def dot(block, out, x, y, n, count):
         add_dot(block, out, 1.0, x, y, n, count)
         return
     for i in lanes(count):
-        first, second = block[x, i] * block[y, i], block[x + 1, i] * block[y + 1, i]
+        first = block[x, i] * block[y, i]
+        second = block[x + 1, i] * block[y + 1, i]
         block[out, i] = first + second + block[x + 2, i] * block[y + 2, i]
     add_dot(block, out, 1.0, x + 3, y + 3, n - 3, count)
 
@@ -118,6 +119,7 @@ def dot(block, out, x, y, n, count):
 def add_combination(block, out, factors, at, x, n, count):
     """Add Σ_j ``factors``[``at`` + j]·row (``x`` + j), j < ``n``, to row ``out``."""
     for j in range(n):
-        factor, row = factors[at + j], x + j
+        factor = factors[at + j]
+        row = x + j
         for i in lanes(count):
             block[out, i] += factor * block[row, i]

@@ -188,7 +188,8 @@ def _move_by_draws(
     pose after a singular pose is NaN; the memory stays where it would not be finite.
     """
     alive = ~chain.singular(before.T)
-    poses, v = before.T[alive], commands.v[k - 1]
+    poses = before.T[alive]
+    v = commands.v[k - 1]
     v = np.broadcast_to(v, (len(poses), len(v)))
     if commands.share:
         target = commands.path[k - 1]
@@ -216,7 +217,8 @@ def initial_particles(
     variances, axes = np.linalg.eigh(start.covariance)
     # rounding may turn the zero eigenvalues of a singular covariance negative
     root = axes * np.sqrt(np.maximum(variances, 0.0))
-    poses, rejected = np.empty((0, len(variances))), 0
+    poses = np.empty((0, len(variances)))
+    rejected = 0
     while len(poses) < count:
         normals = rng.standard_normal((count, len(variances)))
         draws = start.mean + (root * normals[:, None]).sum(axis=-1)

@@ -51,7 +51,9 @@ def repeat(below, chosen):
 @inner
 def systematic(weights, chosen, scratch, rng):
     """Shift P equidistant points by one uniform: counts ⌊P·w_i⌋ or ⌈P·w_i⌉ (Kitagawa 1996)."""
-    below, count, shift = scratch[0], len(weights), rng.random()
+    below = scratch[0]
+    count = len(weights)
+    shift = rng.random()
     cumulate(weights, below)
     for i in range(count):
         below[i] = np.ceil(count * below[i] - shift)
@@ -95,7 +97,8 @@ def weigh(frames, frame, before, q, log_weights, scratch):
     of the step from ``before`` to ``q`` (n, P); ``scratch`` has at least (n + 2, WIDTH) floats.
     """
     n, share = len(q), frames.share[frame]
-    white, measured = frames.whitening[frame], frames.unbiased[frame]
+    white = frames.whitening[frame]
+    measured = frames.unbiased[frame]
     whitened, square = scratch[n], scratch[n + 1]
     for start in range(0, len(log_weights), WIDTH):
         count = min(WIDTH, len(log_weights) - start)
@@ -110,7 +113,8 @@ def weigh(frames, frame, before, q, log_weights, scratch):
         for j in range(n):
             whitened[:count] = 0.0
             for k in range(j + 1):
-                w, rest = white[j, k], scratch[k]
+                w = white[j, k]
+                rest = scratch[k]
                 for i in range(count):
                     whitened[i] += w * rest[i]
             for i in range(count):
@@ -131,7 +135,8 @@ def normalise(log_weights, weights):
     for i in range(len(weights)):
         weights[i] = exponential(log_weights[i] - peak)
     scale, squares = total(weights), inner_product(weights, weights)
-    log_total, share = peak + np.log(scale), 1 / scale
+    log_total = peak + np.log(scale)
+    share = 1 / scale
     for i in range(len(weights)):
         weights[i] *= share
         log_weights[i] -= log_total
@@ -150,9 +155,11 @@ def weighted_moments(weights, q, mean, covariance, scratch):
             covariance[j, k] = 0.0
     for start in range(0, len(weights), WIDTH):
         count = min(WIDTH, len(weights) - start)
-        weight, weighted = weights[start : start + count], scratch[n, :count]
+        weight = weights[start : start + count]
+        weighted = scratch[n, :count]
         for j in range(n):
-            angle, middle = q[j, start : start + count], mean[j]
+            angle = q[j, start : start + count]
+            middle = mean[j]
             deviation = scratch[j, :count]
             for i in range(count):
                 deviation[i] = angle[i] - middle
@@ -265,8 +272,10 @@ def update(k, setting, before, q, particles, record, rng):
         here, there = q[j], before[j]
         for i in range(count):
             there[i] = here[np.uint64(chosen[i])]  # unsigned: no index is negative
-    weights[:], log_weights[:] = 1.0 / count, -np.log(count)
-    size[0], record.resampled[k] = float(count), True
+    weights[:] = 1.0 / count
+    log_weights[:] = -np.log(count)
+    size[0] = float(count)
+    record.resampled[k] = True
     return RESAMPLED
 
 

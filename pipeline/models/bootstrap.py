@@ -56,7 +56,8 @@ def spreads(
     have. The interval is centred on the estimate: percentiles of the replicates are shifted by the
     bias of a resampled variance, (takes − 1)/takes.
     """
-    quantile, by_name = float(stdtrit(takes - 1, TAILS[1])), {}
+    quantile = float(stdtrit(takes - 1, TAILS[1]))
+    by_name = {}
     for name, error in _common_estimates(replicates).std(ddof=1).items():
         half, middle = quantile * float(error), estimates[name]
         by_name[name] = Spread(float(error), middle - half, middle + half)

@@ -202,7 +202,8 @@ def state_space(
     the commands of the loop with ``share`` κ. ModelDomainError without a mean or covariance.
     """
     chain, q, v = recorded.chain, path.poses[:-1], path.v
-    jacobian, step = chain.jacobian(q), np.zeros_like(v)
+    jacobian = chain.jacobian(q)
+    step = np.zeros_like(v)
     drift, correction = np.empty((2, *q.shape, q.shape[-1]))
     for j, h in enumerate(PERTURBATION * np.eye(q.shape[-1])):
         ahead, behind = model.mean(chain, q + h, v), model.mean(chain, q - h, v)

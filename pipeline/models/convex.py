@@ -48,7 +48,8 @@ def solve_perturbation(
     ``j2`` (m, n); ``weights`` (α₁, α₂); ``floor`` ε. The unit of the problem is ‖ω‖, because the
     solver's tolerances are absolute. Raises SolverError.
     """
-    m, size = len(v), float(np.linalg.norm(noise))
+    m = len(v)
+    size = float(np.linalg.norm(noise))
     unit = size if 0 < size < np.inf else 1.0
     b_inv = cp.Variable((m, m), symmetric=True)
     a = np.linalg.inv(j1) @ v

@@ -38,7 +38,9 @@ def draw_steps(
     # (M, n, poses under one command): joints come first in memory for the law
     together = q.reshape(-1, len(commands), q.shape[-1])
     before = np.array(np.moveaxis(together, 0, -1), dtype=float, order="C")
-    law, moved, clipped = model.law(chain), np.empty_like(before), 0
+    law = model.law(chain)
+    moved = np.empty_like(before)
+    clipped = 0
     arm, block = compiled_arm(chain)
     for v_k, q_k, moved_k in zip(commands, before, moved, strict=True):
         clipped += move(law, arm, block, v_k, v_k, 0.0, q_k, moved_k, rng)

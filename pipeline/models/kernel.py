@@ -53,12 +53,16 @@ def move(law, arm, block, command, target, share, q, moved, rng) -> int:
         raise ModelDomainError(
             "the compiled step has no law of this kind; use one of model.py"
         )
-    n, m, poses, size = len(arm.sliding), len(arm.rows), q.shape[1], block.shape[1]
+    n = len(arm.sliding)
+    m = len(arm.rows)
+    poses = q.shape[1]
+    size = block.shape[1]
     rows, clipped = rows_of(n, m), 0
     for start in range(0, poses, size):
         count = min(size, poses - start)
         for first in range(0, count, DRAWN):
-            last, places = min(first + DRAWN, count), (rows.chi_square, rows.normal)
+            last = min(first + DRAWN, count)
+            places = (rows.chi_square, rows.normal)
             draw_variates(law.degrees, law.normals, block, *places, first, last, rng)
         for r in range(m):
             fill(block, rows.task + r, command[r], count)
@@ -140,7 +144,9 @@ def _add_normal(law, block, rows, n, m, count):
         return 0
     if law.kind != laws.GAUSSIAN_LAW:
         return 0
-    clipped, alpha, u = 0, law.parameters[0], law.parameters[1]
+    clipped = 0
+    alpha = law.parameters[0]
+    u = law.parameters[1]
     for i in range(count):
         norm = np.sqrt(block[spare, i])
         clipped += norm > u
@@ -188,7 +194,8 @@ def act(d, block, rows, m, count):
     dot(block, r, first, first, m, count)
     dot(block, along, first + 1, normal, m - 1, count)
     for i in range(count):
-        a, t = block[first, i], block[stretch, i]
+        a = block[first, i]
+        t = block[stretch, i]
         length = np.sqrt(block[r, i])
         z = d / block[chi_square, i]
         reach = length + abs(a)
@@ -197,7 +204,8 @@ def act(d, block, rows, m, count):
         block[along, i] = z * (1.0 - share)
         block[r, i] = z * length * t
     for k in range(1, m):
-        a, n = first + k, normal + k - 1
+        a = first + k
+        n = normal + k - 1
         for i in range(count):
             block[a, i] = block[along, i] * block[a, i] + block[r, i] * block[n, i]
 

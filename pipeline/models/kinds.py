@@ -86,7 +86,8 @@ def build_model(parameters: Any) -> MotionModel:
     ContractError for anything else, ModelDomainError for values outside the model's range, and
     ModelDomainError with the reason if the fit failed.
     """
-    why, kind = "", parameters.get("kind") if isinstance(parameters, dict) else None
+    why = ""
+    kind = parameters.get("kind") if isinstance(parameters, dict) else None
     if kind in kinds():
         if NO_MODEL in parameters:
             raise ModelDomainError(str(parameters[NO_MODEL]))

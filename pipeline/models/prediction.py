@@ -53,7 +53,9 @@ def score_steps(
     its ``nees`` (M,), NaN for a model without a covariance. Raises SingularJacobianError.
     """
     chain, v, measurement = recorded.chain, recorded.v, recorded.measurement
-    q, q_next, reasons = poses[:-1], poses[1:], {}
+    q = poses[:-1]
+    q_next = poses[1:]
+    reasons = {}
     gaps = np.full(len(q), np.nan)
     scores = {"log_density": gaps, "z": np.full(q.shape, np.nan), "nees": gaps}
     try:

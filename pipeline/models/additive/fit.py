@@ -44,7 +44,8 @@ def truths(
 
 def _estimate(covariance: ndarray, diagnostics: dict[str, float]) -> Estimate:
     """Return Σ_ω by entry in rad², and the correlations between joints with noise."""
-    std, joints = np.sqrt(np.diag(covariance)), range(len(covariance))
+    std = np.sqrt(np.diag(covariance))
+    joints = range(len(covariance))
     entries = {}
     for i, j in combinations_with_replacement(joints, 2):
         entries[f"sigma_omega_{i + 1}{j + 1}_rad2"] = covariance[i, j]

@@ -140,7 +140,8 @@ class ExportedModel(Exported):
         """Command (..., m) or (..., m + n): ``task_step`` plus κ times the displacement from the
         tip's pose at ``q`` to its ``target`` pose. κ = 0 for an open loop.
         """
-        share, q = self.record["closed_loop_share"], np.asarray(q, float)
+        share = self.record["closed_loop_share"]
+        q = np.asarray(q, float)
         return corrected_command(self.chain, q, task_step, target, share)
 
     def _arrays(self, q: ndarray, v: ndarray) -> tuple[ndarray, ndarray]:

@@ -112,7 +112,8 @@ def _fit_distance(
     norms = frobenius(recorded.chain.inverse_jacobian(poses, what="mean pose"))
     # root mean square over the commands (takes, M, m) of a closed loop
     speeds = np.sqrt(squares.reshape(-1, squares.shape[-1]).mean(axis=0))
-    rows, extensions = len(recorded.chain.task), EXTENSIONS * norms.max()
+    rows = len(recorded.chain.task)
+    extensions = EXTENSIONS * norms.max()
     moments = takes_moments(recorded.noise)
     fit = fit_distance(moments, speeds, norms, rows, beta, extensions)
     return fit, _mean_square(norms**2, squares)
@@ -158,7 +159,8 @@ def truths(
 ) -> list[Truth]:
     """Return (α, u) with the recorded mean variance as the known parameters."""
     squares = frobenius(recorded.chain.inverse_jacobian(recorded.q)) ** 2
-    speeds, m = _square_speeds(recorded), len(recorded.chain.task)
+    speeds = _square_speeds(recorded)
+    m = len(recorded.chain.task)
     total_variance = np.trace(base.mean_covariance(recorded.noise))
     u = BOUND * float(np.sqrt(squares.max()))
     alpha = float(np.sqrt(m * total_variance / np.mean((u**2 - squares) * speeds)))
@@ -199,7 +201,8 @@ def diagnose(
         noise_covariance_gap,  # here: CVXPY imports slowly
     )
 
-    fit, mean_square = estimate.details, estimate.diagnostics[RMS_NORM] ** 2
+    fit = estimate.details
+    mean_square = estimate.diagnostics[RMS_NORM] ** 2
     inverse = recorded.chain.inverse_jacobian(recorded.q.mean(axis=0))
     norms = frobenius(inverse)
     places = np.linspace(0, len(norms) - 1, min(checks, len(norms))).astype(int)
@@ -226,7 +229,8 @@ def _search(best: Best, extensions: ndarray, largest: float) -> GaussianFit:
     from scipy.optimize import minimize_scalar
 
     objectives, alphas = best(extensions)
-    i, last = int(objectives.argmin()), len(extensions) - 1
+    i = int(objectives.argmin())
+    last = len(extensions) - 1
     extension, alpha = float(extensions[i]), float(alphas[i])
     objective = float(objectives[i])
     if 0 < i < last:
@@ -261,7 +265,8 @@ def fit_moments(
     Σ_k (α²g_k − t_k)² in rad⁴, t_k the trace of the sample covariance of ω at step k minus tr Σ_m.
     ``speeds`` ‖v‖²/m and ``norms`` ‖J⁺‖_F are (takes, M).
     """
-    variances, every = base.take_variances(recorded), norms**2 * speeds
+    variances = base.take_variances(recorded)
+    every = norms**2 * speeds
     largest = float(np.sqrt((norms**2)[speeds > 0].max()))
 
     def of_takes(takes: ndarray) -> GaussianFit:
@@ -330,9 +335,13 @@ def fit_likelihood(
 
     least, axes = principal_axes(recorded.measurement)
     q, v, noise = base.moving_steps(recorded)
-    inverse, v = recorded.chain.inverse_jacobian(q), task_step(recorded.chain, v)
-    norms, speeds, takes = frobenius(inverse), np.vecdot(v, v), len(recorded.q)
-    largest, squared = float(norms.max()), float(np.mean(noise**2))
+    inverse = recorded.chain.inverse_jacobian(q)
+    v = task_step(recorded.chain, v)
+    norms = frobenius(inverse)
+    speeds = np.vecdot(v, v)
+    takes = len(recorded.q)
+    largest = float(norms.max())
+    squared = float(np.mean(noise**2))
     squares = (noise @ axes) ** 2  # along the principal axes of Σ_m
 
     def gain_at(extension: float) -> ndarray:
@@ -392,7 +401,8 @@ def _optimum_of_takes(
     optima, lowest = np.empty((2, len(cost)))
     for i, row in enumerate(cost):
         optima[i], lowest[i] = _vertex(log_alphas[i], row)
-    i, last = int(lowest.argmin()), len(lowest) - 1
+    i = int(lowest.argmin())
+    last = len(lowest) - 1
     if np.isnan(optima[i]):
         message = (
             "the maximum of these takes' likelihood is outside the evaluated range"

@@ -63,7 +63,8 @@ class GaussianModel(MotionModel):
 
     def covariance(self, chain: Mechanism, q: ndarray, v: ndarray) -> ndarray:
         """(..., n, n) s‖v‖²·I in rad², zero beyond the bound."""
-        inverse, v = chain.inverse_jacobian(q), task_step(chain, v)
+        inverse = chain.inverse_jacobian(q)
+        v = task_step(chain, v)
         bounded = np.minimum(frobenius(inverse), self.u)
         scale = noise_scale(bounded, self.alpha, self.u, *inverse.shape[-2:])
         return (scale * np.vecdot(v, v))[..., None, None] * np.eye(q.shape[-1])

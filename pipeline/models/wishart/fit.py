@@ -264,7 +264,8 @@ def fit_moments(recorded: Recorded, decomposition: Decomposition) -> Estimate:
     """
     a, back, _ = factors(recorded.chain, recorded.q, recorded.v, decomposition)
     every, nominal = (squares.mean(axis=1) for squares in step_squares(a, back))
-    variances, m = take_variances(recorded), a.shape[-1]
+    variances = take_variances(recorded)
+    m = a.shape[-1]
 
     def from_takes(takes: ndarray) -> dict[str, float]:
         traces, measured = variances(takes)
@@ -318,7 +319,8 @@ def fit_paper(
     """
     from pipeline.models.wishart.perturbation import objective_weights
 
-    resting, m = _rest_noise(recorded), len(recorded.chain.task)
+    resting = _rest_noise(recorded)
+    m = len(recorded.chain.task)
     weights = objective_weights(resting, m)
     b, fits = solve_problems(problem_steps(recorded, decomposition), weights, floor)
     squares = _squares_about_identity(b)
@@ -374,7 +376,8 @@ def fit_likelihood(recorded: Recorded, decomposition: Decomposition) -> Estimate
 
     from pipeline.models.wishart import quadrature
 
-    takes, m = len(recorded.q), len(recorded.chain.task)
+    takes = len(recorded.q)
+    m = len(recorded.chain.task)
     mixture = quadrature.mixture(*_blurred_steps(recorded, decomposition))
 
     def by_take(log_sigma_b: float) -> ndarray:

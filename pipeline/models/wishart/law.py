@@ -207,7 +207,8 @@ def step_variances(d: float, m: int) -> tuple[float, float]:
 
 def step_squares(a: ndarray, back: ndarray) -> tuple[ndarray, ndarray]:
     """‖a‖²‖J₂⁺‖_F², ‖J₂⁺a‖² (...,) in rad² of ``a`` J₁⁻¹v (..., m) and ``back`` J₂⁺ (..., n, m)."""
-    mean, every = np.matvec(back, a), np.einsum("...ij,...ij->...", back, back)
+    mean = np.matvec(back, a)
+    every = np.einsum("...ij,...ij->...", back, back)
     return np.vecdot(a, a) * every, np.vecdot(mean, mean)
 
 

@@ -75,8 +75,10 @@ def fit_perturbations(
             index=int(finite.argmin()),
             not_finite=int((~finite).sum()),
         )
-    ratio, delta = weights[1] / weights[0], 1 - floor
-    r, size = np.sqrt(np.vecdot(a, a)), np.vecdot(noise, noise)
+    ratio = weights[1] / weights[0]
+    delta = 1 - floor
+    r = np.sqrt(np.vecdot(a, a))
+    size = np.vecdot(noise, noise)
     e = a / np.where(r > 0, r, 1.0)[:, None]
     matrix = HALF * back + (1 - HALF) * _outer(np.matvec(back, e), e)
     matrix *= r[:, None, None]
@@ -109,7 +111,8 @@ def fit_perturbations(
     beside = HALF * (_outer(e, d) + _outer(d, e))
 
     s = np.zeros((*a.shape, a.shape[-1]))
-    norms, bound = np.zeros(len(a)), np.zeros(len(a), bool)
+    norms = np.zeros(len(a))
+    bound = np.zeros(len(a), bool)
     s[k] = _outer(x[:, None] * e, e) + beside + _outer(block[:, None] * d, d)
     norms[k] = np.sqrt(x * x + across + c * c)
     bound[k] = (c > 0) | (delta + x < APEX * delta)
@@ -236,9 +239,12 @@ def find_optima(
     (N, m), ``gram`` AᵀA (N, m, m), ``rest`` ‖ω⊥‖² (N,).
     """
     count, m = pull.shape
-    y, c, left = np.zeros((count, m)), np.zeros(count), np.zeros(count)
+    y = np.zeros((count, m))
+    c = np.zeros(count)
+    left = np.zeros(count)
     solved = np.zeros(count) > 0
-    factors, case = np.empty((2, m, m)), np.empty((6, m))
+    factors = np.empty((2, m, m))
+    case = np.empty((6, m))
     for k in range(count):
         trace = 0.0
         for j in range(m):

@@ -127,13 +127,20 @@ def _mode(
     ss = sh = hh = 0.0
     for _ in range(ASCENTS):
         z, g = np.exp(s), np.exp(h)
-        spread, squared = z * z / g, case[1] * z * z
+        spread = z * z / g
+        squared = case[1] * z * z
         of_s = -shape + d / 2 / z + case[1] * (case[0] - z) * z
-        of_h, ss, sh, hh = (freedom - g) / 2, d / 2 / z + squared, 0.0, g / 2
+        of_h = (freedom - g) / 2
+        ss = d / 2 / z + squared
+        sh = 0.0
+        hh = g / 2
         for i in range(ALONG, len(case), DIRECTION):
-            slope, variance = z * case[i + 1], spread * case[i + 2]
-            residual, total = case[i] - slope, 1 + variance
-            share, excess = variance / total, residual * residual / total - 1
+            slope = z * case[i + 1]
+            variance = spread * case[i + 2]
+            residual = case[i] - slope
+            total = 1 + variance
+            share = variance / total
+            excess = residual * residual / total - 1
             of_s += share * excess + residual * slope / total
             of_h -= 0.5 * share * excess
             ss += 2 * share * share + slope * slope / total
@@ -163,7 +170,8 @@ def _integrate(
     nodes and weights ``rule`` (2, K) of the scaled s and h.
     """
     xi, nodes = rule[0], rule.shape[1]
-    result, shape_of_grid = np.empty(len(terms)), (nodes, nodes)
+    result = np.empty(len(terms))
+    shape_of_grid = (nodes, nodes)
     exponent, mass = np.empty(shape_of_grid), np.empty(shape_of_grid)
     rows = np.empty((4, nodes))
     # the exponent leaves out the determinant of the normal law: a square root per direction
@@ -198,8 +206,13 @@ def _fill_nodes(case, d, law, place, rule, rows, exponent, mass) -> float:
     """
     centre_s, centre_h, root_s, slant, root_h = place
     shape, freedom = law
-    xi, weight, nodes = rule[0], rule[1], rule.shape[1]
-    factor, spread, squares, product = rows[0], rows[1], rows[2], rows[3]
+    xi = rule[0]
+    weight = rule[1]
+    nodes = rule.shape[1]
+    factor = rows[0]
+    spread = rows[1]
+    squares = rows[2]
+    product = rows[3]
     # one exponential per node: e^h is a product of two factors
     for j in range(nodes):
         factor[j] = np.exp(root_h * xi[j])
@@ -207,7 +220,8 @@ def _fill_nodes(case, d, law, place, rule, rows, exponent, mass) -> float:
     for i in range(nodes):
         s, of_h = centre_s + root_s * xi[i], centre_h + slant * xi[i]
         z, g = np.exp(s), np.exp(of_h)
-        rest, squared = z - case[0], z * z / g
+        rest = z - case[0]
+        squared = z * z / g
         of_s = -shape * s - d / 2 / z - 0.5 * case[1] * rest * rest
         for j in range(nodes):
             spread[j] = squared / factor[j]
