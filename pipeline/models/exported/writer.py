@@ -13,6 +13,7 @@ from numpy import ndarray
 from pipeline.arm.chain import Chain, PlanarChain
 from pipeline.core import contracts
 from pipeline.core.errors import ModelDomainError
+from pipeline.models.closed_loop import SHARE
 from pipeline.models.exported.copied import READER_NAME, reader_source
 from pipeline.models.exported.reader import FORMAT, UNLIMITED
 from pipeline.models.joint_error.choice import unconfirmed
@@ -54,35 +55,39 @@ def step_record(
     model: str,
     dataset: str,
     recorded: Recorded,
-    rate: float,
     parameters: dict[str, Any],
     not_known: list[dict[str, str]],
     ranges: pd.DataFrame,
-    share: float,
 ) -> dict[str, Any]:
-    """Return the JSON record of a law of steps, fitted to ``recorded`` at ``rate`` Hz, in the loop
-    with ``share`` κ; ``ranges`` is the table of the fitted ranges. Raises ModelDomainError as
-    :func:`require_covariance`.
+    """Return the JSON record of a law of steps, fitted to ``recorded``; ``ranges`` is the table of
+    the fitted ranges. Raises ModelDomainError as :func:`require_covariance`.
     """
     require_covariance(model, parameters, recorded)
     try:
         pose_covariance = (recorded.measurement / 2).tolist()  # half a step's
     except ModelDomainError:  # the noise of a measured pose is not known
         pose_covariance = None
-    return {
-        "format": FORMAT,
-        "dataset": dataset,
-        "model": model,
-        "joints": list(recorded.joints),
+    return _header(model, dataset, recorded.joints, recorded.rate) | {
         "task": list(recorded.chain.task),
-        "units": UNITS,
-        "rate_per_s": rate,
-        "closed_loop_share": share,
+        "closed_loop_share": parameters.get(SHARE, 0.0),
         "pose_covariance_rad2": pose_covariance,
         "arm": chain_record(recorded.chain),
         "parameters": parameters,
         "not_known": not_known,
         "ranges": _plain_ranges(ranges),
+    }
+
+
+def _header(
+    model: str, dataset: str, joints: Sequence[str], rate: float
+) -> dict[str, Any]:
+    return {
+        "format": FORMAT,
+        "dataset": dataset,
+        "model": model,
+        "joints": list(joints),
+        "units": UNITS,
+        "rate_per_s": rate,
     }
 
 
@@ -127,13 +132,7 @@ def error_record(
         scores = held_out(runs, {model: options})["joint_scores"]
     law = fit_joint_error(runs, **options.law())
     pose_noises = [run.pose_noise for run in runs if run.pose_noise]
-    return {
-        "format": FORMAT,
-        "dataset": dataset,
-        "model": model,
-        "joints": list(law.joints),
-        "units": UNITS,
-        "rate_per_s": law.rate,
+    return _header(model, dataset, law.joints, law.rate) | {
         "closed_loop_share": 0.0,
         "pose_noise_rad": max(pose_noises, default=None),
         "parameters": law.parameters(),

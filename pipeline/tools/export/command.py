@@ -110,11 +110,10 @@ def _step_record(
                 "required": "a greatest likelihood or least error at a finite u",
             }
         )
-    share, rate = parameters.get(SHARE, 0.0), dataset.motion.rate
-    corrected = _with_corrected_commands(recorded, share) if share > 0 else recorded
-    ranges = fitted_ranges(corrected, rate)
-    fitted = parameters, not_known, ranges, share
-    return step_record(model, dataset.name, recorded, rate, *fitted)
+    commanded = _with_corrected_commands(recorded, parameters.get(SHARE, 0.0))
+    ranges = fitted_ranges(commanded, dataset.motion.rate)
+    recorded = replace(recorded, rate=dataset.motion.rate)
+    return step_record(model, dataset.name, recorded, parameters, not_known, ranges)
 
 
 def _level_alone(
@@ -129,9 +128,11 @@ def _level_alone(
 
 
 def _with_corrected_commands(recorded: Recorded, share: float) -> Recorded:
-    """Return ``recorded`` with the commands after the correction of a closed loop, to which the
-    ranges of its model apply.
+    """Return ``recorded`` with the commands after the correction of a closed loop with ``share`` κ,
+    to which the ranges of its model apply.
     """
+    if share == 0:
+        return recorded
     v = mean_path(recorded).corrected_commands(recorded.q, share)
     nominal = recorded.chain.nominal_step(recorded.q, v)
     return replace(recorded, v=v, noise=recorded.q_next - recorded.q - nominal)
