@@ -80,9 +80,12 @@ def move(law, arm, block, command, target, share, q, moved, rng) -> int:
         if law.kind == laws.GAUSSIAN_LAW:
             dot(block, rows.speed, rows.task, rows.task, m, count)
         elif law.kind in INVERSE_LAWS:
-            _factor_step(law, True, block, rows, n, m, count)
+            # with QR the rows stay, because the law is invariant under rotations of a
+            if law.kind == laws.PIVOTED_LU_LAW:
+                _eliminate(block, rows, n, m, count)
             act(law.parameters[0], block, rows, m, count)
-            _factor_step(law, False, block, rows, n, m, count)
+            if law.kind == laws.PIVOTED_LU_LAW:
+                _multiply_back(block, rows, n, m, count)
         _to_joints(law.kind, block, rows, n, m, command, count)
         if singular:
             _invalidate(block, rows, n, count)
@@ -211,15 +214,8 @@ def act(d, block, rows, m, count):
 
 
 @inner
-def _factor_step(law, before, block, rows, n, m, count):
-    """Multiply the task rows by J₁⁻¹ (``before`` B⁻¹ is applied) or by J₁ (after). For QR of J the
-    rows stay, because the law is invariant under rotations of a.
-    """
-    if law.kind != laws.PIVOTED_LU_LAW:
-        return
-    if before:
-        _eliminate(block, rows, n, m, count)
-        return
+def _multiply_back(block, rows, n, m, count):
+    """Replace task rows by PᵀL times them, with the scratch rows of :func:`_eliminate`."""
     task, lower = rows.task, rows.spare + 4
     for k in range(m - 1, 0, -1):
         add_dot(block, task + k, 1.0, lower + k * n, task, k, count)
