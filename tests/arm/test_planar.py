@@ -53,7 +53,8 @@ def test_segments_point_along_headings_that_give_the_joints_back_whatever_the_tu
     chain,
 ):
     q = bent(chain)
-    psi, segments = chain.segment_headings(q), np.diff(chain.points(q), axis=1)
+    psi = chain.segment_headings(q)
+    segments = np.diff(chain.points(q), axis=1)
     directions = np.stack([np.sin(psi), np.cos(psi)], axis=-1)
     np.testing.assert_allclose(
         segments, chain.lengths[:, None] * directions, atol=1e-14
@@ -161,11 +162,10 @@ def test_steps_and_displacements_of_the_serial_chain_are_the_same(both):
     planar, serial = both
     for name in ("lower", "upper", "max_speed"):
         np.testing.assert_array_equal(*(getattr(chain, name) for chain in both))
-    q, v = bent(planar, 100), np.random.default_rng(2).normal(size=3)
-    size, step = (
-        1e-12 * np.abs(planar.inverse_jacobian(q)).max(),
-        planar.nominal_step(q, v),
-    )
+    q = bent(planar, 100)
+    v = np.random.default_rng(2).normal(size=3)
+    size = 1e-12 * np.abs(planar.inverse_jacobian(q)).max()
+    step = planar.nominal_step(q, v)
     np.testing.assert_allclose(serial.nominal_step(q, v[ORDER]), step, atol=size)
     assert not planar.null_step(q, v).any() and planar.null_step(q, v).shape == q.shape
     steps = np.random.default_rng(3).uniform(-1, 1, q.shape)  # up to half a turn

@@ -73,10 +73,8 @@ PUBLIC = {  # URDF: joints, tip, base
 def robot_of(name: str, file: Path) -> Robot:
     """The options of an arm; one of random joints is written to ``file``."""
     if name == "youbot":  # all five joints of the arm and the task that they can do
-        joints, task = (
-            [f"arm_joint_{j}" for j in range(1, 6)],
-            ["rx", "z", "y", "x", "rz"],
-        )
+        joints = [f"arm_joint_{j}" for j in range(1, 6)]
+        task = ["rx", "z", "y", "x", "rz"]
         return Robot(str(YOUBOT), joints, "arm_tool", task=task, length=LENGTH)
     if name in ("UR5", "LWR4"):
         return replace(getattr(space_arms, name), length=0.3)
@@ -149,8 +147,11 @@ def test_arms_of_the_public_collection_are_pinocchios(urdf):
 
 
 def test_compiled_code_marks_the_singular_poses_of_the_chain(chain, monkeypatch):
-    q, m, n = poses(chain, WIDTH), len(chain.task), len(chain.lower)
-    rows, block = block_rows(n, m), np.full((block_rows(n, m).size, WIDTH), np.nan)
+    q = poses(chain, WIDTH)
+    m = len(chain.task)
+    n = len(chain.lower)
+    rows = block_rows(n, m)
+    block = np.full((block_rows(n, m).size, WIDTH), np.nan)
     block[rows.jacobian : rows.lower] = chain.jacobian(q).reshape(WIDTH, m * n).T
     places = rows.jacobian, rows.lower, rows.inverse
     from_python(cholesky)(block, *places, m, n, 0.0, WIDTH)
@@ -194,8 +195,10 @@ def test_a_step_does_the_task_and_the_rest_of_the_command_where_the_task_does_no
 ):
     q, m = regular(chain), len(chain.task)
     command = np.random.default_rng(2).normal(size=(len(q), m + q.shape[1]))
-    v, w = command[:, :m], command[:, m:]
-    jacobian, back = chain.jacobian(q), np.linalg.pinv(chain.jacobian(q))
+    v = command[:, :m]
+    w = command[:, m:]
+    jacobian = chain.jacobian(q)
+    back = np.linalg.pinv(chain.jacobian(q))
     rest = chain.null_step(q, command)
     np.testing.assert_allclose(np.matvec(jacobian, rest), 0, atol=1e-11)
     np.testing.assert_allclose(
@@ -210,10 +213,8 @@ def test_a_step_does_the_task_and_the_rest_of_the_command_where_the_task_does_no
 
 
 def test_the_displacement_is_scipys_rotation_vector_times_the_length(robot, chain):
-    start, end = (
-        chain.pose(poses(chain, 40))[None, :20],
-        chain.pose(poses(chain, 40))[20:, None],
-    )
+    start = chain.pose(poses(chain, 40))[None, :20]
+    end = chain.pose(poses(chain, 40))[20:, None]
     result = chain.displacement(start, end)
     turns = [Rotation.from_matrix(x[..., 3:].reshape(-1, 3, 3)) for x in (start, end)]
     for i, j in np.ndindex(20, 20):
@@ -231,10 +232,8 @@ def test_compiled_displacements_lose_digits_as_the_turn_nears_half_a_turn(gap):
     rng = np.random.default_rng(1)
     axes = rng.normal(size=(WIDTH, 3))
     expected = (np.pi - gap) * axes / np.linalg.norm(axes, axis=1, keepdims=True)
-    turns, target = (
-        np.array([pin.exp3(each) for each in expected]),
-        pin.exp3(rng.normal(size=3)),
-    )
+    turns = np.array([pin.exp3(each) for each in expected])
+    target = pin.exp3(rng.normal(size=3))
     block = np.zeros((JOINTS + 12, WIDTH))
     block[ROTATION : ROTATION + 9] = (turns.swapaxes(1, 2) @ target).reshape(WIDTH, 9).T
     no_links = np.zeros(12), np.empty((0, 6)), 0.0
@@ -253,7 +252,9 @@ def test_compiled_displacements_lose_digits_as_the_turn_nears_half_a_turn(gap):
 def test_every_batch_shape_holds_what_single_poses_give_and_poses_that_are_no_number_are_refused(
     chain,
 ):
-    q, m, n = regular(chain, 6), len(chain.task), len(chain.lower)
+    q = regular(chain, 6)
+    m = len(chain.task)
+    n = len(chain.lower)
     tails = {"pose": (12,), "jacobian": (m, n), "inverse_jacobian": (n, m)}
     tails |= {"singular": (), "within_limits": ()}
     for single in (q[0], q, q.reshape(2, 3, n), q[:0]):
@@ -277,17 +278,13 @@ def test_every_batch_shape_holds_what_single_poses_give_and_poses_that_are_no_nu
 
 
 def test_each_step_of_a_trajectory_is_the_displacement_between_two_poses():
-    arm, t = (
-        replace(space_arms.revolute_arm(7), length=0.5),
-        np.maximum(np.arange(30) - 5, 0) / 20,
-    )
+    arm = replace(space_arms.revolute_arm(7), length=0.5)
+    t = np.maximum(np.arange(30) - 5, 0) / 20
     motion = 0.5 + np.sin(t)[:, None] * np.linspace(
         -1.2, 1.0, 7
     )  # at rest over five steps
-    table, pose = (
-        trajectory_table(arm, motion, 50.0, tuple("abcdefg")),
-        arm.pose(motion),
-    )
+    table = trajectory_table(arm, motion, 50.0, tuple("abcdefg"))
+    pose = arm.pose(motion)
     steps, places = values(table, "v") / 50.0, values(table, "x")
     turns = Rotation.from_matrix(pose[:, 3:].reshape(-1, 3, 3))
     np.testing.assert_allclose(steps[:-1, :3], np.diff(pose[:, :3], axis=0), atol=1e-12)

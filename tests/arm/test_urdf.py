@@ -329,7 +329,10 @@ def test_the_flange_is_where_the_listed_values_put_it(arm):
     for q in np.random.default_rng(5).uniform(-2, 2, (20, model.nq)):
         frame = np.eye(4)
         for angle, d, a, twist in zip(q, *listed, strict=True):
-            c, s, ct, st = np.cos(angle), np.sin(angle), np.cos(twist), np.sin(twist)
+            c = np.cos(angle)
+            s = np.sin(angle)
+            ct = np.cos(twist)
+            st = np.sin(twist)
             rows = [[c, -s * ct, s * st, a * c], [s, c * ct, -c * st, a * s]]
             frame = frame @ np.array([*rows, [0, st, ct, d], [0, 0, 0, 1]])
         pin.framesForwardKinematics(model, data, q)

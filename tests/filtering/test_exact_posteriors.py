@@ -41,10 +41,8 @@ def measured_path(t: np.ndarray) -> Measurements:
     """Measurements of one path of the linear model, each frame with its own bias and covariance."""
     rng = np.random.default_rng(11)
     moves = STEPS @ INVERSE.T + rng.multivariate_normal(np.zeros(3), NOISE, len(STEPS))
-    path, grid = (
-        START.mean + np.cumsum(moves, axis=0),
-        DT * np.arange(1, len(STEPS) + 1),
-    )
+    path = START.mean + np.cumsum(moves, axis=0)
+    grid = DT * np.arange(1, len(STEPS) + 1)
     truth = np.stack([np.interp(t, grid, path[:, j]) for j in range(3)], axis=1)
     bias = 0.05 * np.sin(np.outer(t, [3.0, 5.0, 7.0]))
     root = 0.02 * (np.eye(3) + 0.3 * rng.standard_normal((len(t), 3, 3)))
@@ -63,7 +61,8 @@ def kalman(measurements: Measurements) -> tuple[np.ndarray, np.ndarray]:
     of poses that bound a step.
     """
     frames, due, shares = measurements.schedule(len(STEPS), DT)
-    mean, covariance = np.tile(START.mean, 2), np.tile(START.covariance, (2, 2))
+    mean = np.tile(START.mean, 2)
+    covariance = np.tile(START.covariance, (2, 2))
     means, covariances = [], []
     for k in range(len(STEPS) + 1):
         if k > 0:
@@ -75,10 +74,8 @@ def kalman(measurements: Measurements) -> tuple[np.ndarray, np.ndarray]:
             spread = looks @ covariance @ looks.T + measurements.covariance[frame]
             surprise = measurements.y[frame] - measurements.bias[frame] - looks @ mean
             gain = np.linalg.solve(spread, looks @ covariance).T
-            mean, covariance = (
-                mean + gain @ surprise,
-                covariance - gain @ looks @ covariance,
-            )
+            mean = mean + gain @ surprise
+            covariance = covariance - gain @ looks @ covariance
         means.append(mean[3:])
         covariances.append(covariance[3:, 3:])
     return np.array(means), np.array(covariances)
@@ -243,10 +240,14 @@ def test_the_filter_of_a_closed_loop_is_calibrated_and_the_open_loops_wanders(
     """Rms errors in units of the training mean's; a deviation outlasts a frame with share 0.03, and
     decays within a step with 0.9.
     """
-    rng, steps, count, sensor = np.random.default_rng(3), 90, 30, 0.01
+    rng = np.random.default_rng(3)
+    steps = 90
+    count = 30
+    sensor = 0.01
     progress = np.linspace(0.0, 1.0, steps + 1)[:, None]
     poses = np.array([0.4, 1.7, -0.3]) + progress * np.array([0.5, 0.4, -0.6])
-    path, start = MeanPath(chain, poses), Start(poses[0], np.diag(DEVIATION**2))
+    path = MeanPath(chain, poses)
+    start = Start(poses[0], np.diag(DEVIATION**2))
     model = AdditiveModel(np.diag((1 - (1 - share) ** 2) * DEVIATION**2))
     takes = np.empty((count, steps + 1, 3))
     takes[:, 0] = poses[0] + DEVIATION * rng.standard_normal((count, 3))
@@ -255,7 +256,8 @@ def test_the_filter_of_a_closed_loop_is_calibrated_and_the_open_loops_wanders(
         v = path.v[k] + share * off
         takes[:, k + 1] = draw_steps(model, chain, takes[:, k], v, rng)[0]
     k = np.arange(3, steps + 1, 3)
-    noise, zero = np.tile(sensor**2 * np.eye(3), (len(k), 1, 1)), np.zeros((len(k), 3))
+    noise = np.tile(sensor**2 * np.eye(3), (len(k), 1, 1))
+    zero = np.zeros((len(k), 3))
     y = takes[:, k] + sensor * rng.standard_normal((count, len(k), 3))
     measured = [Measurements("take", DT * k, angles, zero, noise) for angles in y]
 

@@ -36,7 +36,8 @@ def direct(path, prior, frames, response, k: int) -> tuple[np.ndarray, np.ndarra
     full = prior.reshape(grid * n, grid * n)
     so_far = (frames.t >= 0) & (frames.t <= k * DT + 1e-12)
     unbiased = frames.y - frames.bias
-    looks, residuals = [np.empty((0, grid * n))], [np.empty(0)]
+    looks = [np.empty((0, grid * n))]
+    residuals = [np.empty(0)]
     for t, y in zip(frames.t[so_far], unbiased[so_far], strict=True):
         distance = np.abs(np.arange(grid) - t / DT)
         weights = np.maximum(0, 1 - distance)  # of a polygon
@@ -133,7 +134,8 @@ def test_the_autocorrelated_filter_is_calibrated_and_without_measurements_the_tr
 
     means, covariances = filtered(NOISE)
     assert covariances.shape == (*true.shape, 2)
-    error, variances = means - true, np.diagonal(covariances, axis1=2, axis2=3)
+    error = means - true
+    variances = np.diagonal(covariances, axis1=2, axis2=3)
     assert np.mean(np.abs(error) <= np.sqrt(variances)) == pytest.approx(
         0.683, abs=0.02
     )

@@ -167,7 +167,9 @@ def tables(tmp_path, monkeypatch):
     parts = {f"train_{number}": "training" for number in range(1, 31)} | dict.fromkeys(
         tests, "test"
     )
-    k, t, rng = np.arange(5), np.arange(9) / 200, np.random.default_rng(1)
+    k = np.arange(5)
+    t = np.arange(9) / 200
+    rng = np.random.default_rng(1)
     joints, read = [], []
     for take, part_of_take in parts.items():
         frame = pd.DataFrame({"take": take, "part": part_of_take, "k": k, "t": k / 100})

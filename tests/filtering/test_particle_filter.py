@@ -39,7 +39,8 @@ MODELS = {
     "gaussian": GaussianModel(0.05, 15.5),
 }
 RNG = np.random.default_rng
-PATH_START, PARTICLES = np.array([1.1, -1.6, 1.8]), 3 * WIDTH + 77
+PATH_START = np.array([1.1, -1.6, 1.8])
+PARTICLES = 3 * WIDTH + 77
 # links askew and senses mixed, the limits so near that some particles leave them
 ARM = PlanarChain(
     np.array([0.05, -0.1]),
@@ -146,7 +147,8 @@ def test_a_law_without_compiled_code_is_filtered_by_its_samples(kind, share):
         for law in (Sampled(MODELS[kind]), MODELS[kind])
     )
     assert greatest_difference(sampled, compiled) < 1e-11 and compiled.resampled.any()
-    q, v = np.tile(PATH_START, (4, 1)), np.full(3, 1e-3)
+    q = np.tile(PATH_START, (4, 1))
+    v = np.full(3, 1e-3)
     by_samples, by_compiled_law = (
         draw_steps(law, ARM, q, v, RNG(3))[0]
         for law in (Sampled(MODELS[kind]), MODELS[kind])
@@ -199,7 +201,8 @@ STILL = Start(np.array([0.3, -0.2, 0.5]), np.zeros((3, 3)))
 START = replace(
     STILL, covariance=1e-4 * np.array([[4.0, 1, 0], [1, 3, -1], [0, -1, 2]])
 )
-DIFFUSING, EXACT = AdditiveModel(0.005**2 * np.eye(3)), AdditiveModel(np.zeros((3, 3)))
+DIFFUSING = AdditiveModel(0.005**2 * np.eye(3))
+EXACT = AdditiveModel(np.zeros((3, 3)))
 STEPS = np.tile([0.01, -0.005, 0.0], (320, 1))
 
 
@@ -271,11 +274,11 @@ def test_a_particle_outside_the_domain_loses_its_weight_and_is_moved_back():
     """An arm at a singular pose would otherwise continue from NaN."""
     before = np.array([[0.1, 0.2, 0.3, 0.4], [1.0, 1.1, 1.2, 1.3]])
     q = before + 0.05
-    q[0, 1], q[1, 2], q[:, 3] = 9.0, np.nan, -9.0
-    moved, log_weights = (
-        q.copy(),
-        np.array([np.log(0.4), np.log(0.3), np.log(0.3), -np.inf]),
-    )
+    q[0, 1] = 9.0
+    q[1, 2] = np.nan
+    q[:, 3] = -9.0
+    moved = q.copy()
+    log_weights = np.array([np.log(0.4), np.log(0.3), np.log(0.3), -np.inf])
     limits = np.full(2, -2.0), np.full(2, 2.0)
     lost = from_python(keep_inside)(limits, before, moved, log_weights, np.empty(4))
     assert lost == 2  # the fourth had no weight

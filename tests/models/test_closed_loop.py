@@ -67,10 +67,8 @@ def moved(
     path: closed_loop.MeanPath, commands: Commands, off: np.ndarray
 ) -> np.ndarray:
     """(STEPS + 1, 3) deviation from the path of an arm without noise that starts at ``off``."""
-    still, quiet = (
-        Start(path.poses[0] + off, np.zeros((3, 3))),
-        AdditiveModel(np.zeros((3, 3))),
-    )
+    still = Start(path.poses[0] + off, np.zeros((3, 3)))
+    quiet = AdditiveModel(np.zeros((3, 3)))
     run = commands, 0.01, still, UNSEEN, filter_options(1), np.random.default_rng(1)
     return particle_filter(quiet, path.chain, *run).mean - path.poses
 
@@ -123,7 +121,8 @@ def takes_of(
     """Takes of a model in a loop with ``share`` κ, measured with noise and a constant of each take;
     the correction is computed by NumPy, not by the compiled loop.
     """
-    (model, _, noisier), chain = (MODELS | SEVEN)[kind], path.chain
+    (model, _, noisier) = (MODELS | SEVEN)[kind]
+    chain = path.chain
     rng = np.random.default_rng(seed)
     n, m = path.poses.shape[1], len(chain.task)
     std = np.resize(noisier * POSE, n)
@@ -137,7 +136,8 @@ def takes_of(
         q[:, k + 1] = draw_steps(model, chain, q[:, k], v, rng)[0]
     measured = q + std * rng.standard_normal(q.shape)
     measured += 1e-3 * rng.standard_normal((TAKES, 1, n))
-    noise, measurement = process_noise(chain, measured, path.v), 2 * np.diag(std**2)
+    noise = process_noise(chain, measured, path.v)
+    measurement = 2 * np.diag(std**2)
     joints = tuple(f"joint_{j}" for j in range(n))
     return Recorded(chain, measured[:, :-1], path.v, noise, joints, measurement)
 
@@ -205,7 +205,10 @@ def test_of_takes_in_an_open_loop_the_interval_holds_zero(kind, path):
 
 def test_the_likelihood_is_that_of_the_whole_motion_as_one_normal_vector():
     """Without a recursion; the vector y_k − y_0 contains no constant of a take."""
-    rng, n, steps, takes = np.random.default_rng(4), 2, 5, 6
+    rng = np.random.default_rng(4)
+    n = 2
+    steps = 5
+    takes = 6
 
     def covariance(scale: float) -> np.ndarray:
         root = scale * rng.standard_normal((n, n))
@@ -213,7 +216,8 @@ def test_the_likelihood_is_that_of_the_whole_motion_as_one_normal_vector():
 
     drift = np.eye(n) + 0.1 * rng.standard_normal((steps, n, n))
     correction = np.eye(n) + 0.1 * rng.standard_normal((steps, n, n))
-    noise, measured = np.stack([covariance(1.0) for _ in range(steps)]), covariance(0.5)
+    noise = np.stack([covariance(1.0) for _ in range(steps)])
+    measured = covariance(0.5)
     space = closed_loop.StateSpace(
         drift, correction, noise, measured, np.ones(steps, dtype=bool)
     )
@@ -250,10 +254,8 @@ def test_a_share_without_a_covariance_has_no_likelihood_and_the_others_keep_thei
     space = closed_loop.StateSpace(
         unit, unit, -0.2 * unit, 0.01 * unit[0], np.ones(1, dtype=bool)
     )
-    deviation, shares = (
-        np.array([1.0, -1.0])[:, None, None] * np.ones((2, 2, 1)),
-        [1.0, 0.1],
-    )
+    deviation = np.array([1.0, -1.0])[:, None, None] * np.ones((2, 2, 1))
+    shares = [1.0, 0.1]
     with np.errstate(all="raise"):
         likelihoods = closed_loop.take_log_likelihoods(
             space, deviation, np.array(shares)
@@ -264,7 +266,8 @@ def test_a_share_without_a_covariance_has_no_likelihood_and_the_others_keep_thei
 
 
 def test_a_single_take_and_an_unknown_measurement_noise_are_refused(path):
-    recorded, options = takes_of("additive", path, 0.4, seed=6), MODELS["additive"][1]
+    recorded = takes_of("additive", path, 0.4, seed=6)
+    options = MODELS["additive"][1]
     with pytest.raises(ModelDomainError, match="needs two takes"):
         closed_loop.fit_closed_loop(recorded.subset(np.array([3])), options, None)
     moving = np.any(recorded.v, axis=1)

@@ -58,7 +58,8 @@ def test_every_compiled_law_is_its_formula_in_numpy(model, name):
     Cholesky factor of JJᵀ, whose error grows with the squared condition number of J; NumPy's step
     solves with LU of J.
     """
-    (links, signs), ends = ARMS[name], np.full((3, 3), 9.0)
+    (links, signs) = ARMS[name]
+    ends = np.full((3, 3), 9.0)
     arm = PlanarChain(np.zeros(2), links, np.array(signs), -ends[0], *ends[1:])
     q = RNG().uniform(-7, 7, (2000, 3))
     q = q[
@@ -103,10 +104,8 @@ def test_draws_have_the_models_moments_and_by_numpy_the_law_of_the_compiled_step
     standard errors of a mean and of a covariance.
     """
     q = np.tile(POSE, (30_000, 1))
-    ours, compiled = (
-        model.sample(chain, q, step, RNG(1)),
-        draw_steps(model, chain, q, step, RNG(2)),
-    )
+    ours = model.sample(chain, q, step, RNG(1))
+    compiled = draw_steps(model, chain, q, step, RNG(2))
     assert least_p_value(ours, compiled[0]) > 1e-5 and compiled[1] == 0
     # control: noise that is 10 % larger
     nominal = q + chain.nominal_step(q, step)
@@ -199,9 +198,11 @@ def test_wishart_steps_have_the_moments_of_the_closed_form_whatever_the_size(n, 
     # one row is one pivot: J₁ is a number, as with QR
     for name in ("pivoted_lu", "qr", "qr_transposed")[m == 1 :]:
         law = Decomposition(name)
-        model, many = WishartModel(SIGMA_B, law), np.tile(q, (DRAWS, 1))
+        model = WishartModel(SIGMA_B, law)
+        many = np.tile(q, (DRAWS, 1))
         drawn, _ = draw_steps(model, chain, many, command, RNG(4))
-        (a, back, _), d = split(jacobian, v, law), (m + 1) / SIGMA_B**2
+        (a, back, _) = split(jacobian, v, law)
+        d = (m + 1) / SIGMA_B**2
         null = chain.null_step(q, command)
         mean = q + null + d / (d - m - 1) * np.linalg.pinv(jacobian) @ v
         apart, off = standardised(drawn, mean, step_covariance(a, back, SIGMA_B))
@@ -214,7 +215,8 @@ def test_wishart_steps_have_the_moments_of_the_closed_form_whatever_the_size(n, 
 
 def test_the_first_steps_of_a_serial_arm_do_not_depend_on_the_number_of_poses():
     chain, q, command = arm_and_command(7, 6)
-    many, model = q + 0.1 * RNG(6).standard_normal((300, 7)), MODELS["wishart qr"]
+    many = q + 0.1 * RNG(6).standard_normal((300, 7))
+    model = MODELS["wishart qr"]
     moved, _ = draw_steps(model, chain, many, command, RNG(4))
     for number in (64, 128, 256):  # whole sets of variates
         few, _ = draw_steps(model, chain, many[:number], command, RNG(4))
@@ -224,10 +226,8 @@ def test_the_first_steps_of_a_serial_arm_do_not_depend_on_the_number_of_poses():
 @pytest.mark.parametrize("n, m", SIZES)
 def test_normal_models_steps_are_their_formula_in_numpy_whatever_the_size(n, m):
     chain, q, command = arm_and_command(n, m)
-    q, factor = (
-        q + 0.1 * RNG(6).standard_normal((300, n)),
-        1e-3 * RNG(5).standard_normal((n, n)),
-    )
+    q = q + 0.1 * RNG(6).standard_normal((300, n))
+    factor = 1e-3 * RNG(5).standard_normal((n, n))
     noise = factor @ factor.T + 1e-8 * np.eye(n)
     norms = np.linalg.norm(np.linalg.pinv(chain.jacobian(q)), axis=(1, 2))
     bounded = GaussianModel(0.1, float(np.median(norms)))

@@ -189,10 +189,8 @@ def test_the_curve_over_the_weight_falls_through_the_moment_estimate(
     table = diagnose(data, options, fitted, 1, rng)[1]["sigma_b_weights"]
     for source in ("recorded", "drawn"):
         points = table[table["source"] == source]
-        curve, (ratio,) = (
-            points[points["point"] == "curve"],
-            points[points["point"] == "moments"]["ratio"],
-        )
+        curve = points[points["point"] == "curve"]
+        (ratio,) = points[points["point"] == "moments"]["ratio"]
         near = np.interp(np.log(ratio), np.log(curve["ratio"]), curve["sigma_b"])
         assert near == pytest.approx(fitted.estimates["sigma_b"], rel=0.15)
         assert curve["sigma_b"].iloc[-1] < 0.5 * curve["sigma_b"].iloc[0]
@@ -272,7 +270,8 @@ def test_known_parameters_come_back_on_any_arm_and_others_do_not(
     """Variances and standard deviations by their relative error, covariances by the error of the
     correlation. Control: a model whose noise is larger by a factor.
     """
-    (kind, field, value), (at, covariance, measured) = option, scene(n, m)
+    (kind, field, value) = option
+    (at, covariance, measured) = scene(n, m)
     choice = {field: value} | ({"estimator": "likelihood"} if kind == "wishart" else {})
     options = kinds.options_type(kind)(kind, **choice)
     data = recorded_on(*at, measured, AdditiveModel(covariance), COUNT)
@@ -307,10 +306,8 @@ def correlated(takes: int, rng: np.random.Generator) -> np.ndarray:
 
 
 def recording(chain, poses, step, noise: np.ndarray) -> Recorded:
-    q, v = (
-        np.broadcast_to(poses[: noise.shape[1]], noise.shape),
-        np.tile(step, (len(noise[0]), 1)),
-    )
+    q = np.broadcast_to(poses[: noise.shape[1]], noise.shape)
+    v = np.tile(step, (len(noise[0]), 1))
     return Recorded(chain, q, v, noise, ("a", "b", "c"), MEASUREMENT)
 
 

@@ -77,7 +77,8 @@ def test_a_closed_loop_corrects_its_share_of_the_way_to_the_target(
 
 def test_it_warns_once_by_name_beyond_what_was_fitted_and_not_within(tmp_path, chain):
     model = load(write_model(tmp_path / "model.json", "additive", chain, width=0.5))
-    q, v = np.array([0.3, 1.5, -0.4]), np.array([0.001, 0.001, 0.01])
+    q = np.array([0.3, 1.5, -0.4])
+    v = np.array([0.001, 0.001, 0.01])
     bent = np.array([0.3, 2.4, -0.4])
     with warnings.catch_warnings():
         warnings.simplefilter("error")

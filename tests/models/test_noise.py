@@ -89,10 +89,8 @@ def test_at_the_recorded_level_the_total_variance_is_the_recorded_one(name, size
     data, model = recorded(size, m), MODELS[name]
     if m == 2 and name == "wishart":
         model = replace(model, decomposition=Decomposition("qr"))
-    scaled, of_noise = (
-        at_recorded_level(model, data),
-        float(np.trace(mean_covariance(data.noise))),
-    )
+    scaled = at_recorded_level(model, data)
+    of_noise = float(np.trace(mean_covariance(data.noise)))
     assert model_trace(scaled, data) + np.trace(MEASUREMENT) == pytest.approx(
         of_noise, rel=1e-9
     )
@@ -155,7 +153,8 @@ def takes(poses: np.ndarray, count: int, steps: int) -> np.ndarray:
 def test_without_noise_single_steps_start_where_the_recording_was_and_a_free_run_adds_them_up(
     chain, poses, step, rng
 ):
-    q, v = takes(poses, 5, 8), np.tile(step, (8, 1))
+    q = takes(poses, 5, 8)
+    v = np.tile(step, (8, 1))
     recorded = q.copy()
     single, run = (realize(SILENT, chain, q, v, mode, rng) for mode in MODES)
     nominal = (
@@ -179,7 +178,8 @@ def test_without_noise_single_steps_start_where_the_recording_was_and_a_free_run
 def test_the_bias_of_a_step_is_the_mean_of_many_draws_and_zero_for_a_normal_law(
     chain, poses, rng
 ):
-    q, v = np.tile(takes(poses, 5, 3), (2000, 1, 1)), np.tile([0.0, 0.0, 0.01], (3, 1))
+    q = np.tile(takes(poses, 5, 3), (2000, 1, 1))
+    v = np.tile([0.0, 0.0, 0.01], (3, 1))
     wishart = WishartModel(0.3, Decomposition("pivoted_lu"))
     bias = mean_bias(wishart, chain, q, v)
     drawn = realize(wishart, chain, q, v, "one_step", rng)[0][:, 1:]

@@ -37,10 +37,8 @@ every_model = pytest.mark.parametrize("model", MODELS.values(), ids=MODELS)
 def test_the_log_density_is_scipys(model, measurement, chain, poses, step):
     q_next = poses + 0.02 * np.random.default_rng(0).standard_normal(poses.shape)
     result = model.log_density(chain, poses, step, q_next, measurement)
-    means, covariances = (
-        model.mean(chain, poses, step),
-        model.covariance(chain, poses, step),
-    )
+    means = model.mean(chain, poses, step)
+    covariances = model.covariance(chain, poses, step)
 
     def scipys(added: np.ndarray) -> list[float]:
         laws = zip(q_next, means, covariances, strict=True)
@@ -56,7 +54,8 @@ def test_the_log_density_is_scipys(model, measurement, chain, poses, step):
 
 @pytest.mark.parametrize("kind", FLAT)
 def test_a_singular_covariance_is_a_model_without_a_density(kind, chain, poses, step):
-    model, beyond = FLAT[kind], np.array([0.0, np.deg2rad(20.0), 0.0])
+    model = FLAT[kind]
+    beyond = np.array([0.0, np.deg2rad(20.0), 0.0])
     for q, v in ((poses[0], np.zeros(3)), (beyond, step)):
         mean = model.mean(chain, q, v)
         with pytest.raises(ModelDomainError, match="singular at 1 of 1 step"):
@@ -99,7 +98,9 @@ def test_the_papers_covariance_is_about_the_mean_of_each_step():
 
 
 def test_shrinkage_is_nearer_to_the_truth_where_takes_are_few_and_vanishes_where_they_are_many():
-    rng, true, errors = np.random.default_rng(5), np.diag([1.0, 1.5, 2.0]), np.zeros(2)
+    rng = np.random.default_rng(5)
+    true = np.diag([1.0, 1.5, 2.0])
+    errors = np.zeros(2)
     for _ in range(200):
         noise = rng.multivariate_normal(np.zeros(3), true, (3, 4))
         shrunk, intensity = shrunk_covariance(noise)
@@ -128,7 +129,8 @@ EXTENSIONS = np.geomspace(0.02, 17.0, 200)
 )
 def test_the_closed_form_solves_the_log_det_problem(norm, alpha, u):
     expected = noise_scale(norm, alpha, u, 3, 3) * np.eye(3)
-    solved, band = solve_noise_covariance(norm, alpha, u, 3, 3), 1e-4 * expected[0, 0]
+    solved = solve_noise_covariance(norm, alpha, u, 3, 3)
+    band = 1e-4 * expected[0, 0]
     np.testing.assert_allclose(solved, expected, atol=band)
     # control: another scale is seen
     assert np.abs(solved - 1.05 * expected).max() > 100 * band
@@ -151,7 +153,8 @@ def test_independent_rows_make_the_step_isotropic_with_variance_v_sigma_v(step):
     """With N ~ N(0, I⊗Σ) after Definition 1, Cov(Nv) = (vᵀΣv)I for any Σ; the other order would
     give ‖v‖²Σ.
     """
-    sigma, rng = np.diag([4.0, 1.0, 0.25]), np.random.default_rng(2)
+    sigma = np.diag([4.0, 1.0, 0.25])
+    rng = np.random.default_rng(2)
     drawn = (
         stats.matrix_normal(np.zeros((3, 3)), colcov=sigma).rvs(
             200_000, random_state=rng
@@ -167,11 +170,9 @@ def test_the_law_of_a_step_is_that_of_algorithm_2(chain, step):
     """Kolmogorov–Smirnov tests of each joint and of the distance from the mean; control: α of 5 %
     more.
     """
-    rng, model, q = (
-        np.random.default_rng(3),
-        GaussianModel(0.1, 18.0),
-        np.tile(POSE, (DRAWS, 1)),
-    )
+    rng = np.random.default_rng(3)
+    model = GaussianModel(0.1, 18.0)
+    q = np.tile(POSE, (DRAWS, 1))
     inverse = chain.inverse_jacobian(POSE)
     sigma = solve_noise_covariance(
         float(np.linalg.norm(inverse)), model.alpha, model.u, 3, 3
@@ -266,10 +267,8 @@ def test_noise_that_follows_the_speed_alone_runs_to_the_end_of_the_interval_alon
     """u → ∞ with αu fixed is one model: such data do not determine u, and the fit says so."""
     result = fit((1e-3 * STEP_NORM**2)[:, None, None] * np.eye(3))
     assert result.at_end and result.unbounded and result.extension == EXTENSIONS[-1]
-    alphas, product = (
-        result.alphas[-50:],
-        (result.alphas * (INVERSE_NORM.max() + EXTENSIONS))[-50:],
-    )
+    alphas = result.alphas[-50:]
+    product = (result.alphas * (INVERSE_NORM.max() + EXTENSIONS))[-50:]
     assert np.ptp(product) / product[-1] < 0.5 * np.ptp(alphas) / alphas[-1]
 
 

@@ -9,7 +9,10 @@ from scipy.stats import multivariate_normal
 from pipeline.models.additive.fit import Options, shrunk_covariance
 from pipeline.models.other_motions import MotionSteps, matrix_scores, recorded_motions
 
-JOINTS, POSE_NOISE, TAKES, STEPS = ("a", "b", "c"), 2e-3, 40, 60
+JOINTS = ("a", "b", "c")
+POSE_NOISE = 2e-3
+TAKES = 40
+STEPS = 60
 
 
 @pytest.fixture

@@ -110,7 +110,8 @@ def test_chi_squares_are_numpys_and_so_are_the_normals_behind_them(
     degrees, count, normals
 ):
     rng, numpy_rng = np.random.default_rng(7), np.random.default_rng(7)
-    block, freedom = np.full((BUFFER.size, POSES), np.nan), np.array([degrees, 5.0])
+    block = np.full((BUFFER.size, POSES), np.nan)
+    freedom = np.array([degrees, 5.0])
     first, then = BUFFER.chi_square, BUFFER.normal
     from_python(draw_variates)(freedom, normals, block, first, then, 0, count, rng)
     assert np.isnan(block[:, count:]).all()

@@ -54,10 +54,8 @@ def test_the_exact_moments_are_those_of_algorithm_1(chain, step, decomposition):
     drawn = algorithm_1(
         chain, POSE, step, 0.25, decomposition, 80_000, np.random.default_rng(12)
     )
-    mean, covariance = (
-        model.mean(chain, POSE, step),
-        model.covariance(chain, POSE, step),
-    )
+    mean = model.mean(chain, POSE, step)
+    covariance = model.covariance(chain, POSE, step)
     error = np.sqrt(np.diag(covariance) / len(drawn))
     assert np.abs((drawn.mean(axis=0) - mean) / error).max() < 4
     assert (
@@ -190,16 +188,15 @@ def test_it_is_the_mean_of_normals_over_the_law_of_z_and_g(n, m):
     """Mean over the quantiles of z and g, in plain NumPy and SciPy."""
     arm, q, v, model, noise = scene(n, m)
     a, back, _ = factors(arm, q, v, model.decomposition)
-    d, r = wishart.degrees_of_freedom(SIGMA_B, m), np.linalg.norm(a)
+    d = wishart.degrees_of_freedom(SIGMA_B, m)
+    r = np.linalg.norm(a)
     nodes, weights = np.polynomial.legendre.leggauss(120)
     z = stats.invgamma((d - m + 1) / 2, scale=d / 2).ppf((nodes + 1) / 2)[:, None]
     g = stats.chi2(d - m + 2).ppf((nodes + 1) / 2)
     across = back @ (np.eye(m) - np.outer(a, a) / r**2) @ back.T
     covariance = noise + ((r * z) ** 2 / g)[..., None, None] * across
-    precision, determinant = (
-        np.linalg.inv(covariance),
-        np.linalg.det(2 * np.pi * covariance),
-    )
+    precision = np.linalg.inv(covariance)
+    determinant = np.linalg.det(2 * np.pi * covariance)
     rng = np.random.default_rng(11)
     q_next = model.sample(arm, np.tile(q, (4, 1)), v, rng)
     q_next += rng.multivariate_normal(np.zeros(n), noise, 4)
@@ -221,7 +218,8 @@ def test_it_is_the_mean_of_normals_over_the_law_of_z_and_g(n, m):
 def test_without_measurement_it_integrates_to_one(n):
     """Importance sampling from a wider law."""
     arm, q, v, model, _ = scene(n, n)
-    rng, spread = np.random.default_rng(13), model.covariance(arm, q, v)
+    rng = np.random.default_rng(13)
+    spread = model.covariance(arm, q, v)
     wider = stats.multivariate_t(model.mean(arm, q, v), 1.3 * spread, df=6, seed=rng)
     q_next = wider.rvs(20_000)
     ratio = np.exp(model.log_density(arm, q, v, q_next) - wider.logpdf(q_next))

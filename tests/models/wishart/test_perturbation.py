@@ -219,9 +219,12 @@ def dual_bound(noise, e, matrix, y, c, ratio, floor) -> np.ndarray:
     2(δ + x)(δ + c) ≥ ‖d‖²: for ‖p‖ ≤ 1, ‖(u, w)‖ ≤ λ and m = u − Aᵀp in the dual cone, 2m_e·w ≥
     ‖m⊥‖², the objective is at least pᵀω − δ(m_e + w).
     """
-    delta, x, size = 1 - floor, np.vecdot(e, y), np.sqrt(np.vecdot(y, y) + c**2)
+    delta = 1 - floor
+    x = np.vecdot(e, y)
+    size = np.sqrt(np.vecdot(y, y) + c**2)
     size = np.where(size > 0, size, 1.0)
-    u, w = ratio * y / size[:, None], ratio * c / size
+    u = ratio * y / size[:, None]
+    w = ratio * c / size
     # p = r/‖r‖, and where the fit is exact what makes m normal to the cone
     residual = noise - np.matvec(matrix, y)
     length = np.linalg.norm(residual, axis=1)
@@ -234,7 +237,8 @@ def dual_bound(noise, e, matrix, y, c, ratio, floor) -> np.ndarray:
         exact[:, None], of_exact, residual / np.where(exact, 1.0, length)[:, None]
     )
     p /= np.maximum(1.0, np.linalg.norm(p, axis=1))[:, None]
-    image, value = np.vecmat(p, matrix), np.vecdot(p, noise)
+    image = np.vecmat(p, matrix)
+    value = np.vecdot(p, noise)
     free = value * np.minimum(1.0, ratio / np.linalg.norm(image, axis=1))
     m = u - image
     along = np.vecdot(e, m)
@@ -254,10 +258,8 @@ def test_every_optimum_is_feasible_and_certified_by_its_dual(ratio, floor, size)
     y, c = parts(s, e)
 
     def gap(y: np.ndarray) -> np.ndarray:
-        rest, norm = (
-            np.linalg.norm(noise - np.matvec(matrix, y), axis=1),
-            np.vecdot(y, y) + c**2,
-        )
+        rest = np.linalg.norm(noise - np.matvec(matrix, y), axis=1)
+        norm = np.vecdot(y, y) + c**2
         value = rest + ratio * np.sqrt(norm)
         return (value - dual_bound(noise, e, matrix, y, c, ratio, floor)) / value
 
@@ -318,7 +320,8 @@ def test_a_minimum_that_was_not_reached_and_an_all_but_singular_arm_are_refused(
     monkeypatch,
 ):
     """Rounding would decide the fit there; a hundred times as far from singular it is solved."""
-    e, noise = np.array([[0.6, 0.8]]), np.array([[1.0, 2.0]])
+    e = np.array([[0.6, 0.8]])
+    noise = np.array([[1.0, 2.0]])
     matrices = {
         far: np.array([[[1.0, 1.0], [1.0, 1.0 + far]]]) for far in (1e-5, 1e-7, 1e-15)
     }
