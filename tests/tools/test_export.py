@@ -135,62 +135,88 @@ def errors(folder) -> Path:
     return folder / "errors.json"
 
 
-def test_an_exported_error_law_predicts_what_its_draws_do(errors, monkeypatch):
-    model, rng = load(errors, period=0.01), np.random.default_rng(2)
-    commanded = sweep(1)[:160]
-    steps = np.diff(commanded, axis=0)
-    poses = model.sample(
-        commanded[0], commanded[0], joint_steps=steps, size=400, rng=rng
-    )
-    off = poses - commanded
-    ahead = np.stack([model.predict(each[:154], commanded, 6)[0] for each in off])
-    mean, covariance = model.predict(off[0, :154], commanded, 6)
-    left = off[:, -1] - ahead
-    np.testing.assert_allclose(
-        left.std(axis=0), np.sqrt(np.diag(covariance)), rtol=0.15
-    )
+KNOWN, AHEAD = 154, 6  # samples
+COMMANDED = sweep(1)[: KNOWN + AHEAD]
+
+
+@pytest.fixture(scope="module")
+def off(errors) -> np.ndarray:
+    """(400, KNOWN + AHEAD + 1, 2) errors in rad of drawn arms about COMMANDED."""
+    model, steps = load(errors, period=0.01), np.diff(COMMANDED, axis=0)
+    rng = np.random.default_rng(2)
+    start = COMMANDED[0]
+    poses = model.sample(start, start, joint_steps=steps, size=400, rng=rng)
+    return poses - COMMANDED
+
+
+def test_an_exported_error_law_predicts_what_its_draws_do(errors, off):
+    model = load(errors)
+    ahead = [model.predict(take[:KNOWN], COMMANDED, AHEAD)[0] for take in off]
+    left = off[:, -1] - np.stack(ahead)
+    mean, covariance = model.predict(off[0, :KNOWN], COMMANDED, AHEAD)
+    std = np.sqrt(np.diag(covariance))
+    np.testing.assert_allclose(left.std(axis=0), std, rtol=0.15)
     # control: without the past the errors spread more
     assert np.all(off[:, -1].std(axis=0) > 1.2 * left.std(axis=0))
-    density = model.log_density(off[0, :154], commanded, mean)
+    density = model.log_density(off[0, :KNOWN], COMMANDED, mean)
     assert density == pytest.approx(-0.5 * np.linalg.slogdet(2 * np.pi * covariance)[1])
-    resting = model.predict(np.empty((0, 2)), commanded, 40)  # no errors are known
-    assert np.all(np.isfinite(resting[0])) and np.all(np.diag(resting[1]) > 0)
-    with pytest.warns(OutsideRanges, match="error of a: .* is outside the range"):
-        model.predict(poses[0, :154] + 1.0, commanded, 6)  # poses for errors
+
+
+def test_without_known_errors_the_law_starts_at_rest(errors):
+    model = load(errors)
+    resting = model.predict(np.empty((0, 2)), COMMANDED, 40)
+    rest_error = model.law.mean_gain[None, :, 0]
+    waiting = np.concatenate([COMMANDED[:1], COMMANDED])
+    expected = model.predict(rest_error, waiting, 40)
+    for of_rest, of_waiting in zip(resting, expected, strict=True):
+        np.testing.assert_array_equal(of_rest, of_waiting)
+    assert np.all(np.diag(resting[1]) > 0)
+
+
+def test_the_copied_reader_predicts_the_projects_numbers(errors, off, monkeypatch):
     reader = copied_reader(errors.parent, monkeypatch)
     # the warning's class is of the copied module, which pytest-xdist cannot import
     with pytest.warns(reader.UnconfirmedBands, match="spread of the lag"):
         copied = reader.load(errors)
-    again = copied.predict(off[0, :154], commanded, 6)
-    for one, other in zip(again, (mean, covariance), strict=True):
-        np.testing.assert_array_equal(one, other)
-    options = config.model_options(["joint_step"])["joint_step"]
-    record = error_record("joint_step", options, runs_of_law(known_law(), rng), "bench")
-    write_export(record, white := errors.parent / "white.json")
-    with pytest.warns(UnconfirmedBands, match=r"σ of a at 0\.5 s is .* such in record"):
-        load(white)
+    arguments = off[0, :KNOWN], COMMANDED, AHEAD
+    predictions = copied.predict(*arguments), load(errors).predict(*arguments)
+    for of_copy, of_project in zip(*predictions, strict=True):
+        np.testing.assert_array_equal(of_copy, of_project)
+
+
+def test_what_the_fit_did_not_see_is_warned_of(errors, off):
+    model = load(errors)
+    poses = off[0, :KNOWN] + COMMANDED[:KNOWN]
+    with pytest.warns(OutsideRanges, match="error of a: .* is outside the range"):
+        model.predict(poses + 1.0, COMMANDED, AHEAD)
     with pytest.warns(
         OutsideRanges, match=r"0\.6 s ahead is beyond 0\.5 s, the longest"
     ):
-        model.predict(off[0, :100], commanded, 60)
+        model.predict(off[0, :100], COMMANDED, 60)
     assert SCORED == max(HORIZONS)
-    for call, words in (
-        (
-            lambda: model.predict(off[0, :154], commanded, 7),
-            "a row for each of the 154 errors",
-        ),
-        (
-            lambda: model.predict(off[0, :154] * np.nan, commanded, 6),
-            "errors must be finite, got .* in row 0",
-        ),
-        (lambda: model.predict(off[0, 0], commanded, 6), "errors and commands must be"),
-        (
-            lambda: model.step(poses[:, 0], off, joint_step=np.zeros(6), rng=rng),
-            "have 2 numbers",
-        ),
+    options = config.model_options(["joint_step"])["joint_step"]
+    runs = runs_of_law(known_law(), np.random.default_rng(2))
+    white = errors.parent / "white.json"
+    write_export(error_record("joint_step", options, runs, "bench"), white)
+    with pytest.warns(UnconfirmedBands, match=r"σ of a at 0\.5 s is .* such in record"):
+        load(white)
+
+
+def test_histories_of_other_shapes_and_gaps_are_refused(errors, off):
+    model, past = load(errors), off[0, :KNOWN]
+    gap = past.copy()
+    gap[7, 1] = np.nan
+    for arguments, words in (
+        ((past, COMMANDED, AHEAD + 1), "a row for each of the 154 errors"),
+        ((gap, COMMANDED, AHEAD), "errors must be finite, got .* in row 7"),
+        ((past, gap, AHEAD), "errors and commands must be"),
+        ((past[0], COMMANDED, AHEAD), "errors and commands must be"),
     ):
         with pytest.raises(ModelDomainError, match=words):
-            call()
+            model.predict(*arguments)
+    with pytest.raises(ModelDomainError, match="have 2 numbers"):
+        rng = np.random.default_rng(1)
+        model.step(off[:, 0], off, joint_step=np.zeros(6), rng=rng)
 
 
 EDITS = {  # name of the edit → text replaced, new text, and the key and value of the message
@@ -288,16 +314,16 @@ def test_a_wishart_model_whose_step_has_no_covariance_is_not_exported(chain):
         require_covariance("wishart", parameters | {"sigma_b": 0.82}, recorded)
 
 
-@pytest.mark.parametrize("known", [True, False])
+@pytest.mark.parametrize("is_known", [True, False])
 def test_the_covariance_of_a_measured_pose_is_half_of_a_steps(
-    known, chain, monkeypatch
+    is_known, chain, monkeypatch
 ):
     rng, takes, steps = np.random.default_rng(3), 6, 20
     q = np.array([0.3, 1.5, -0.4]) + 0.1 * rng.standard_normal((takes, steps, 3))
     v = np.tile([1e-3, -1e-3, 1e-2], (steps, 1))
     pose = np.diag([1e-6, 4e-6, 9e-6])  # rad², of one pose; a step has two
     noise = 5e-3 * rng.standard_normal(q.shape)
-    stated = 2 * pose if known else None
+    stated = 2 * pose if is_known else None
     recorded = Recorded(chain, q, v, noise, ("a", "b", "c"), stated)
     monkeypatch.setattr(command, "training_steps", lambda *_: recorded)
     monkeypatch.setattr(command, "SOURCES", [])
@@ -307,7 +333,7 @@ def test_the_covariance_of_a_measured_pose_is_half_of_a_steps(
     scale = SimpleNamespace(name="paper")
     settings = SimpleNamespace(dataset=dataset, models={}, seed=1, scale=scale)
     record = command.exported_record("additive", settings)
-    if known:
+    if is_known:
         np.testing.assert_allclose(record["pose_covariance_rad2"], pose)
     else:
         assert record["pose_covariance_rad2"] is None
@@ -333,14 +359,14 @@ def run_blocks(blocks: list[str], folder: Path, monkeypatch) -> dict:
     pytest.importorskip("filterpy", reason="filterpy is missing; `make` has it")
     monkeypatch.chdir(folder)
     copied_reader(folder, monkeypatch)
-    known: dict = {}
+    names: dict = {}
     for block in blocks:
-        exec(block, known)
-    return known
+        exec(block, names)
+    return names
 
 
-def error(known: dict, name: str) -> float:
-    return float(np.sqrt(np.mean(np.subtract(known[name], known["path"]) ** 2)))
+def error(names: dict, name: str) -> float:
+    return float(np.sqrt(np.mean(np.subtract(names[name], names["path"]) ** 2)))
 
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
@@ -354,17 +380,17 @@ def test_the_readmes_filters_of_joint_errors_are_nearer_than_measured(
         (READER_NAME, errors.parent / READER_NAME),
     ):
         (tmp_path / name).write_text(file.read_text())
-    own = BLOCKS[1 if package == "filterpy" else 2]
-    known = run_blocks([BLOCKS[0], own], tmp_path, monkeypatch)
+    block = BLOCKS[1 if package == "filterpy" else 2]
+    names = run_blocks([BLOCKS[0], block], tmp_path, monkeypatch)
     if package == "particles":
-        assert error(known, "by_particles") < 0.5 * error(known, "measured")
+        assert error(names, "by_particles") < 0.5 * error(names, "measured")
         return
-    true = known["path"][known["known"] + known["lost"] - 1]
-    off = {
-        name: np.abs(known[name] - true).max()
+    true = names["path"][names["known"] + names["lost"] - 1]
+    by_kalman, predicted, camera = (
+        np.abs(names[name] - true).max()
         for name in ("by_kalman", "predicted", "camera")
-    }
-    assert off["by_kalman"] < off["camera"] and off["predicted"] < off["camera"]
+    )
+    assert by_kalman < camera and predicted < camera
 
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
@@ -372,11 +398,11 @@ def test_the_readmes_filters_are_nearer_than_measured_and_its_planner_swings_out
     folder, chain, monkeypatch
 ):
     write_model(folder / "model.json", "wishart", chain, speed=0.1)
-    known = run_blocks(BLOCKS[3:], folder, monkeypatch)
-    assert len(BLOCKS) == 7 and len(known["by_ukf"]) == 60
-    measured = error(known, "measured")
+    names = run_blocks(BLOCKS[3:], folder, monkeypatch)
+    assert len(BLOCKS) == 7 and len(names["by_ukf"]) == 60
+    measured = error(names, "measured")
     assert 0.004 < measured < 0.006
-    assert max(error(known, "by_ukf"), error(known, "by_particles")) < 0.7 * measured
+    assert max(error(names, "by_ukf"), error(names, "by_particles")) < 0.7 * measured
     # the swing is less uncertain than the straight way and than one to the other side
-    best, cost = known["best"], known["variance"]
+    best, cost = names["best"], names["variance"]
     assert abs(best) > 0.002 and cost(best) < min(cost(0.0), cost(-best))
