@@ -1,5 +1,5 @@
-"""The planar chain against finite differences and geometry; and taken out of a URDF, against
-Pinocchio's kinematics of the whole robot in space and against the serial chain of the same arm.
+"""The planar chain against geometry; and taken out of a URDF, against Pinocchio's kinematics of the
+whole robot in space and against the serial chain of the same arm.
 """
 
 from itertools import product
@@ -36,17 +36,6 @@ def in_line(chain: PlanarChain) -> np.ndarray:
     """Joint angles that stretch the first two links into one line."""
     bend = np.arctan2(*chain.links[0]) - np.arctan2(*chain.links[1])
     return np.array([0.3, chain.signs[1] * bend, -0.2])
-
-
-def test_jacobian_and_inverse_are_those_of_the_derivative_of_the_pose(chain):
-    q, step = bent(chain), 1e-6
-    columns = [
-        (chain.coordinates(q + step * e) - chain.coordinates(q - step * e)) / (2 * step)
-        for e in np.eye(3)
-    ]
-    np.testing.assert_allclose(chain.jacobian(q), np.stack(columns, axis=-1), atol=1e-9)
-    inverse = np.linalg.inv(chain.jacobian(q))
-    np.testing.assert_allclose(chain.inverse_jacobian(q), inverse, rtol=1e-9, atol=1e-9)
 
 
 def test_segments_point_along_headings_that_give_the_joints_back_whatever_the_turns(

@@ -47,9 +47,8 @@ def measured_path(t: np.ndarray) -> Measurements:
     bias = 0.05 * np.sin(np.outer(t, [3.0, 5.0, 7.0]))
     root = 0.02 * (np.eye(3) + 0.3 * rng.standard_normal((len(t), 3, 3)))
     noise = np.matvec(root, rng.standard_normal((len(t), 3)))
-    return Measurements(
-        "test01", t, truth + bias + noise, bias, root @ np.swapaxes(root, 1, 2)
-    )
+    covariance = root @ np.swapaxes(root, 1, 2)
+    return Measurements("test01", t, truth + bias + noise, bias, covariance)
 
 
 FRAMES = measured_path(np.arange(18) / 30 + 0.004)
@@ -64,18 +63,19 @@ def kalman(measurements: Measurements) -> tuple[np.ndarray, np.ndarray]:
     mean = np.tile(START.mean, 2)
     covariance = np.tile(START.covariance, (2, 2))
     means, covariances = [], []
+    unbiased = measurements.y - measurements.bias
     for k in range(len(STEPS) + 1):
         if k > 0:
             last = covariance[3:, 3:]
             mean = np.concatenate([mean[3:], mean[3:] + INVERSE @ STEPS[k - 1]])
             covariance = np.block([[last, last], [last, last + NOISE]])
         for frame, share in zip(frames[due == k], shares[due == k], strict=True):
-            looks = np.hstack([(1 - share) * np.eye(3), share * np.eye(3)])
-            spread = looks @ covariance @ looks.T + measurements.covariance[frame]
-            surprise = measurements.y[frame] - measurements.bias[frame] - looks @ mean
-            gain = np.linalg.solve(spread, looks @ covariance).T
-            mean = mean + gain @ surprise
-            covariance = covariance - gain @ looks @ covariance
+            observation = np.hstack([(1 - share) * np.eye(3), share * np.eye(3)])
+            across = observation @ covariance
+            total = across @ observation.T + measurements.covariance[frame]
+            gain = np.linalg.solve(total, across).T
+            mean = mean + gain @ (unbiased[frame] - observation @ mean)
+            covariance = covariance - gain @ across
         means.append(mean[3:])
         covariances.append(covariance[3:, 3:])
     return np.array(means), np.array(covariances)
@@ -88,10 +88,11 @@ def distance(runs: list[Posterior], *exact_moments: np.ndarray) -> np.ndarray:
     deviations = []
     for name, exact in zip(("mean", "covariance"), exact_moments, strict=True):
         values = np.array([getattr(run, name) for run in runs])
-        error = np.asarray(values.std(axis=0, ddof=1) / np.sqrt(len(runs)))
+        error = values.std(axis=0, ddof=1) / np.sqrt(len(runs))
+        difference = values.mean(axis=0) - exact
         varies = error > 1e-15
-        off = np.asarray(values.mean(axis=0) - exact)[varies] / error[varies]
-        deviations.append(np.sqrt(np.mean(off**2)))
+        standardised = difference[varies] / error[varies]
+        deviations.append(np.sqrt(np.mean(standardised**2)))
     return np.array(deviations)
 
 
@@ -205,14 +206,12 @@ def walled_runs() -> list[Posterior]:
     ends = *np.array(WALLS)[:, None], np.ones(1)
     arm = SerialChain(("y",), 1.0, placements, np.zeros(1, dtype=bool), *ends)
     runs = runs_of(model, arm, FAST, AT_WALL, WALL_FRAMES, filter_options(8000))
-    assert all(
-        run.outside[0] > 0 and run.outside[1:].any() and run.left_out == 1
-        for run in runs
-    )
-    return [
-        replace(run, mean=run.mean[:, 0], covariance=run.covariance[:, 0, 0])
-        for run in runs
-    ]
+    scalar_runs = []
+    for run in runs:
+        assert run.outside[0] > 0 and run.outside[1:].any() and run.left_out == 1
+        mean, variance = run.mean[:, 0], run.covariance[:, 0, 0]
+        scalar_runs.append(replace(run, mean=mean, covariance=variance))
+    return scalar_runs
 
 
 def test_a_nonlinear_model_within_joint_limits_has_the_posterior_of_a_direct_integration(
@@ -263,20 +262,16 @@ def test_the_filter_of_a_closed_loop_is_calibrated_and_the_open_loops_wanders(
 
     def filtered(commands: Commands) -> tuple[np.ndarray, np.ndarray]:
         options, arguments = filter_options(400), (model, chain, commands, DT, start)
-        posteriors = [
-            particle_filter(*arguments, take, options, rng) for take in measured
-        ]
-        error = np.stack([posterior.mean for posterior in posteriors]) - takes
-        std = np.sqrt(
-            [
-                np.diagonal(posterior.covariance, axis1=1, axis2=2)
-                for posterior in posteriors
-            ]
-        )
+        means, variances = [], []
+        for take in measured:
+            posterior = particle_filter(*arguments, take, options, rng)
+            means.append(posterior.mean)
+            variances.append(np.diagonal(posterior.covariance, axis1=1, axis2=2))
+        error = np.stack(means) - takes
+        squared = np.mean(error**2, axis=(0, 1))
         of_mean = np.mean((takes - poses) ** 2, axis=(0, 1))
-        return np.sqrt(np.mean(error**2, axis=(0, 1)) / of_mean), np.mean(
-            np.abs(error) <= std
-        )
+        covered = np.mean(np.abs(error) <= np.sqrt(variances))
+        return np.sqrt(squared / of_mean), covered
 
     closed, covered = filtered(path.commands(share))
     assert np.all(closed < rms) and covered == pytest.approx(0.683, abs=coverage)

@@ -105,10 +105,8 @@ def test_shrinkage_is_nearer_to_the_truth_where_takes_are_few_and_vanishes_where
         noise = rng.multivariate_normal(np.zeros(3), true, (3, 4))
         shrunk, intensity = shrunk_covariance(noise)
         assert 0 < intensity <= 1
-        errors += [
-            np.sum((shrunk - true) ** 2),
-            np.sum((mean_covariance(noise) - true) ** 2),
-        ]
+        errors[0] += np.sum((shrunk - true) ** 2)
+        errors[1] += np.sum((mean_covariance(noise) - true) ** 2)
     assert errors[0] < 0.6 * errors[1]
     _, intensity = shrunk_covariance(
         rng.multivariate_normal(np.zeros(3), true, (400, 10))
