@@ -82,7 +82,10 @@ def read_urdf(file: Path) -> Tree:
     """Return the tree in ``file``; raises ConfigError if it is not a URDF file."""
     file = Path(file)
     try:
-        root = ElementTree.fromstring(read_whole(file))
+        content = read_whole(file)
+        if b"<!ENTITY" in content.replace(b"\0", b""):  # zeros of UTF-16
+            raise ValueError(ENTITIES)
+        root = ElementTree.fromstring(content)
         if not _has_macros(root):
             return _tree(file, root)
         message, line = XACRO.format(file.name), None
