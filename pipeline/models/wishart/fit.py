@@ -161,7 +161,7 @@ def diagnose(
         curve = _weight_curve(problem_steps(drawn, decomposition), floor, moments)
         curves.append(curve.assign(source="drawn"))
     used = (ratio, fit.estimates["sigma_b"], "used", "recorded")
-    curves.append(pd.DataFrame([used], columns=curve.columns))
+    curves.append(pd.DataFrame([used], columns=curves[0].columns))
 
     floors = _floor_table(steps, ratio)
     at_ratio = floors.loc[floors["ratio"] == ratio, "sigma_b"]
@@ -420,7 +420,8 @@ def _blurred_steps(
     step = q_next - q - chain.null_step(q, v)
     a, back, _ = factors(chain, q, v, decomposition)
     _ = normal_log_density(step, measurement)  # raises
-    return step, a, back, measurement
+    every = np.ones(len(a), dtype=bool)  # contiguous copies
+    return step[every], a[every], back[every], measurement
 
 
 def _maximum(nodes: ndarray, values: ndarray) -> float:
