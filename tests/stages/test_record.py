@@ -105,7 +105,9 @@ def test_takes_beyond_a_limit_are_left_out_and_named_and_the_others_stay(capsys)
 def test_a_perfect_arm_is_measured_to_the_digits_of_its_files():
     names = {"dynamics": ["length_std", "encoder_offset_std", "jitter_std"]}
     names["mocap"] = ["noise_std", "placement_std"]
-    perfect = {part: dict.fromkeys(own, 0.0) for part, own in names.items()}
+    perfect = {}
+    for section, options in names.items():
+        perfect[section] = dict.fromkeys(options, 0.0)
     choose(dataset={"laboratory": perfect})
     record.run("lwr4_lab")
     # Motive prints micrometres
@@ -140,8 +142,8 @@ def test_what_does_not_fit_the_arm_is_refused_with_one_message(mocap, error, wor
 
 
 def test_recordings_of_a_dataset_that_is_not_analysed_stay_as_they_are(capsys):
-    kept = Path("data/raw/youbot/recordings/kept")
-    kept.parent.mkdir(parents=True)
-    kept.touch()
+    marker = Path("data/raw/youbot/recordings/kept")
+    marker.parent.mkdir(parents=True)
+    marker.touch()
     record.run("youbot")
-    assert kept.exists() and "set dataset: youbot" in capsys.readouterr().out
+    assert marker.exists() and "set dataset: youbot" in capsys.readouterr().out

@@ -25,12 +25,12 @@ STILL = dict.fromkeys(SIZES, 0.0)
 def test_a_condition_without_factors_moves_as_the_recorded_takes_of_its_seed(
     laboratory,
 ):
-    own, stream = laboratory.dynamics, rng.stream(5, "record.session")
-    recorded_session = dynamics.open_session(laboratory.chain, own, stream)
+    options, stream = laboratory.dynamics, rng.stream(5, "record.session")
+    session = dynamics.open_session(laboratory.chain, options, stream)
     poses, seen = perform(laboratory, {}, 5, "test", 2)
     for number in range(2):
         stream = rng.stream(5, "record.test", number)
-        motion = dynamics.perform(recorded_session, laboratory.motion, own, stream)
+        motion = dynamics.perform(session, laboratory.motion, options, stream)
         duration = laboratory.motion.duration
         frames = dynamics.depth_frames(motion.swing, duration, laboratory.clock, stream)
         np.testing.assert_array_equal(poses[number], motion.motion_capture)
@@ -38,20 +38,20 @@ def test_a_condition_without_factors_moves_as_the_recorded_takes_of_its_seed(
 
 
 def test_a_factor_scales_its_disturbances_alone(laboratory):
-    own = laboratory.dynamics
-    changed = replace(own, clearance=10 * own.clearance)
-    assert disturb(own, {"clearance": 10.0}) == changed != own
+    options = laboratory.dynamics
+    changed = replace(options, clearance=10 * options.clearance)
+    assert disturb(options, {"clearance": 10.0}) == changed != options
 
 
 @pytest.mark.parametrize("cause", cause_names())
 def test_the_size_of_a_cause_scales_what_the_cause_sets(cause):
-    own, shared = dynamics_type(cause)(), DynamicsOptions()
+    options, shared = dynamics_type(cause)(), DynamicsOptions()
     twice = dynamics_of_cause(cause, 2.0)
-    assert dynamics_of_cause(cause, 1.0) == own != twice
+    assert dynamics_of_cause(cause, 1.0) == options != twice
     for name in SIZES:
-        factor = 1.0 if getattr(own, name) == getattr(shared, name) else 2.0
-        expected = factor * np.array(getattr(own, name))
-        np.testing.assert_allclose(getattr(twice, name), expected)
+        size = getattr(options, name)
+        factor = 1.0 if size == getattr(shared, name) else 2.0
+        np.testing.assert_allclose(getattr(twice, name), factor * np.array(size))
 
 
 def test_measured_poses_have_the_noise_of_the_motion_capture_times_its_factor(

@@ -151,13 +151,14 @@ def test_a_study_leaves_the_tables_and_page_of_an_earlier_run_where_a_part_of_it
             name: rows.assign(width=1.0) for name, rows in evaluate(*arguments).items()
         }
 
-    for name, part, error in (
-        ("facts", lambda *_: 1 / 0, ZeroDivisionError),
-        ("draw", lambda: 1 / 0, ZeroDivisionError),
-        ("evaluate", undeclared_column, ContractError),
-    ):
+    faults = {
+        "facts": (lambda *_: 1 / 0, ZeroDivisionError),
+        "draw": (lambda: 1 / 0, ZeroDivisionError),
+        "evaluate": (undeclared_column, ContractError),
+    }
+    for name, (function, error) in faults.items():
         with monkeypatch.context() as patch, pytest.raises(error):
-            patch.setattr(study, name, part)
+            patch.setattr(study, name, function)
             run("outlook")
         assert written() == first
 
@@ -170,9 +171,8 @@ def option_kinds(options: dict[str, object]) -> dict[str, type]:
 def test_every_scale_of_a_study_has_the_same_options(name):
     scales = read_yaml(ROOT / f"pipeline/studies/{name}/params.yaml")
     assert {"paper", "smoke"} <= set(scales)
-    assert all(
-        option_kinds(each) == option_kinds(scales["paper"]) for each in scales.values()
-    )
+    for options in scales.values():
+        assert option_kinds(options) == option_kinds(scales["paper"])
 
 
 @pytest.fixture
@@ -183,23 +183,24 @@ def recorded(project):
 
 
 def test_drawn_noise_has_the_covariance_of_its_law_and_of_the_measurement(recorded):
-    parts = {
-        "q": recorded.q[:, ::20],
-        "v": recorded.v[::20],
-        "noise": recorded.noise[:, ::20],
-    }
-    part = replace(recorded, **parts, known_measurement=recorded.measurement)
+    thinned = replace(
+        recorded,
+        q=recorded.q[:, ::20],
+        v=recorded.v[::20],
+        noise=recorded.noise[:, ::20],
+        known_measurement=recorded.measurement,
+    )
+    chain, q, v = thinned.chain, thinned.q, thinned.v
     model = WishartModel(0.25, Decomposition("pivoted_lu"))
     rng = np.random.default_rng(4)
-    noise = np.stack([draw_data(model, part, rng).noise for _ in range(1500)])
-    expected = model.covariance(part.chain, part.q, part.v) + part.measurement
+    noise = np.stack([draw_data(model, thinned, rng).noise for _ in range(1500)])
+    expected = model.covariance(chain, q, v) + thinned.measurement
     rms = np.sqrt(np.diagonal(expected.mean(axis=(0, 1))))
-    np.testing.assert_allclose(
-        np.sqrt(noise.var(axis=0).mean(axis=(0, 1))), rms, rtol=0.03
-    )
+    drawn = np.sqrt(noise.var(axis=0).mean(axis=(0, 1)))
+    np.testing.assert_allclose(drawn, rms, rtol=0.03)
     # the nominal step is the project's: measured minus nominal has the bias of E[B⁻¹]
-    nominal = part.chain.nominal_step(part.q, part.v)
-    bias = noise.mean(axis=0) - nominal / 15  # d/(d − n − 1) − 1 at σ_B = .25
+    due = chain.nominal_step(q, v) / 15  # d/(d − n − 1) − 1 at σ_B = .25
+    bias = noise.mean(axis=0) - due
     assert np.abs(bias).max() < 5 * np.sqrt(np.max(expected) / 1500)
 
 
@@ -207,9 +208,9 @@ def test_a_row_has_bias_error_and_coverage_of_the_estimates():
     rng = np.random.default_rng(2)
     estimates = 0.26 + 0.02 * rng.standard_normal(4000)
     again = estimates + 0.02 * rng.standard_normal(4000)
-    pairs = [
-        ({"a": one}, {"a": other}) for one, other in zip(estimates, again, strict=True)
-    ]
+    pairs = []
+    for first, second in zip(estimates, again, strict=True):
+        pairs.append(({"a": first}, {"a": second}))
     row = recovery_row("a", 0.25, [None, *pairs, ({"b": 0.2}, {"b": 0.2})])
     assert row["lost"] == 2 and row["datasets"] == 4000
     assert row["mean"] == pytest.approx(0.26, abs=0.001) and row["mean_low"] > 0.25
