@@ -43,14 +43,12 @@ class Choices:
     filter: Filter | None  # None if the posteriors are read
     mode: str  # mode of the realisations: one_step or free_running
     clock: str = "aligned"  # key of the camera in Recordings.cameras
-    measurement: float = (
-        1.0  # factor on the measurement noise that scores add to every step, or 0
-    )
+    # factor on the measurement noise that scores add to every step, or 0
+    measurement: float = 1.0
     batch: int = 0  # number of the batch of test takes for the filter
     draw: int = 0  # number of the random stream
-    closed: bool = (
-        False  # whether the paper's models are also filtered in a closed loop
-    )
+    # whether the paper's models are also filtered in a closed loop
+    closed: bool = False
 
     @classmethod
     def of_run(cls, settings: SimpleNamespace) -> "Choices":
@@ -136,9 +134,8 @@ class Recordings:
     filtered: int  # number of takes in a batch of the filter
     realizations: int
     seed: int
-    described: bool = (
-        True  # whether cases have the evidence on the recordings themselves
-    )
+    # whether cases have the evidence on the recordings themselves
+    described: bool = True
 
     def generator(self, name: str, *trial: int, draw: int = 0) -> np.random.Generator:
         """Return :func:`pipeline.core.rng.drawn_stream` of these recordings' seed."""
@@ -158,10 +155,10 @@ def recorded_takes(robot: Robot, motion: Motion) -> Takes:
     """Return the training and test takes of ``motion`` from the tables of the stage track."""
     joints = contracts.read("joints", Path("data/track"))
     names, poses = contracts.stacked(joints[joints.part == "training"], "q")
-    test = {
-        take: np.array(rows[columns("q", robot.joints)], order="C")
-        for take, rows in joints[joints.part == "test"].groupby("take")
-    }
+    angles = columns("q", robot.joints)
+    test = {}
+    for take, rows in joints[joints.part == "test"].groupby("take"):
+        test[take] = np.array(rows[angles], order="C")
     return Takes(training_steps(robot, motion), tuple(names), poses, test)
 
 
@@ -180,8 +177,8 @@ def readings(
     wishart = base.models.get(WISHART)
     if wishart is None:
         return {}
-    own = decomposition_of(wishart.decomposition, task, joints).name
-    cases = {NAMES.get(own, own): base}
+    of_run = decomposition_of(wishart.decomposition, task, joints).name
+    cases = {NAMES.get(of_run, of_run): base}
     for name in COMPUTED:
         cases.setdefault(NAMES[name], base.with_wishart(decomposition=name))
     return cases

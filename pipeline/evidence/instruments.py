@@ -11,6 +11,7 @@ import pandas as pd
 from pipeline.core.columns import matrices, members, values
 from pipeline.evidence.table import (
     RECORDED,
+    Row,
     difference_row,
     evidence_row,
     evidence_table,
@@ -26,6 +27,12 @@ from pipeline.statistics.takes import (
 )
 
 ENTRIES = ("11", "22")  # of Σ_S that are published
+MEAN_ERROR = "mean_error_of_variances"
+# quantity, and the columns of the table ``sigma_s`` with its value and standard error
+SIGMA_S = (
+    ("sigma_s", "expectation", "expectation_error"),
+    ("mean_of_sigma_s", "mean", "expected_standard_error"),
+)
 COMPONENTS = ("fx", "fy")
 
 
@@ -62,9 +69,10 @@ def camera_evidence(
         rows.append(evidence_row("camera_bias_change_p_value", change, joint=joint))
         spread = jackknife_difference(variations)
         rows.append(difference_row("camera_std_variation", spread, joint=joint))
-    for own in () if slopes is None else slopes.itertuples():
-        error = {"standard_error": own.standard_error, "joint": own.joint}
-        rows.append(evidence_row("depth_error_slope", own.slope, **error))
+    if slopes is not None:
+        for fit in slopes.itertuples():
+            error = {"standard_error": fit.standard_error, "joint": fit.joint}
+            rows.append(evidence_row("depth_error_slope", fit.slope, **error))
     return evidence_table(rows)
 
 
@@ -86,53 +94,53 @@ def wrench_evidence(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     = 0. The standard error of a mean error is its deviation over the repeats, of a mean force the
     one of the independent samples of its record.
     """
-    rows, spreads = [], tables["wrench_spread"].groupby("agents")
-    medians, means = spreads["maximum"].median(), spreads["mean"].std()
-    without = spreads["mean_without_matrix"].agg(["first", "std"])
-    for own in wrench_summary(
-        tables["wrench_errors"], tables["wrench_spread"]
-    ).itertuples():
-        keys, ends = {"configuration": own.agents}, (own.max_low, own.max_high)
-        rows += [
-            evidence_row(
-                "mean_error_of_variances",
-                own.mean,
-                standard_error=means[own.agents],
-                **keys,
-            ),
-            evidence_row(
-                "mean_error_of_variances",
-                without.loc[own.agents, "first"],
-                estimator="none",
-                standard_error=without.loc[own.agents, "std"],
-                **keys,
-            ),
-            evidence_row("greatest_error_of_variances", own.max, *ends, **keys),
-            evidence_row("median_of_greatest_errors", medians[own.agents], **keys),
-        ]
-    for own in _records(tables, "sigma_s"):
-        published = own["system_class"] != "study" and own["form"] == "diagonal"
-        if published and own["entry"] in ENTRIES:
-            place = {"configuration": own["system_class"], "entry": own["entry"]}
-            for name, value, error in (
-                ("sigma_s", "expectation", "expectation_error"),
-                ("mean_of_sigma_s", "mean", "expected_standard_error"),
-            ):
-                keys = place | {"estimator": own["form"], "standard_error": own[error]}
-                rows.append(evidence_row(name, own[value], **keys))
+    rows = _study_rows(tables["wrench_errors"], tables["wrench_spread"])
+    for entry in _records(tables, "sigma_s"):
+        if entry["system_class"] == "study" or entry["form"] != "diagonal":
+            continue
+        if entry["entry"] not in ENTRIES:
+            continue
+        keys = {"configuration": entry["system_class"], "entry": entry["entry"]}
+        keys["estimator"] = entry["form"]
+        for quantity, value, error in SIGMA_S:
+            of_value = {"value": entry[value], "standard_error": entry[error]}
+            rows.append(evidence_row(quantity, **of_value, **keys))
+
     tests = _records(tables, "force_test")
-    independent = {own["configuration"]: own["effective_samples"] for own in tests}
+    independent = {test["configuration"]: test["effective_samples"] for test in tests}
     rows += _force_rows(_records(tables, "force_moments"), independent)
-    for own in tests:
-        keys = {"configuration": own["configuration"], "estimator": own["form"]}
-        rows.append(
-            evidence_row("two_sample_p_value", own["two_sample_p_value"], **keys)
-        )
-        share = own["matrix_share_fx"]
+    for test in tests:
+        keys = {"configuration": test["configuration"], "estimator": test["form"]}
+        p_value = test["two_sample_p_value"]
+        rows.append(evidence_row("two_sample_p_value", p_value, **keys))
+        share = test["matrix_share_fx"]
         rows.append(
             evidence_row("share_of_sigma_s_in_the_variance", share, entry="fx", **keys)
         )
     return evidence_table(rows)
+
+
+def _study_rows(errors: pd.DataFrame, spread: pd.DataFrame) -> list[Row]:
+    """Return the evidence of the numerical study by number of cables."""
+    repeats = spread.groupby("agents")
+    medians = repeats["maximum"].median()
+    mean_errors = repeats["mean"].std()
+    without = repeats["mean_without_matrix"].agg(["first", "std"])
+    rows = []
+    for study in wrench_summary(errors, spread).itertuples():
+        cables = study.agents
+        keys = {"configuration": cables}
+        error = {"standard_error": mean_errors[cables]}
+        rows.append(evidence_row(MEAN_ERROR, study.mean, **error, **keys))
+        value, error = without.loc[cables]
+        control = {"value": value, "standard_error": error, "estimator": "none"}
+        rows.append(evidence_row(MEAN_ERROR, **control, **keys))
+        ends = study.max_low, study.max_high
+        rows.append(
+            evidence_row("greatest_error_of_variances", study.max, *ends, **keys)
+        )
+        rows.append(evidence_row("median_of_greatest_errors", medians[cables], **keys))
+    return rows
 
 
 def _records(tables: Mapping[str, pd.DataFrame], name: str) -> list[dict]:
@@ -141,7 +149,7 @@ def _records(tables: Mapping[str, pd.DataFrame], name: str) -> list[dict]:
 
 def _force_rows(
     moments: Sequence[Mapping[str, float | str]], independent: Mapping[str, float]
-) -> list[dict[str, object]]:
+) -> list[Row]:
     """Return the measured mean forces and variances, the modelled minus the measured ones, and the
     p-values of equal covariances of two configurations, from the table ``force_moments`` and the
     numbers of ``independent`` samples by configuration.

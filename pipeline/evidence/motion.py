@@ -61,9 +61,8 @@ class Outcome:
 
     model: MotionModel | None = None
     closed: ClosedLoopFit | None = None  # the model in a closed loop
-    estimates: Mapping[str, float] = field(
-        default_factory=dict
-    )  # by the names of fit.json
+    # by the names of fit.json
+    estimates: Mapping[str, float] = field(default_factory=dict)
     mean: np.ndarray | None = None  # (M+1, n) rad, of the realisations
     deviation: np.ndarray | None = None  # (M+1, n) rad
     # (takes,) nats, of all steps and of the moving steps

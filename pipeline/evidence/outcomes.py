@@ -76,8 +76,12 @@ def evaluate(
         return dict(zip(trials, results, strict=True))
 
     # options are not hashable; equal options have equal representations
-    parts = [case.model_case(name) for case in cases for name in case.models]
-    outcomes = map_trials(outcome, {repr(part): part for part in parts})
+    fits = {}
+    for case in cases:
+        for name in case.models:
+            of_model = case.model_case(name)
+            fits[repr(of_model)] = of_model
+    outcomes = map_trials(outcome, fits)
     trials_of_cases = [_filter_trials(case, recordings, outcomes) for case in cases]
     trials = {}
     for by_filter in trials_of_cases:
@@ -112,13 +116,13 @@ def _filter_trials(
             continue
         result = outcomes[repr(case.model_case(name))]
         for closed, loop in _loops(result, recordings).items():
-            part = repr(case.filter_case(name, closed))
-            trials[names.closed(name) if closed else name] = {
-                f"{measured.take} {part}": FilterTrial(
+            choices = repr(case.filter_case(name, closed))
+            of_filter = {}
+            for number, measured in batch:
+                of_filter[f"{measured.take} {choices}"] = FilterTrial(
                     name, loop, closed, measured, number, start, case.filter, case.draw
                 )
-                for number, measured in batch
-            }
+            trials[names.closed(name) if closed else name] = of_filter
     return trials
 
 
@@ -211,17 +215,24 @@ def _papers_estimate(
 
 def _log_scores(case: Choices, fit: Estimate, takes: Takes) -> dict[str, np.ndarray]:
     """Mean log density (takes,) of test takes, else of training takes under fits to the others."""
-    training, count, folds = takes.training, len(takes.poses), []
+    training = takes.training
+    densities = []
     if takes.test:
-        folds.append((fit.model, training, np.stack(list(takes.test.values()))))
-    for i in range(0 if takes.test else count):
-        others = training.subset(np.delete(np.arange(count), i))
-        folds.append(
-            (kinds.estimate(others, case.options).model, others, takes.poses[[i]])
-        )
-    density = np.concatenate([_log_density(*fold, case.measurement) for fold in folds])
-    scores = {"moving": density[:, np.any(training.v, axis=1)].mean(axis=1)}
-    return scores if case.measurement == 0 else scores | {"all": density.mean(axis=1)}
+        poses = np.stack(list(takes.test.values()))
+        densities.append(_log_density(fit.model, training, poses, case.measurement))
+    else:
+        numbers = np.arange(len(takes.poses))
+        for i in numbers:
+            rest = training.subset(np.delete(numbers, i))
+            model = kinds.estimate(rest, case.options).model
+            poses = takes.poses[[i]]
+            densities.append(_log_density(model, rest, poses, case.measurement))
+    density = np.concatenate(densities)
+    moving = np.any(training.v, axis=1)
+    scores = {"moving": density[:, moving].mean(axis=1)}
+    if case.measurement != 0:
+        scores["all"] = density.mean(axis=1)
+    return scores
 
 
 def _log_density(
@@ -356,11 +367,13 @@ def speed_filter(
     """Return the exact posterior of the speed law as :func:`linear_filter`: its steps are the
     commanded ones, and their independent noise does not depend on the pose.
     """
-    training, start = takes.training, Start.of_takes(takes.training)
+    training = takes.training
+    start = Start.of_takes(training)
     steps = training.chain.nominal_step(training.q, training.v).mean(axis=0)
-    path = start.mean + np.vstack([np.zeros_like(start.mean), np.cumsum(steps, axis=0)])
-    variances = takes.speed_law.variances(steps)
-    return linear_filter(path, white_steps(start.covariance, variances), measured, dt)
+    displacements = np.vstack([np.zeros_like(start.mean), np.cumsum(steps, axis=0)])
+    path = start.mean + displacements
+    law = white_steps(start.covariance, takes.speed_law.variances(steps))
+    return linear_filter(path, law, measured, dt)
 
 
 def pose_covariances(training: Recorded, poses: np.ndarray) -> np.ndarray:

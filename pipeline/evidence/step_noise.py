@@ -25,17 +25,22 @@ def step_noise(runs: Sequence[JointRun]) -> pd.DataFrame:
     steps, speeds = np.concatenate(noise), np.concatenate(pace)
     before = np.concatenate([changes[:-1] for changes in noise])
     after = np.concatenate([changes[1:] for changes in noise])
+    joints = runs[0].joints
     moving = np.flatnonzero(speeds.any(axis=0))
     rows = []
     for place, j in enumerate(moving):
-        joint, fast = runs[0].joints[j], speeds[:, j] > np.median(speeds[:, j])
-        pairs = {"slow": (steps[~fast, j],) * 2, "fast": (steps[fast, j],) * 2}
-        pairs["successive"] = before[:, j], after[:, j]
+        fast = speeds[:, j] > np.median(speeds[:, j])
+        slow_steps, fast_steps = steps[~fast, j], steps[fast, j]
+        pairs = {
+            "slow": (slow_steps, slow_steps),
+            "fast": (fast_steps, fast_steps),
+            "successive": (before[:, j], after[:, j]),
+        }
         for group, pair in pairs.items():
-            rows.append((joint, joint, group, *_covariance(*pair)))
+            rows.append((joints[j], joints[j], group, *_covariance(*pair)))
         for k in moving[place:]:
-            other = runs[0].joints[k]
-            rows.append((joint, other, "all", *_covariance(steps[:, j], steps[:, k])))
+            shared = _covariance(steps[:, j], steps[:, k])
+            rows.append((joints[j], joints[k], "all", *shared))
     columns = ["joint", "other", "steps", "covariance", "correlation"]
     return pd.DataFrame(rows, columns=columns)
 
