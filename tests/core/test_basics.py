@@ -20,7 +20,7 @@ import pytest
 from omegaconf import OmegaConf
 from project_copy import ROOT
 
-from pipeline.core import environment, errors
+from pipeline.core import environment
 from pipeline.core.bounds import Reading, Sandbox, bounds, within
 from pipeline.core.compute.cluster import fingerprint
 from pipeline.core.environment import BOUNDS
@@ -32,15 +32,13 @@ from pipeline.tools.audit.command import agree
 
 @pytest.mark.parametrize("kind", [PipelineError, *PipelineError.__subclasses__()])
 def test_an_error_keeps_its_evidence_in_the_message_and_across_processes(kind):
-    error = pickle.loads(
-        pickle.dumps(kind("the column is torn", file="a.csv", line=7, take=None))
-    )
-    assert type(error) is kind and issubclass(kind, errors.PipelineError)
+    evidence = {"file": "a.csv", "line": 7}
+    raised = kind("the column is torn", **evidence, take=None)
+    error = pickle.loads(pickle.dumps(raised))
+    assert type(error) is kind
     assert str(error) == "the column is torn [file a.csv, line 7]"
-    assert (error.message, error.evidence) == (
-        "the column is torn",
-        {"file": "a.csv", "line": 7},
-    )
+    assert error.message == "the column is torn"
+    assert error.evidence == evidence
     assert str(kind("no evidence")) == "no evidence"
 
 
@@ -61,20 +59,13 @@ def test_equal_arguments_give_equal_streams_in_every_process():
     # strings hash differently in every process; the streams must not
     code = "from pipeline.core.rng import stream; print(stream(7, 'filter', 3).random(5).tolist())"
     first = stream(7, "filter", 3).random(5).tolist()
-    assert (
-        json.loads(elsewhere(code))
-        == first
-        == stream(7, "filter", 3).random(5).tolist()
-    )
-    # those that differ in seed, stage or trial are others
-    keys = [
-        (7, "filter"),
-        (8, "filter"),
-        (7, "record"),
-        (7, "filter", 0),
-        (7, "filter", 1),
-    ]
-    keys += [(7, "filter", 0, 1), (7, "filter", 1, 0)]
+    assert stream(7, "filter", 3).random(5).tolist() == first
+    assert json.loads(elsewhere(code)) == first
+
+
+def test_streams_of_another_seed_stage_or_trial_are_others():
+    keys = [(7, "filter"), (8, "filter"), (7, "record"), (7, "filter", 0)]
+    keys += [(7, "filter", 1), (7, "filter", 0, 1), (7, "filter", 1, 0)]
     assert len({stream(*key).random() for key in keys}) == len(keys)
 
 
@@ -85,8 +76,10 @@ def test_values_of_yaml_are_those_that_omegaconf_reads(tmp_path):
         "g: 12:30}\n",
         encoding="utf-8",
     )
-    assert read_yaml(file) == OmegaConf.to_container(OmegaConf.load(file))
-    assert read_yaml(file)["a"] == 0.001 and read_yaml(file)["d"]["f"] == "${a}"
+    values = read_yaml(file)
+    assert values == OmegaConf.to_container(OmegaConf.load(file))
+    assert values["a"] == 0.001
+    assert values["d"]["f"] == "${a}"
     file.write_text("# nothing yet\n")
     assert read_yaml(file) == {}
 

@@ -29,28 +29,25 @@ JOINTS, ROWS = ("base", "tip"), 4  # of the families' columns here; of every tab
 @cache
 def declaration(place: str, name: str) -> dict[str, Column]:
     """The columns of one table, its families those of JOINTS."""
-    written = read_declarations(FILES[place])[name]
+    declared = read_declarations(FILES[place])[name]
+    names_of = {
+        "": lambda family, _: [family],
+        "*": columns.columns,
+        "*:*": columns.pairs,
+    }
     present = []
-    for column in written:
+    for column in declared:
         family, _, places = column.partition(":")
-        naming = {
-            "": lambda family, _: [family],
-            "*": columns.columns,
-            "*:*": columns.pairs,
-        }
-        present += naming[places](family, JOINTS)
-    return expand_families(written, present)
+        present += names_of[places](family, JOINTS)
+    return expand_families(declared, present)
 
 
 def some(column: Column) -> list:
     """ROWS values that fit the column."""
     match column.kind:
         case "real" | "log":
-            low, high = (
-                max(column.low, -1.0),
-                min(column.high, max(column.low, -1.0) + 4.0),
-            )
-            return np.linspace(low, high, ROWS).tolist()
+            low = max(column.low, -1.0)
+            return np.linspace(low, min(column.high, low + 4.0), ROWS).tolist()
         case "count":
             return list(range(int(column.low), int(column.low) + ROWS))
         case "flag":
@@ -59,34 +56,31 @@ def some(column: Column) -> list:
 
 
 def table(name: str, place: str = "pipeline") -> pd.DataFrame:
-    return pd.DataFrame(
-        {key: some(column) for key, column in declaration(place, name).items()}
-    )
+    columns_of = declaration(place, name).items()
+    return pd.DataFrame({key: some(column) for key, column in columns_of})
 
 
 @pytest.mark.parametrize(("place", "name"), DECLARED)
 def test_a_table_that_fits_is_read_as_it_was_written_and_no_column_more_or_less(
     place, name, tmp_path
 ):
-    good, kinds = table(name, place), declaration(place, name)
-    for column in (column for column, kind in kinds.items() if kind.gaps):
-        lost = -np.inf if kinds[column].kind == "log" else np.nan
-        good[column] = [1.0, np.nan, lost, 1.0]
-    contracts.write(good, name, tmp_path, FILES[place])
-    pd.testing.assert_frame_equal(contracts.read(name, tmp_path, FILES[place]), good)
-    optional = [column for column, kind in kinds.items() if kind.optional]
-    contracts.write(good.drop(columns=optional), name, tmp_path, FILES[place])
-    required = [
-        n
-        for n, kind in read_declarations(FILES[place])[name].items()
-        if not kind.optional
-    ]
-    for column in (required[0], required[-1]):  # of a family, all of it
-        gone = [name for name in good if name.split(":")[0] == column.split(":")[0]]
-        with pytest.raises(ContractError, match="is missing"):
-            contracts.write(good.drop(columns=gone), name, tmp_path, FILES[place])
+    good, file = table(name, place), FILES[place]
+    for column, kind in declaration(place, name).items():
+        if kind.gaps:
+            lost = -np.inf if kind.kind == "log" else np.nan
+            good[column] = [1.0, np.nan, lost, 1.0]
+    contracts.write(good, name, tmp_path, file)
+    pd.testing.assert_frame_equal(contracts.read(name, tmp_path, file), good)
     with pytest.raises(ContractError, match=r"is not declared.*surplus"):
-        contracts.write(good.assign(surplus=1.0), name, tmp_path, FILES[place])
+        contracts.write(good.assign(surplus=1.0), name, tmp_path, file)
+    for column, kind in read_declarations(file)[name].items():
+        family = column.split(":")[0]
+        rest = good[[label for label in good if label.split(":")[0] != family]]
+        if kind.optional:
+            contracts.write(rest, name, tmp_path, file)
+            continue
+        with pytest.raises(ContractError, match="is missing"):
+            contracts.write(rest, name, tmp_path, file)
 
 
 @pytest.mark.parametrize(
@@ -103,23 +97,17 @@ def test_a_table_that_fits_is_read_as_it_was_written_and_no_column_more_or_less(
 )
 def test_a_column_refuses_values_that_do_not_fit(text, bad, tmp_path, monkeypatch):
     column = Column.parse(text)
-    monkeypatch.setattr(
-        contracts, "read_declarations", lambda _: {"one": {"it": column}}
-    )
+    declarations = {"one": {"it": column}}
+    monkeypatch.setattr(contracts, "read_declarations", lambda _: declarations)
     contracts.write(pd.DataFrame({"it": some(column)}), "one", tmp_path)
+    file = tmp_path / "one.parquet"
+    file.unlink()
     for value in bad:
-        file = tmp_path / "one.parquet"
-        file.unlink(missing_ok=True)
-        with pytest.raises(
-            ContractError, match="table 'one' breaks its contract"
-        ) as refused:
-            contracts.write(
-                pd.DataFrame({"it": [*some(column)[:-1], value]}), "one", tmp_path
-            )
-        assert (
-            refused.value.evidence == {"file": file, "column": "it"}
-            and not file.exists()
-        )
+        rows = pd.DataFrame({"it": [*some(column)[:-1], value]})
+        with pytest.raises(ContractError, match="'one' breaks its contract") as refused:
+            contracts.write(rows, "one", tmp_path)
+        assert refused.value.evidence == {"file": file, "column": "it"}
+        assert not file.exists()
 
 
 @pytest.mark.parametrize(
@@ -136,9 +124,10 @@ def test_a_column_refuses_values_that_do_not_fit(text, bad, tmp_path, monkeypatc
 def test_a_table_that_another_program_wrote_is_checked_on_reading(
     column, value, tmp_path
 ):
-    good = table("joints")
-    values = [*good.get(column, [1.0] * ROWS)][:-1]
-    good.assign(**{column: [*values, value]}).to_parquet(tmp_path / "joints.parquet")
+    rows = table("joints")
+    sound = list(rows.get(column, [1.0] * ROWS))
+    rows[column] = [*sound[:-1], value]
+    rows.to_parquet(tmp_path / "joints.parquet")
     with pytest.raises(ContractError, match="breaks its contract") as refused:
         contracts.read("joints", tmp_path)
     assert refused.value.evidence["column"] == column
@@ -147,26 +136,19 @@ def test_a_table_that_another_program_wrote_is_checked_on_reading(
 def test_the_same_table_gives_the_same_bytes_whatever_its_index_and_the_order_of_its_columns(
     tmp_path,
 ):
-    # but the joints of a family stay in the order that they are given in
-    reordered = table("joints")[
-        ["residual", "q:base", "q:tip", "t", "k", "part", "take"]
-    ]
-    written = {
-        "first": table("joints"),
-        "second": reordered.set_index(np.array([5, 3, 9, 1])).astype({"k": "uint8"}),
-        # control: a single digit shows
-        "third": table("joints").assign(
-            **{"q:base": np.nextafter(table("joints")["q:base"], 9)}
-        ),
-    }
-    for folder, rows in written.items():
-        (tmp_path / folder).mkdir()
-        contracts.write(rows, "joints", tmp_path / folder)
-    first, second, third = (
-        file.read_bytes() for file in sorted(tmp_path.glob("*/*.parquet"))
-    )
-    assert first == second != third
-    assert str(written["second"]["k"].dtype) == "uint8"  # the table given is left alone
+    rows = table("joints")
+    # the joints of a family stay in the order that they are given in
+    reordered = rows[["residual", "q:base", "q:tip", "t", "k", "part", "take"]]
+    reordered = reordered.set_index(np.array([5, 3, 9, 1])).astype({"k": "uint8"})
+    # control: a single digit shows
+    nearly = rows.assign(**{"q:base": np.nextafter(rows["q:base"], 9)})
+
+    def content(written: pd.DataFrame) -> bytes:
+        contracts.write(written, "joints", tmp_path)
+        return (tmp_path / "joints.parquet").read_bytes()
+
+    assert content(rows) == content(reordered) != content(nearly)
+    assert str(reordered["k"].dtype) == "uint8"  # the table given is left alone
 
 
 def test_a_table_that_is_absent_or_cut_off_is_refused_with_its_file(tmp_path):
@@ -186,66 +168,60 @@ def test_a_table_that_is_absent_or_cut_off_is_refused_with_its_file(tmp_path):
 
 
 def takes(*lengths: int) -> pd.DataFrame:
-    names = [
-        name
-        for name, length in zip("bac", lengths, strict=False)
-        for _ in range(length)
-    ]
+    names = np.repeat(list("bac")[: len(lengths)], lengths)
     rows = np.arange(len(names))
     return pd.DataFrame({"take": names, "q:base": rows, "q:tip": -rows, "w:base": rows})
 
 
-def test_takes_are_stacked_in_the_order_of_the_table_where_all_have_the_same_rows():
+def test_takes_are_stacked_in_the_order_of_the_table():
     names, values = contracts.stacked(takes(3, 3), ["q:tip", "q:base"])
     assert names == ["b", "a"]
     assert values.tolist() == [[[0, 0], [-1, 1], [-2, 2]], [[-3, 3], [-4, 4], [-5, 5]]]
     # a family is stacked in the order of its columns
-    np.testing.assert_array_equal(
-        contracts.stacked(takes(3, 3), "q")[1], values[..., ::-1]
-    )
+    _, family = contracts.stacked(takes(3, 3), "q")
+    np.testing.assert_array_equal(family, values[..., ::-1])
+
+
+def test_takes_with_unequal_or_interleaved_rows_are_not_stacked():
     interleaved = takes(3, 3).sort_values("q:base", key=lambda q: q % 3)
-    for wrong in (takes(3, 2), takes(2, 3, 1), takes(), interleaved):
+    for rows in (takes(3, 2), takes(2, 3, 1), takes(), interleaved):
         with pytest.raises(ContractError, match="consecutive rows"):
-            contracts.stacked(wrong, "q")
+            contracts.stacked(rows, "q")
 
 
 def test_values_and_symmetric_matrices_are_spread_over_columns_and_read_back():
     # a colon in a joint's name, as namespaces have it, does not hide its columns
-    names, array = ("arm:base", "5%3A%2", "tip%25:%"), np.arange(24.0).reshape(2, 4, 3)
+    names = ("arm:base", "5%3A%2", "tip%25:%")
+    array = np.arange(24.0).reshape(2, 4, 3)
     spread = pd.DataFrame(columns.spread("q", names, array))
-    assert columns.members(spread, "q") == names and "q:arm%3Abase" in spread
+    assert columns.members(spread, "q") == names
+    assert "q:arm%3Abase" in spread
     np.testing.assert_array_equal(columns.values(spread, "q"), array.reshape(-1, 3))
     half = np.random.default_rng(3).random((5, 3, 3))
     full = half + half.swapaxes(1, 2)
-    triangles = pd.DataFrame(columns.triangle("c", ("a", "b", "c"), full))
+    triangles = pd.DataFrame(columns.triangle("c", "abc", full))
     assert list(triangles)[:4] == ["c:a:a", "c:a:b", "c:a:c", "c:b:b"]
-    np.testing.assert_array_equal(
-        columns.matrices(triangles, "c", ("a", "b", "c")), full
-    )
-    with pytest.raises(
-        KeyError
-    ):  # control: another order of the joints has other pairs
-        columns.matrices(triangles, "c", ("c", "b", "a"))
+    np.testing.assert_array_equal(columns.matrices(triangles, "c", "abc"), full)
+    # control: another order of the joints has other pairs
+    with pytest.raises(KeyError):
+        columns.matrices(triangles, "c", "cba")
+
+
+def test_members_of_a_family_are_found_beside_other_columns():
     mixed = pd.DataFrame(columns=["k", "q:tip", "q:base", "c:tip:tip", "qq:tip", 7])
-    assert (
-        columns.members(mixed, "q") == ("tip", "base")
-        and columns.members(mixed, "c") == ()
-    )
+    assert columns.members(mixed, "q") == ("tip", "base")
+    assert columns.members(mixed, "c") == ()
 
 
 def test_metrics_keep_every_digit_and_those_not_finite_leave_the_old_file(tmp_path):
     file = tmp_path / "new" / "metrics.json"
-    written = {
-        "share": np.float64(0.1) + np.float64(0.2),
-        "count": np.int64(3),
-        "end": np.bool_(1),
-    }
-    contracts.write_metrics(written, file)
+    share = np.float64(0.1) + np.float64(0.2)
+    metrics = {"share": share, "count": np.int64(3), "end": np.bool_(1)}
+    contracts.write_metrics(metrics, file)
     for broken in (np.nan, np.inf, -np.inf):
+        worse = {"good": 2.0, "worse": broken, "worst": broken}
         with pytest.raises(ContractError, match="worse, worst not finite"):
-            contracts.write_metrics(
-                {"good": 2.0, "worse": broken, "worst": broken}, file
-            )
+            contracts.write_metrics(worse, file)
     assert json.loads(file.read_text()) == {"share": 0.1 + 0.2, "count": 3, "end": True}
     assert [path.name for path in file.parent.iterdir()] == ["metrics.json"]
 
@@ -271,16 +247,18 @@ def test_a_full_disk_names_the_file_that_cannot_be_written(
     with pytest.raises(OSError, match="No space left") as refused:
         write(tmp_path / "kept.json")
     assert Path(refused.value.filename).name.startswith("kept.")
-    for error in (
-        OSError(errno.ENOSPC, "full"),
-        OSError("99 requested and 4 written"),
-    ):  # NumPy's
-        with pytest.raises(OSError) as refused, contracts.replacing(tmp_path / "track"):
-            raise error
-        assert (refused.value.errno, refused.value.filename) == (
-            errno.ENOSPC,
-            f"{tmp_path}/track",
-        )
+
+
+@pytest.mark.parametrize(
+    "error",
+    [OSError(errno.ENOSPC, "full"), OSError("99 requested and 4 written")],
+    ids=["of the system", "of NumPy"],
+)
+def test_a_full_disk_names_the_folder_that_cannot_be_written(error, tmp_path):
+    with pytest.raises(OSError) as refused, contracts.replacing(tmp_path / "track"):
+        raise error
+    assert refused.value.errno == errno.ENOSPC
+    assert refused.value.filename == f"{tmp_path}/track"
 
 
 def test_a_folder_is_replaced_whole_or_stays_as_it_was(tmp_path):
