@@ -3,10 +3,12 @@ read as it was written; verdicts follow from claims, numbers and the kind of rec
 """
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+import yaml
 
 from pipeline.core.columns import PLANE
 from pipeline.core.errors import ConfigError, ContractError
@@ -28,10 +30,8 @@ def test_a_row_of_evidence_is_found_by_all_of_its_keys_and_no_two_rows_have_the_
         )
     )
     evidence = index(evidence_table([*rows, evidence_row("u", np.inf)]))
-    template, names = (
-        Reference("std", model="{model}", joint="{joint 2}"),
-        {"model": "wishart"},
-    )
+    template = Reference("std", model="{model}", joint="{joint 2}")
+    names = {"model": "wishart"}
     assert template.look_up(evidence, names | ARM.numbered) == 2.0
     difference = Reference(
         "std", model="wishart", rival="additive", entry="12", column="low"
@@ -50,12 +50,12 @@ def metric(key: str) -> dict[str, str]:
 
 def evidence_of(numbers: dict[str, float | None]) -> pd.DataFrame:
     """The table of the ``numbers`` of :func:`metric`; low and high are ends of the difference."""
-    known = {name: value for name, value in numbers.items() if value is not None}
-    ends = [known.pop(name, np.nan) for name in ("low", "high")]
-    rows = [evidence_row("std", value, model=name) for name, value in known.items()]
-    return evidence_table(
-        [*rows, evidence_row("std", -0.1, *ends, model="wishart", rival="a")]
-    )
+    ends = [numbers.get(name, np.nan) for name in ("low", "high")]
+    rows = [evidence_row("std", -0.1, *ends, model="wishart", rival="a")]
+    for name, value in numbers.items():
+        if value is not None and name not in ("low", "high"):
+            rows.append(evidence_row("std", value, model=name))
+    return evidence_table(rows)
 
 
 MODELS = ("additive", "wishart")
@@ -68,49 +68,17 @@ CLAIM = {key: key for key in ("where", "statement", "quantity", "reason")} | {
     "value": metric("{model}_error"),
 }
 EVERY = CLAIM | {"each": {"joint": "every"}, "value": metric("{joint}_error")}
-ORDER = {
-    "rule": "less",
-    "limit": None,
-    **dict.fromkeys(("than", "difference"), metric("e")),
-}
-RELATIVE = {"rule": "within_relative", "limit": None}
+FILE = Path(__file__).with_name("claim_cases.yaml")
+CASES = yaml.safe_load(FILE.read_text(encoding="utf-8"))
 
 
-@pytest.mark.parametrize(
-    ("changes", "key"),
-    [
-        ({"rule": "near"}, "rule"),
-        ({"limit": "0.02"}, "limit"),
-        ({"limit": None}, "limit"),
-        ({"published": 0.02}, "limit"),
-        (ORDER | {"difference": None}, "difference"),
-        (ORDER | {"margin": 0.1}, "difference"),  # of other rows than value and than
-        (ORDER | {"power": metric("p")}, "power"),
-        ({"than": metric("e")}, "than"),
-        ({"rule": "follows", "limit": None, "threshold": metric("t")}, "power"),
-        ({"unless": {"value": metric("share"), "reason": "so"}}, "unless.limit"),
-        # a quantity that no stage writes, and a column that the table lacks
-        ({"value": metric("e") | {"quantity": "stdd"}}, "quantity"),
-        (
-            {"unless": {"value": {"quantity": "share"}, "limit": 1.0, "reason": "so"}},
-            "quantity",
-        ),
-        ({"value": metric("e") | {"modle": "a"}}, "value.modle"),
-        (RELATIVE | {"published": 1.0}, "tolerance"),
-        (RELATIVE | {"tolerance": 0.1}, "published"),
-        (RELATIVE | {"published": 1.0, "tolerance": -0.1}, "tolerance"),
-        ({"where": ""}, "where"),
-        ({"limit": None, "published": [1.0, 2.0, 3.0]}, "published"),
-        ({"each": {"model": "every"}}, "each"),
-        ({"each": {"joint": "every"}}, "{model}"),
-        ({"published_value": 3}, "published_value"),
-    ],
-)
-def test_a_malformed_claim_is_refused_with_its_name_and_key(changes, key):
+@pytest.mark.parametrize("case", CASES["malformed"], ids=str)
+def test_a_malformed_claim_is_refused_with_its_name_and_key(case):
     with pytest.raises(ConfigError) as refused:
-        parse_claims([CLAIM | changes])
+        parse_claims([CLAIM | case["claim"]])
+
     assert refused.value.evidence["claim"] == "mean"
-    assert str(refused.value.evidence["key"]).startswith(key)
+    assert str(refused.value.evidence["key"]).startswith(case["key"])
 
 
 def test_two_claims_of_one_name_are_refused():
@@ -184,136 +152,57 @@ def verdict(
     return result
 
 
-FAILING, FORCED = (
-    {"limit": 0.012},
-    {"by": "construction", "because": "the level is the recorded"},
-)
-PUBLISHED = RELATIVE | {"tolerance": 0.1}
-UNLESS = {"unless": {"value": metric("share"), "limit": 0.5, "reason": "a lag"}}
-POWER_OF = {"rule": "follows", "limit": None}
-POWER_OF |= {key: metric(f"{{model}}_{key}") for key in ("threshold", "power")}
-BETWEEN = {
-    "value": metric("wishart"),
-    "than": metric("a"),
-    "limit": None,
-    "margin": 0.01,
-}
-BETWEEN |= {"difference": metric("wishart") | {"rival": "a"}}
-WITHOUT_ENDS = {"wishart": 0.0, "a": 0.1}
-AROUND_ZERO, BELOW_ZERO = (
-    WITHOUT_ENDS | {"low": -0.2, "high": high} for high in (0.1, -0.1)
-)
+FORCED = CASES["definitions"]["forced"]
+BETWEEN = CASES["definitions"]["between"]
 
 
-def powers(powers, thresholds) -> dict[str, float]:
-    """Return powers and thresholds of both models."""
-    power, threshold = (
-        [f"{model}_{key}" for model in MODELS] for key in ("power", "threshold")
-    )
-    return dict(zip(power, powers, strict=True)) | dict(
-        zip(threshold, thresholds, strict=True)
-    )
+@pytest.mark.parametrize("case", CASES["verdicts"], ids=str)
+def test_a_verdict_follows_from_rule_numbers_and_recordings(case):
+    changes, numbers = case.get("claim", {}), case.get("numbers", {})
 
+    result = verdict(case["recordings"], more=numbers, **changes)
 
-@pytest.mark.parametrize(
-    ("recordings", "changes", "more", "expected"),
-    [
-        ("synthetic", {}, {}, d.REPRODUCED),
-        ("synthetic", FAILING, {}, d.NOT_REPRODUCED),
-        ("synthetic", {"about": "robots"}, {}, d.SYNTHETIC_PASSES),
-        ("synthetic", {"about": "robots"} | FAILING, {}, d.SYNTHETIC_FAILS),
-        ("real", {"about": "robots"}, {}, d.REPRODUCED),
-        ("paper", {"about": "robots"}, {}, d.REPRODUCED),
-        ("synthetic", {"about": "specimen"}, {}, d.SYNTHETIC_PASSES),
-        ("real", {"about": "specimen"}, {}, d.NO_EVIDENCE),
-        ("paper", {"about": "specimen"}, {}, d.REPRODUCED),
-        # what the construction forces has no verdict
-        ("synthetic", FORCED, {}, d.FORCED),
-        ("paper", FORCED | FAILING, {}, d.FORCED),
-        ("real", FORCED, {"wishart_error": None}, d.NO_EVIDENCE),
-        # a missing number, and a gap in an order
-        ("real", {}, {"wishart_error": None}, d.NO_EVIDENCE),
-        ("real", {"rule": "decreasing", "limit": None}, {}, d.NOT_REPRODUCED),
-        (
-            "real",
-            {"rule": "decreasing", "limit": None},
-            {"additive_error": 1.0},
-            d.REPRODUCED,
-        ),
-        (
-            "real",
-            {"rule": "decreasing", "limit": None},
-            {"additive_error": None},
-            d.NO_EVIDENCE,
-        ),
-        # published values go by case
-        ("real", PUBLISHED | {"published": [0.01, 0.0151]}, {}, d.REPRODUCED),
-        ("real", PUBLISHED | {"published": [0.0151, 0.01]}, {}, d.NOT_REPRODUCED),
-        # recordings that differ mostly from each other
-        ("real", UNLESS, {"share": 0.4}, d.REPRODUCED),
-        ("real", UNLESS, {"share": 0.51}, d.NO_EVIDENCE),
-        ("real", UNLESS, {}, d.NO_EVIDENCE),
-        # a test without power; one case refutes a claim on all
-        ("real", POWER_OF, powers((0.9, 0.9), (0.005, 0.01)), d.REPRODUCED),
-        ("real", POWER_OF, powers((0.9, 0.1), (0.005, 0.01)), d.NO_EVIDENCE),
-        ("real", POWER_OF, powers((0.9, 0.1), (0.02, 0.01)), d.NOT_REPRODUCED),
-        ("real", POWER_OF, powers((0.1, 0.1), (0.02, 0.02)), d.NO_EVIDENCE),
-        # an order whose interval covers zero, or that has none
-        ("real", BETWEEN | {"rule": "less"}, BELOW_ZERO, d.REPRODUCED),
-        ("real", BETWEEN | {"rule": "less"}, AROUND_ZERO, d.NO_EVIDENCE),
-        ("real", BETWEEN | {"rule": "less"}, WITHOUT_ENDS, d.NO_EVIDENCE),
-        ("real", BETWEEN | {"rule": "greater"}, BELOW_ZERO, d.NOT_REPRODUCED),
-    ],
-)
-def test_a_verdict_follows_from_rule_numbers_and_recordings(
-    recordings, changes, more, expected
-):
-    result = verdict(recordings, more=more, **changes)
-    assert result.verdict == expected
-    # then no case holds or fails either
-    if (
-        {"unless", "rule"} & {*changes}
-        and expected == d.NO_EVIDENCE
-        and "power" not in changes
-    ):
-        assert {case.holds for case in result.cases} == {None}
+    assert result.verdict == getattr(d, case["verdict"])
+    if case.get("undecided"):
+        assert {of_claim.holds for of_claim in result.cases} == {None}
 
 
 def test_standard_errors_add_in_squares():
-    value, *errors = (metric(key) for key in ("e", "se", "ee"))
-    changes = {"each": {}, "value": value, "standard_error": errors, "published": 6.0}
-    changes |= {"more": {"e": 5.0, "se": 0.3, "ee": 0.4}, "rule": "standard_errors"}
-    (case,) = verdict(**changes, limit=2.5).cases
-    known = (
-        case.distance,
-        case.low,
-        case.high,
-        case.holds,
-    )  # the interval is the rule's own
-    assert known == pytest.approx((2.0, 3.75, 6.25, True), abs=1e-4)
-    assert verdict(**changes, limit=1.5).verdict == d.NOT_REPRODUCED
+    changes = {
+        "each": {},
+        "rule": "standard_errors",
+        "published": 6.0,
+        "value": metric("e"),
+        "standard_error": [metric("se"), metric("ee")],
+    }
+    numbers = {"e": 5.0, "se": 0.3, "ee": 0.4}
+    (case,) = verdict(more=numbers, **changes, limit=2.5).cases
+    assert case.distance == pytest.approx(2.0) and case.holds
+    # the interval is the rule's own
+    assert (case.low, case.high) == pytest.approx((3.75, 6.25), abs=1e-4)
+    refuted = verdict(more=numbers, **changes, limit=1.5)
+    assert refuted.verdict == d.NOT_REPRODUCED
     # each of them is a number that the claim refers to
-    claim = parse_claims([CLAIM | {k: v for k, v in changes.items() if k != "more"}])[0]
+    (claim,) = parse_claims([CLAIM | changes])
     assert {reference.model for reference in claim.references} == {"e", "se", "ee"}
 
 
 @pytest.mark.parametrize("joints", [("slide",), tuple("abcdefg")])
 def test_every_joint_of_an_arm_of_any_size_is_a_case_by_its_own_name(joints):
-    numbers = {f"{name}_error": 0.01 for name in joints[:-1]} | {
-        f"{joints[-1]}_error": 0.03
-    }
+    *following, last = joints
+    numbers = {f"{joint}_error": 0.01 for joint in following}
+    numbers[f"{last}_error"] = 0.03
     result = verdict("real", ArmNames(joints, ("x",)), EVERY, numbers)
-    assert [case.case for case in result.cases] == list(joints)
-    assert [case.holds for case in result.cases] == [True] * (len(joints) - 1) + [False]
+    holds = {case.case: case.holds for case in result.cases}
+    assert holds == dict.fromkeys(following, True) | {last: False}
     assert result.verdict == d.NOT_REPRODUCED
     assert verdict("real", ArmNames((), ()), EVERY)[1:] == (d.NO_EVIDENCE, ())
 
 
 def test_a_joint_that_the_command_moves_by_less_than_a_hundredth_of_the_greatest_range_is_no_case():
-    ranges = zip(JOINTS, (1.0, 0.02, 0.005), strict=True)
-    rows = [
-        evidence_row("commanded_range", value, joint=joint) for joint, value in ranges
-    ]
+    rows = []
+    for joint, value in zip(JOINTS, (1.0, 0.02, 0.005), strict=True):
+        rows.append(evidence_row("commanded_range", value, joint=joint))
     assert d.moving_joints(evidence_table(rows), JOINTS) == JOINTS[:2]
     assert d.moving_joints(evidence_table([]), JOINTS) == JOINTS
 
@@ -325,14 +214,12 @@ def test_a_claim_that_singles_out_a_joint_has_evidence_on_the_papers_kind_of_arm
     }
     changes |= {"numbers": {f"{name}_error": 0.01 for name in JOINTS}}
     here = verdict("real", **changes)
-    assert [case.case for case in here.cases] == [
-        *JOINTS[:2]
-    ] and here.verdict == d.REPRODUCED
+    assert tuple(case.case for case in here.cases) == JOINTS[:2]
+    assert here.verdict == d.REPRODUCED
     # the same names and numbers, in space
     there = verdict("real", ARM._replace(task=("x", "y", "z")), **changes)
-    assert there.verdict == d.NO_EVIDENCE and {case.value for case in there.cases} == {
-        None
-    }
+    assert there.verdict == d.NO_EVIDENCE
+    assert {case.value for case in there.cases} == {None}
 
 
 def test_runs_are_decided_by_whose_recordings_they_are_and_claims_without_recording_once():
@@ -340,35 +227,21 @@ def test_runs_are_decided_by_whose_recordings_they_are_and_claims_without_record
     study |= {"value": metric("mean")}
     numbers = {"shoulder_error": 0.01, "hip_error": 0.02, "mean": 1.0}
     tables = {"evidence": evidence_of(numbers)}
-    known = (
-        ("youbot", True, "shoulder"),
-        ("ur5", False, "hip"),
-        ("lab", False, "shoulder"),
-    )
+    template = Run("youbot", "paper", True, ["shoulder"], ["x"], {}, {}, tables)
     runs = [
-        Run(name, "paper", own, [joint], ["x"], {}, {}, tables)
-        for name, own, joint in known
+        template,
+        replace(template, dataset="ur5", synthetic=False, joints=["hip"]),
+        replace(template, dataset="lab", synthetic=False),
     ]
     decided = d.decide_each(parse_claims([EVERY, study]), runs, ["lab"])
-    assert [whose.recordings for whose in decided] == [
-        "synthetic",
-        "real",
-        "paper",
-        "none",
-    ]
-    assert [whose.verdicts[0].cases[0].value for whose in decided[:3]] == [
-        0.01,
-        0.02,
-        0.01,
-    ]
-    assert [w.verdicts[0].verdict for w in decided[:2]] == [
-        d.REPRODUCED,
-        d.NOT_REPRODUCED,
-    ]
-    assert [w.verdicts[1].verdict for w in decided[1::2]] == [
-        d.NO_RECORDING,
-        d.REPRODUCED,
-    ]
+    youbot, ur5, lab, independent = decided
+    kinds = [column.recordings for column in decided]
+    assert kinds == ["synthetic", "real", "paper", "none"]
+    for column, value in zip(decided, (0.01, 0.02, 0.01), strict=False):
+        assert column.verdicts[0].cases[0].value == value
+    assert youbot.verdicts[0].verdict == d.REPRODUCED
+    assert [v.verdict for v in ur5.verdicts] == [d.NOT_REPRODUCED, d.NO_RECORDING]
+    assert lab.verdicts[1].verdict == independent.verdicts[1].verdict == d.REPRODUCED
     table = d.verdict_table(decided)
     assert table[["claim", "dataset"]].to_numpy().tolist() == [
         *(["mean", name] for name in ("youbot", "ur5", "lab")),
