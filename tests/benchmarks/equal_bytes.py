@@ -15,6 +15,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 from contests import (
@@ -60,27 +61,33 @@ def filtered(motion: Take, threads: int) -> list[np.ndarray]:
     return arrays
 
 
+def recorded_takes() -> Recorded:
+    """Takes that a Gaussian model draws of the youBot, measured with noise."""
+    stage = scene("youbot")._replace(model=GaussianModel(0.05, 25.0))
+    rng = np.random.default_rng(7)
+    q, v = drawn_takes(stage, TAKES, STEPS, 1e-4, rng, REST)
+    noise = process_noise(stage.chain, q, v)
+    return Recorded(stage.chain, q[:, :-1], v, noise, ("a", "b", "c"), rate=100.0)
+
+
 def pieces(threads: int) -> Iterator[tuple[str, list[np.ndarray]]]:
     """Name and arrays of each piece: fit and filter of every option file, other arms, a density."""
-    youbot, stage = take(30), scene("youbot")._replace(model=GaussianModel(0.05, 25.0))
-    q, v = drawn_takes(stage, TAKES, STEPS, 1e-4, np.random.default_rng(7), REST)
-    noise = process_noise(stage.chain, q, v)
-    data = Recorded(stage.chain, q[:, :-1], v, noise, ("a", "b", "c"), rate=100.0)
+    youbot, data = take(30), recorded_takes()
     for file in sorted((CONF / "model").glob("*.yaml")):
         options = OmegaConf.to_container(OmegaConf.load(file), resolve=True)
         fit = estimate(data, options_type(options["kind"])(**options))
         steps = data.chain, data.q, data.v, data.q_next
         likelihood = fit.model.log_density(*steps, data.measurement).mean()
-        yield f"fit, {file.stem}", [np.array([*fit.estimates.values(), likelihood])]
-        motion = Take(
-            youbot.scene._replace(model=fit.model), youbot.steps, youbot.measurements
-        )
-        yield f"filter, {file.stem}", filtered(motion, threads)
+        numbers = [*fit.estimates.values(), likelihood]
+        yield f"fit, {file.stem}", [np.array(numbers)]
+        fitted = replace(youbot, scene=youbot.scene._replace(model=fit.model))
+        yield f"filter, {file.stem}", filtered(fitted, threads)
     for arm in ("ur5", "lwr4"):
         yield f"filter, {arm}", filtered(take(30, arm), threads)
-    normal = np.random.default_rng(28).standard_normal((100_000, 2))
-    samples = normal @ [[2.0, -1.0], [0.0, 1.0]]
-    grid, bandwidth = np.linspace(-6.0, 6.0, 128), normal_reference_bandwidth(samples)
+    rng = np.random.default_rng(28)
+    samples = rng.standard_normal((100_000, 2)) @ [[2.0, -1.0], [0.0, 1.0]]
+    grid = np.linspace(-6.0, 6.0, 128)
+    bandwidth = normal_reference_bandwidth(samples)
     yield "density", [kernel_density(samples, grid, grid, bandwidth)]
 
 

@@ -146,14 +146,21 @@ def many_takes(count: int) -> dict[str, float]:
     chain, model = motion.scene[:2]
     weights = objective_weights(np.sqrt(2) * POSE, 3)
     for first in range(0, count, BLOCK):
-        takes, rng = min(BLOCK, count - first), np.random.default_rng(first)
-        q, v = drawn_takes(motion.scene, takes, STEPS, POSE, rng)
-        recorded = Recorded(chain, q[:, :-1], v, process_noise(chain, q, v), ())
-        solve_problems(problem_steps(recorded, model.decomposition), weights, 0.2)
-        for number in range(first, first + takes):
+        end = min(first + BLOCK, count)
+        rng = np.random.default_rng(first)
+        q, v = drawn_takes(motion.scene, end - first, STEPS, POSE, rng)
+        noise = process_noise(chain, q, v)
+        recorded = Recorded(chain, q[:, :-1], v, noise, ())
+        steps = problem_steps(recorded, model.decomposition)
+        solve_problems(steps, weights, 0.2)
+        for number in range(first, end):
             motion.filtered(1000, np.random.default_rng(number))
-    seconds, memory = time.process_time() - begin, 1e6 * megabytes("VmHWM")
-    return {"takes": count, "seconds": seconds, "peak_bytes": memory}
+    seconds = time.process_time() - begin
+    return {
+        "takes": count,
+        "seconds": seconds,
+        "peak_bytes": 1e6 * megabytes("VmHWM"),
+    }
 
 
 def measure_scale(particles: int = 1_000_000, takes: int = 10_000) -> None:

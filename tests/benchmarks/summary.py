@@ -4,8 +4,6 @@ reports/benchmarks, and the times in README.md: ``python tests/benchmarks/summar
 
 import json
 from collections.abc import Iterator
-from itertools import groupby
-from operator import itemgetter
 from pathlib import Path
 from statistics import median
 
@@ -57,13 +55,13 @@ def an_item(benchmark: dict) -> list[float]:
 
 def contest_rows(benchmarks: list[dict]) -> Iterator[list[str]]:
     """Yield the cells of each row, contest by contest, the fastest opponent first."""
-    contest_of = itemgetter("group")
-    for contest, group in groupby(sorted(benchmarks, key=contest_of), key=contest_of):
+    for contest in sorted({benchmark["group"] for benchmark in benchmarks}):
         by_role: dict[str, list[dict]] = {"ours": [], "peer": []}
-        for member in sorted(group, key=lambda benchmark: median(an_item(benchmark))):
-            by_role[member["extra_info"]["role"]].append(member)
+        for benchmark in benchmarks:
+            if benchmark["group"] == contest:
+                by_role[benchmark["extra_info"]["role"]].append(benchmark)
         (ours,) = by_role["ours"]
-        for peer in by_role["peer"]:
+        for peer in sorted(by_role["peer"], key=lambda peer: median(an_item(peer))):
             yield [contest, *against(ours, peer)]
 
 
@@ -72,8 +70,8 @@ def against(ours: dict, peer: dict) -> list[str]:
     stated = peer["extra_info"]
     here, there = an_item(ours), an_item(peer)
     ratios = [b / a for a, b in zip(here, there, strict=True)]
-    middle, least, most = (significant(f(ratios)) for f in (median, min, max))
-    ratio = f"{middle} ({least} to {most}) times as fast, "
+    least, most = significant(min(ratios)), significant(max(ratios))
+    ratio = f"{significant(median(ratios))} ({least} to {most}) times as fast, "
     ratio += f"{duration(median(here))} against {duration(median(there))}"
     quality, same = compared_quality(ours["extra_info"], stated)
     # speed at the cost of quality meets nothing
