@@ -78,7 +78,7 @@ def share_between(noise: ndarray, groups: Sequence[str]) -> float:
     names = list(dict.fromkeys(groups))
     if len(names) in (1, len(groups)):
         return 0.0
-    member = np.stack([np.array(groups) == name for name in names]).astype(float)
+    member = np.stack([np.array([*groups]) == name for name in names]).astype(float)
     sizes = member.sum(axis=1)
     centred = (noise - noise.mean(axis=0)).reshape(len(noise), -1)
     means = member @ centred / sizes[:, None]

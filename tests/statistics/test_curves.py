@@ -30,7 +30,7 @@ from pipeline.statistics.takes import (
     share_between,
 )
 
-STEPS, OWN, TAKES = 160, 25, 40
+STEPS, DRAWS, TAKES = 160, 25, 40
 JOINTS = ("elbow", "wrist")
 NOT_STEADY = np.zeros(STEPS, dtype=bool)
 LAWS = {
@@ -41,9 +41,8 @@ LAWS = {
 
 def curve(variation: float) -> np.ndarray:
     """(STEPS, 2) standard deviations of so much variation over their mean."""
-    wave = 1 + np.sqrt(2) * variation * np.sin(
-        np.linspace(0, 4 * np.pi, STEPS, endpoint=False)
-    )
+    phases = np.linspace(0, 4 * np.pi, STEPS, endpoint=False)
+    wave = 1 + np.sqrt(2) * variation * np.sin(phases)
     return 1e-3 * np.stack([wave, wave[::-1]], axis=1)
 
 
@@ -52,21 +51,17 @@ def takes_of(
 ) -> np.ndarray:
     """(..., takes, STEPS, 2) noise, correlated from step to step by ``share``."""
     unit = LAWS[law](rng, (*repeats, takes, *std.shape))
+    rest = np.sqrt(1 - share**2)
     for k in range(1, STEPS):
-        unit[..., k, :] = (
-            share * unit[..., k - 1, :] + np.sqrt(1 - share**2) * unit[..., k, :]
-        )
+        unit[..., k, :] = share * unit[..., k - 1, :] + rest * unit[..., k, :]
     return std * unit
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("variation", [0.05, 0.4])
 @pytest.mark.parametrize(
-    (
-        "law",
-        "share",
-        "of_many",
-    ),  # the variation of which many takes are drawn, else few
+    # of_many: the variation of which many takes are drawn, else few
+    ("law", "share", "of_many"),
     [("normal", 0.0, 0.05), ("normal", 0.7, 0.4), ("heavy-tailed", 0.0, 0.05)],
 )
 def test_a_true_model_passes_in_all_joints_and_constant_noise_fails_as_often_as_the_power_says(
@@ -80,19 +75,19 @@ def test_a_true_model_passes_in_all_joints_and_constant_noise_fails_as_often_as_
         noise = takes_of(truth, law, share, takes, rng)
         return following_tests(std, noise, NOT_STEADY, JOINTS, rng)
 
-    own, constant = ([tested(truth) for _ in range(OWN)] for truth in (std, flat))
-    assert max(rows["limit"].max() for rows in own) <= HALF_EXPLAINED
-    passed = [(rows["correlation"] >= rows["limit"]).all() for rows in own]
-    assert np.mean(passed) >= RECOGNISED - 4 * np.sqrt(
-        RECOGNISED * (1 - RECOGNISED) / OWN
-    )
+    of_model = [tested(std) for _ in range(DRAWS)]
+    constant = [tested(flat) for _ in range(DRAWS)]
+    assert max(rows["limit"].max() for rows in of_model) <= HALF_EXPLAINED
+    passed = [(rows["correlation"] >= rows["limit"]).all() for rows in of_model]
+    error = np.sqrt(RECOGNISED * (1 - RECOGNISED) / DRAWS)
+    assert np.mean(passed) >= RECOGNISED - 4 * error
     rejected = np.mean([rows["correlation"] < rows["limit"] for rows in constant])
-    power = np.mean([rows["power"] for rows in own])
+    power = np.mean([rows["power"] for rows in of_model])
     assert rejected == pytest.approx(power, abs=0.15)
     # control: a fixed limit of √½ would fail the true model where nothing can be told
     if takes == 4 and variation == 0.05:
         assert power < POWER
-        fixed = [(rows["correlation"] >= HALF_EXPLAINED).all() for rows in own]
+        fixed = [(rows["correlation"] >= HALF_EXPLAINED).all() for rows in of_model]
         assert np.mean(fixed) < 0.1
     elif variation == 0.4 and share == 0:
         assert power > POWER
@@ -106,16 +101,18 @@ def test_few_takes_with_heavy_tails_refute_no_true_model_and_vary_no_constant_no
     """Residuals about the mean of four takes have lighter tails than the noise; shares of wrong
     verdicts over five joints at once are within 3.5 standard errors of 1 − RECOGNISED.
     """
-    rng, std, joints, repeats = np.random.default_rng(1), curve(0.6), 5, 40
-    std = np.repeat(std[:, :1], joints, axis=1)
-    names, refuted, varied, rejected = [f"{j}" for j in range(joints)], [], [], []
+    rng = np.random.default_rng(1)
+    joints, repeats = "abcde", 40
+    std = np.repeat(curve(0.6)[:, :1], len(joints), axis=1)
+    flat = np.full_like(std, std.mean())
+    refuted, varied, rejected = [], [], []
     for _ in range(repeats):
         draws = rng.standard_normal((4, *std.shape))
         if np.isfinite(law):
             draws = rng.standard_t(law, (4, *std.shape))
-        for own, truth in ((refuted, std), (rejected, np.full_like(std, std.mean()))):
-            rows = following_tests(std, truth * draws, NOT_STEADY, names, rng)
-            own.append((rows["correlation"] < rows["limit"]).to_numpy())
+        for failing, truth in ((refuted, std), (rejected, flat)):
+            rows = following_tests(std, truth * draws, NOT_STEADY, joints, rng)
+            failing.append((rows["correlation"] < rows["limit"]).to_numpy())
         curves = draws.std(axis=0, ddof=1)
         limits = variation_limits(draws, rng)
         varied.append((curves.std(axis=0) / curves.mean(axis=0) > limits[:, 1]).any())
@@ -129,14 +126,14 @@ def test_few_takes_with_heavy_tails_refute_no_true_model_and_vary_no_constant_no
 def test_noise_that_varies_is_above_its_limits_and_constant_noise_of_many_takes_below(
     law,
 ):
-    rng, found = np.random.default_rng(50), []
+    rng = np.random.default_rng(50)
+    beyond = []
     for variation in (0.0, 0.6):
         noise = takes_of(curve(variation), law, 0.3, 100, rng)
         curves = noise.std(axis=0, ddof=1)
-        found.append(
-            curves.std(axis=0) / curves.mean(axis=0) - variation_limits(noise, rng).T
-        )
-    constant, varying = np.array(found)
+        reached = curves.std(axis=0) / curves.mean(axis=0)
+        beyond.append(reached - variation_limits(noise, rng).T)
+    constant, varying = beyond
     assert (constant < 0).all() and (varying > 0).all()
 
 
@@ -164,24 +161,27 @@ def test_errors_are_compared_at_one_level_and_the_true_model_has_the_least(level
     noise = noise_of(np.sqrt(RAMP**2 + MEASUREMENT), TAKES, 2)
     motion = {"flat": level * FLAT**2, "ramp": RAMP**2, "same": 2 * FLAT**2}
     motion["even"] = level * np.mean(RAMP**2, 1)[:, None] * np.ones(2)
-    modelled = {
-        name: ModelledNoise(own, MEASUREMENT, noise) for name, own in motion.items()
-    }
+    modelled = {}
+    for name, variances in motion.items():
+        modelled[name] = ModelledNoise(variances, MEASUREMENT, noise)
     errors, sizes = jackknifed_spreads(modelled, noise)
     assert jackknife_difference(errors["ramp"][:, 0] - errors["flat"][:, 0]).high < 0
     assert errors["ramp"][0, 0] < 0.2 < errors["flat"][0, 0] < 1
     # a model with one variance for all joints has the greater error in the joint with the least
     assert jackknife_difference(errors["even"][:, 0] - errors["even"][:, 1]).high < 0
     np.testing.assert_allclose(errors["same"], errors["flat"])
-    ends = [jackknife_difference(own) for own in sizes["ramp"].T]
-    assert all(own.low < 0 < own.high for own in ends) and sizes["even"][0, 0] < 0
+    for of_joint in sizes["ramp"].T:
+        wider = jackknife_difference(of_joint)
+        assert wider.low < 0 < wider.high
+    assert sizes["even"][0, 0] < 0
 
 
 def test_the_error_of_a_biased_mean_varies_more_and_an_order_by_chance_is_not_decided():
-    noise, course = noise_of(FLAT, TAKES, 7), np.sin(np.linspace(0, 3, STEPS))[:, None]
-    plain, again, biased = map(
-        jackknifed_mean_error, (noise, noise_of(FLAT, TAKES, 8), noise + course)
-    )
+    noise = noise_of(FLAT, TAKES, 7)
+    course = np.sin(np.linspace(0, 3, STEPS))[:, None]
+    plain = jackknifed_mean_error(noise)
+    again = jackknifed_mean_error(noise_of(FLAT, TAKES, 8))
+    biased = jackknifed_mean_error(noise + course)
     assert jackknife_difference(plain - biased).high < 0
     chance = jackknife_difference(plain - again)
     assert chance.low < 0 < chance.high
@@ -192,9 +192,9 @@ def means(values: dict[str, np.ndarray]):
 
 
 def resampled(a: np.ndarray, b: np.ndarray, rng: np.random.Generator):
-    return resampled_differences(means({"a": a, "b": b}), ["a", "b"], len(a), rng)["b"][
-        0
-    ]
+    models = {"a": a, "b": b}
+    differences = resampled_differences(means(models), [*models], len(a), rng)
+    return differences["b"][0]
 
 
 def test_the_interval_of_a_paired_difference_is_that_of_the_paired_t_test():
@@ -203,13 +203,11 @@ def test_the_interval_of_a_paired_difference_is_that_of_the_paired_t_test():
     a, b = takes + rng.normal(0.3, 0.2, 12), takes + rng.normal(0, 0.2, 12)
     expected = ttest_rel(a, b).confidence_interval(0.95)
     differences = paired_difference(a, b)
-    assert differences[:3] == pytest.approx(
-        ((a - b).mean(), expected.low, expected.high)
-    )
+    numbers = ((a - b).mean(), expected.low, expected.high)
+    assert differences[:3] == pytest.approx(numbers)
     for few in (3, 4, 12):  # the jackknife of a mean is the same
-        assert jackknife((a - b)[:few]) == pytest.approx(
-            paired_difference(a[:few], b[:few])
-        )
+        paired = paired_difference(a[:few], b[:few])
+        assert jackknife((a - b)[:few]) == pytest.approx(paired)
     # control: unpaired, the takes' own spread would hide the difference
     assert differences.low > 0 > paired_difference(a, b[::-1]).low
 
@@ -229,39 +227,40 @@ def percentile(values: np.ndarray):
 )
 def test_intervals_cover_the_true_mean_as_often_as_they_say(interval, takes, repeats):
     draws = np.random.default_rng(10).normal(1, 2, (repeats, takes))
-    ends = np.array([interval(values) for values in draws])
-    share = np.mean((ends[:, 1] <= 1) & (ends[:, 2] >= 1))
-    assert abs(share - 0.95) < 4 * np.sqrt(0.95 * 0.05 / repeats)
-    np.testing.assert_allclose(ends[:, 0], draws.mean(axis=1))
+    intervals = np.array([interval(values)[:3] for values in draws])
+    middle, low, high = intervals.T
+    share = np.mean((low <= 1) & (1 <= high))
+    error = np.sqrt(0.95 * 0.05 / repeats)
+    assert abs(share - 0.95) < 4 * error
+    np.testing.assert_allclose(middle, draws.mean(axis=1))
 
 
 def test_one_further_value_lies_in_a_percentile_interval_as_often_as_it_says():
     draws = np.random.default_rng(11).normal(size=(79, 4000))
+    further = draws[-1]
     low, high = percentile_interval(draws[:-1])
-    assert np.mean((low <= draws[-1]) & (draws[-1] <= high)) == pytest.approx(
-        0.95, abs=0.014
-    )
+    inside = (low <= further) & (further <= high)
+    assert inside.mean() == pytest.approx(0.95, abs=0.014)
     # the linear form would be too short
     low, high = np.quantile(draws[:39], (0.025, 0.975), axis=0)
-    assert np.mean((low <= draws[-1]) & (draws[-1] <= high)) < 0.93
+    inside = (low <= further) & (further <= high)
+    assert inside.mean() < 0.93
 
 
 def test_an_interval_that_does_not_exist_is_a_gap():
     single = paired_difference(np.array([2.0]), np.array([0.5]))
     assert single.difference == 1.5 and np.isnan(single[1:]).all()
     for missing in (np.nan, -np.inf):
-        assert np.isnan(
-            paired_difference(np.array([1.0, missing]), np.array([0.0, missing]))
-        ).all()
+        scores = np.array([[1.0, missing], [0.0, missing]])
+        assert np.isnan(paired_difference(*scores)).all()
     alone = resampled(np.ones(1), np.zeros(1), np.random.default_rng(3))
     assert np.isnan(alone.low) and alone.difference == -1
     assert np.isnan(jackknife(np.array([0.0, 1.0])).low)
     assert np.isfinite(jackknife(np.array([0.0, 1.0, 3.0]))).all()
     # a resampling of one take alone has no variance
     drawn = drawn_takes(2, np.random.default_rng(4))
-    assert 0 < len(drawn) < REPLICATES and all(
-        len({*indices}) == 2 for indices in drawn
-    )
+    assert 0 < len(drawn) < REPLICATES
+    assert all(len({*indices}) == 2 for indices in drawn)
 
 
 def test_the_lag_one_correlation_is_that_of_its_law_whatever_the_mean_at_each_step():
