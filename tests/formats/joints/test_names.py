@@ -1,8 +1,11 @@
 """Signals, joints and commands by the names of columns, and by their values."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from pipeline.core.typed_yaml import read_yaml
 from pipeline.formats.joints.names import match_joints, signals_of
 
 
@@ -10,76 +13,13 @@ def n(form: str, joints: int = 2, first: int = 0) -> list[str]:
     return [form.format(j) for j in range(first, first + joints)]
 
 
-UR = ["shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3"]
-RTDE = [
-    "timestamp",
-    "actual_main_voltage",
-    "actual_robot_current",
-    "target_speed_fraction",
-]
-RTDE += ["actual_momentum", "actual_execution_time", "robot_mode"]
-RTDE_SIX = "target_q target_qd target_qdd target_current target_moment actual_q actual_qd".split()
-RTDE_SIX += [
-    "actual_current",
-    "actual_TCP_pose",
-    "actual_TCP_force",
-    "joint_temperatures",
-]
-RTDE += [label for name in RTDE_SIX for label in n(name + "_{}", 6)]
-FRANKA = [
-    "time",
-    *(f"{s}[{j}]" for s in ("q", "dq", "q_d", "dq_d", "tau_J") for j in range(7)),
-]
-PLOTJUGGLER = [
-    f"/joint_states/{j}_joint/{q}" for j in UR for q in ("position", "velocity")
-]
-CONTROLLER = [
-    f"/arm_controller/state/{s}/positions[{j}]"
-    for s in ("actual", "desired", "error")
-    for j in (0, 1)
-]
+LABELS = read_yaml(Path(__file__).with_name("labels.yaml"))
 
 
-def both(actual: list[str], target: list[str]) -> dict[str, list[str]]:
-    return {"actual": actual, "target": target}
-
-
-LABELS = [
-    (RTDE, both(n("actual_q_{}", 6), n("target_q_{}", 6))),
-    (FRANKA, both(n("q[{}]", 7), n("q_d[{}]", 7))),
-    (["t", "q_1", "q_0", "q_target_0", "q_target_1"], both(n("q_{}"), n("q_target_{}"))),
-    ([*(f"actual_{j}" for j in UR), *(f"target_{j}" for j in UR), "actual_main_voltage"],
-     both([f"actual_{j}" for j in UR], [f"target_{j}" for j in UR])),
-    (PLOTJUGGLER, {"actual": PLOTJUGGLER[::2]}),
-    (CONTROLLER, both(CONTROLLER[:2], CONTROLLER[2:4])),
-    (n("field.position{}") + n("field.velocity{}"), {"actual": n("field.position{}")}),
-    (n("AIPos_A{}", 6, 1) + n("ASPos_A{}", 6, 1), both(n("AIPos_A{}", 6, 1), n("ASPos_A{}", 6, 1))),
-    (["q1_cmd", "q2_cmd", "q1_act", "q2_act"], both(["q1_act", "q2_act"], ["q1_cmd", "q2_cmd"])),
-    (["t", "J1", "J2", "J1 Cmd", "J2 Cmd"], both(["J1", "J2"], ["J1 Cmd", "J2 Cmd"])),
-    (["A1 [°]", "A2 [°]", "A1_soll [°]", "A2_soll [°]"],
-     both(["A1 [°]", "A2 [°]"], ["A1_soll [°]", "A2_soll [°]"])),
-    (["f_0", "f_1", "q_cmd_0", "q_cmd_1"], {"target": n("q_cmd_{}")}),
-    (["temps (s)", "q1_mesuré", "q2_mesuré", "q1_consigne", "q2_consigne"],
-     both(["q1_mesuré", "q2_mesuré"], ["q1_consigne", "q2_consigne"])),
-    (["q(1) (deg)", "q(2) (deg)"], {"actual": ["q(1) (deg)", "q(2) (deg)"]}),
-    (n("q_{}") + n("measured_{}") + n("target_{}"), {"target": n("target_{}")}),
-    (["t", "q_0", "q_1", "qd_0", "qd_1"], {"actual": n("q_{}")}),
-    (["actual_x", "actual_y", "actual_z", "actual_qw", "actual_qx"], {}),
-    (n("actual_q_{}") + n("target_q_{}") + n("measured_tq_{}"),
-     both(n("actual_q_{}"), n("target_q_{}"))),
-    (n("joint_positions.{}") + n("joint_targets.{}"),
-     both(n("joint_positions.{}"), n("joint_targets.{}"))),
-    (n("samples.q_{}") + n("samples.q_target_{}"),
-     both(n("samples.q_{}"), n("samples.q_target_{}"))),
-    (["p_RS_R_x [m]", "q_RS_w []", "q_RS_x []", "q_RS_y []", "q_RS_z []"], {}),
-    (["time", "cmd_num", "targetIndex", "fx", "fy", "fz"], {}),
-    ([*(f"actual_{j}" for j in UR), *(f"target_{j}" for j in reversed(UR))],
-     both([f"actual_{j}" for j in UR], [f"target_{j}" for j in UR])),
-]  # fmt: skip
-
-
-@pytest.mark.parametrize(("labels", "signals"), LABELS)
-def test_labels_say_which_columns_are_a_signal(labels, signals):
+@pytest.mark.parametrize("name", LABELS)
+def test_labels_say_which_columns_are_a_signal(name):
+    signals = dict(LABELS[name])
+    labels = signals.pop("labels")
     assert signals_of(labels) == (signals, {})
 
 
