@@ -114,13 +114,12 @@ def _remarks_below(lines: list[str]) -> int:
 
 def _sections(lines: list[str], places: list[int], mark: str) -> tuple[int, int]:
     """Return a LabVIEW file's label line (0 in others) and the number of deleted header lines."""
-    ends = [n for n, line in enumerate(lines) if line.startswith(HEADER_END)]
+    ends = _lines_with(HEADER_END, lines)
     if not ends or ends[-1] + 1 >= len(lines):
         return 0, 0
     before = len(lines)
     for end in reversed(ends[2:]):
-        above = enumerate(lines[:end])
-        channels = [n for n, line in above if line.startswith("Channels")]
+        channels = _lines_with("Channels", lines[:end])
         header = slice(max(channels, default=end), end + 2)
         del lines[header], places[header]
     start = ends[:2][-1] + 1
@@ -130,6 +129,11 @@ def _sections(lines: list[str], places: list[int], mark: str) -> tuple[int, int]
             if n > start and line.count(mark) == len(labels) - 2:
                 lines[n] = line + mark
     return start, before - len(lines)
+
+
+def _lines_with(word: str, lines: list[str]) -> list[int]:
+    """Return the numbers from 0 of the ``lines`` that start with the ``word``."""
+    return [n for n, line in enumerate(lines) if line.startswith(word)]
 
 
 def _units_of_labview(lines: list[str], mark: str) -> list[str]:

@@ -87,11 +87,12 @@ def _even_rows(file: Path) -> pd.DataFrame:
 def write_trajectory(file: Path, trajectory: pd.DataFrame) -> None:
     """Write t and, if present, poses x, velocities v and joint angles q, without rounding."""
     joints = columns("q", members(trajectory, "q"))
-    families, labels = ["t"], ["t"]
+    families = labels = ["t"]
     if members(trajectory, "x"):
-        families, labels = [*FAMILIES], [*COLUMNS]
+        families, labels = FAMILIES, COLUMNS
     table = trajectory[[*families, *joints]]
-    table.to_csv(file, index=False, header=[*labels, *joints], lineterminator="\n")
+    header = [*labels, *joints]
+    table.to_csv(file, index=False, header=header, lineterminator="\n")
 
 
 def _begins(head: Head) -> bool:

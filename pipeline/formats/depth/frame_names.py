@@ -76,7 +76,8 @@ def _split(files: list[Path]) -> list[FrameSequence]:
         return [_sequence(files, varying, values, timed)]
     groups: dict[tuple, list[Path]] = {}
     for row, file in zip(rows, files, strict=True):
-        groups.setdefault(tuple(row[j] for j in separate), []).append(file)
+        numbers = tuple(row[j] for j in separate)
+        groups.setdefault(numbers, []).append(file)
     sequences = []
     for group in groups.values():
         sequences += _split(group)
@@ -178,15 +179,17 @@ def _with_fractions(whole: list[int], matches: list[re.Match]) -> list[int]:
     unit = 10 ** (9 - 3 * groups)
     decimals, counted = [], []
     for seconds, digits in zip(whole, fractions, strict=True):
-        decimals.append(seconds * NANO + int(digits.ljust(9, "0")))
-        counted.append(seconds * NANO + int(digits or 0) * unit)
+        start = seconds * NANO
+        decimals.append(start + int(digits.ljust(9, "0")))
+        counted.append(start + int(digits or 0) * unit)
     if len(lengths) == 1 or any(re.match("0.", digits) for digits in fractions):
         return decimals
     if any(re.search(".0$", digits) for digits in fractions):
         return counted
-    pairs = zip(matches, fractions, strict=True)
-    point = any(f".{digits}" in match[0] for match, digits in pairs)
-    likely = (decimals, counted) if point else (counted, decimals)
+    likely = [counted, decimals]
+    for match, digits in zip(matches, fractions, strict=True):
+        if f".{digits}" in match[0]:
+            likely = [decimals, counted]
     return min(likely, key=_unevenness)
 
 

@@ -289,9 +289,9 @@ def numbered_frames(folder: Path, pattern: str, *, rate: float) -> DepthIndex:
     frames = named_frames(folder, pattern)
     scale = 1e-9 if frames.timed else 1 / rate
     first = frames.values[0]
-    time = np.array([(value - first) * scale for value in frames.values])
-    files = tuple(str(file.relative_to(folder)) for file in frames.files)
-    return DepthIndex(time, files, {})
+    seconds = [(value - first) * scale for value in frames.values]
+    files = [str(file.relative_to(folder)) for file in frames.files]
+    return DepthIndex(np.array(seconds), tuple(files), {})
 
 
 def _begins(head: Head) -> bool:

@@ -381,8 +381,8 @@ def _begins(head: Head) -> bool:
         cells = split_line(line, separator_of(line))
         axes = [axis for axis in map(axis_of, cells) if axis]
         if {*FORCES} <= {*axes} and 2 * len(axes) >= len(cells):
-            below = head.lines[number + 1 : number + 3]
-            return any(is_rowlike(row) for row in below)
+            first, second = [*head.lines[number + 1 : number + 3], "", ""][:2]
+            return is_rowlike(first) or is_rowlike(second)
     return False
 
 

@@ -242,8 +242,10 @@ def _require_rows_at_times(
 
 def _unit(kind: str, labels: Sequence[object], file: Path) -> str:
     """Return the unit of the ``kind`` that is a word of all names of arrays, else ""."""
-    arrays = [str(label).partition(":")[0] for label in labels]
-    units = {unit_in_name(array, kind) for array in arrays}
+    units = set()
+    for label in labels:
+        array, _, _ = str(label).partition(":")
+        units.add(unit_in_name(array, kind))
     for unit in units.intersection(UNITS[f"unread_{kind}"]):
         convert = " or ".join(UNITS[kind])
         message = f"{labels[0]} is in {unit} by its name: convert it to {convert}"

@@ -71,8 +71,11 @@ def increasing(log: JointLog, place: Callable[[int], dict[str, object]]) -> Join
             **place(row),
         )
     distinct = np.append(True, ~doubled)
-    signals = {name: rows[distinct] for name, rows in log.signals.items()}
-    counts = log.counts | {"doubled_rows": int(doubled.sum())}
-    lines = np.array(log.lines)[distinct].tolist() if len(log.lines) else ()
-    time = time[distinct]
-    return replace(log, time=time, signals=signals, counts=counts, lines=lines)
+    lines = np.array(log.lines)
+    return replace(
+        log,
+        time=time[distinct],
+        signals={name: rows[distinct] for name, rows in log.signals.items()},
+        counts=log.counts | {"doubled_rows": int(doubled.sum())},
+        lines=lines[distinct].tolist() if len(lines) else (),
+    )

@@ -199,7 +199,7 @@ def _joint_inside(name: str, joints: Sequence[str]) -> str:
         core = [word for word in words_of(joint) if word not in JOINT]
         if _joined(core) in words:
             sizes.setdefault(len(core), []).append(joint)
-    longest = sizes[max(sizes)] if sizes else []
+    longest = sizes[max(sizes)] if sizes else [""]
     return longest[0] if len(longest) == 1 else ""
 
 
@@ -383,7 +383,8 @@ def _numbered_joints(
     for name in angles:
         if meaning(name) == PLAIN and not WORDS["numbered"].isdisjoint(words_of(name)):
             joints.append(name)
-    return joints if len(joints) == 1 and len(groups[joints[0]]) > 1 else []
+    several = [name for name in joints if len(groups[name]) > 1]
+    return several if len(joints) == 1 else []
 
 
 def _commanded(

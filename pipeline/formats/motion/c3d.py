@@ -143,8 +143,7 @@ def _first_frame(header: C3dHeader, contents: dict) -> int:
 
 def _marker_names(contents: dict, points: int) -> dict[int, str]:
     """Return number → name of the ``points`` that are markers, and not outputs of a model."""
-    labels = [*contents["labels"][:points]]
-    labels += [""] * (points - len(labels))
+    labels = [*contents["labels"], *[""] * points][:points]
     labels = [label or f"Point {n}" for n, label in enumerate(labels, start=1)]
     outputs = {*contents["outputs"]} - {""}
     names = {}

@@ -134,10 +134,10 @@ def rate_from_times(frame: np.ndarray, printed: np.ndarray) -> float | None:
     frame, time = _timed(frame, printed)
     if len(time) < 2 or time[-1] <= time[0]:
         return None
-    mean = (frame[-1] - frame[0]) / (time[-1] - time[0])
+    frames, seconds = frame - frame[0], time - time[0]
+    mean = frames[-1] / seconds[-1]
     whole = np.round(mean)
-    expected = (frame - frame[0]) / max(whole, 1.0)
-    off = np.abs(expected - (time - time[0]))
+    off = np.abs(frames / max(whole, 1.0) - seconds)
     hundredths = time * 100
     rounded = np.allclose(hundredths, np.round(hundredths), rtol=0, atol=1e-6)
     rounding = TIME_ROUNDING if rounded else 0.0
