@@ -112,6 +112,12 @@ def test_everything_that_is_wrong_is_printed_at_once(files, capsys):
         assert printed.count(key) == 1, key
 
 
+def test_the_command_that_pulls_missing_recordings_is_named(root, files, capsys):
+    edit(files[0], str(files[0].parents[3].parent / "logs"), "../elsewhere/arm")
+    (root / "data/recordings/arm").mkdir(parents=True)
+    assert "`dvc --cd data/recordings pull -R arm` brings them" in refused(capsys, 1)
+
+
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [

@@ -15,13 +15,13 @@ from pipeline.configuration import config, datasheet
 from pipeline.configuration.datasheet import get_filled, get_nested
 from pipeline.core import contracts
 from pipeline.core.columns import columns
-from pipeline.core.errors import ConfigError, PipelineError, RecordingError
+from pipeline.core.errors import ConfigError, PipelineError
 from pipeline.core.options.analysis import Compute
 from pipeline.core.options.dataset import Dataset, Robot
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.core.validation import validated
 from pipeline.recordings.ingest import collecting, read_part
-from pipeline.recordings.inventory import raw_folder
+from pipeline.recordings.inventory import listing, raw_folder
 
 PARAMS = Path("params.yaml")
 
@@ -96,9 +96,8 @@ def value_faults(values: dict[str, Any]) -> list[PipelineError]:
         get_filled(sound, k) for k in ("recordings", "robot.urdf", "robot")
     )
     if recordings and not raw_folder(recordings).is_dir():
-        errors.append(
-            RecordingError("no such folder", file=recordings, key="dataset.recordings")
-        )
+        with collecting(errors):
+            listing(Path(recordings))  # its message names how to get them
     if urdf:
         with collecting(errors):
             read_urdf(Path(urdf))

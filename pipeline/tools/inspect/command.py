@@ -45,7 +45,8 @@ from pipeline.tools.inspect.depth import (
     describe_numbered,
 )
 from pipeline.tools.inspect.finding import REASONS, ROBOT, Finding, as_json, as_table
-from pipeline.tools.inspect.joints import add_joint_log, add_table, compare_tables
+from pipeline.tools.inspect.joints import add_joint_log, add_table
+from pipeline.tools.inspect.movements import compare_tables
 
 INDEXES = (".txt", ".csv", "")  # suffixes of indexes of depth frames
 LENGTH = "dataset.mocap.unit"

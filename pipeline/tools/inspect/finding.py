@@ -5,6 +5,7 @@ import os
 import re
 import textwrap
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
@@ -18,6 +19,7 @@ _TEXTS = read_yaml(Path(__file__).with_name("texts.yaml"))
 QUESTIONS: dict[str, dict[str, str]] = _TEXTS["questions"]
 REASONS: dict[str, str] = _TEXTS["reasons"]  # why a file is of no known format
 UNKNOWN, ROBOT = "unknown", "robot"  # kinds in addition to pipeline.formats.format.Kind
+NUMBER = re.compile(r"\d+")
 WIDTH = 100  # greatest number of characters in a line of facts
 LISTED = 4  # number of printed names of a longer list
 PRINTED_FACTS = """bodies markers columns rows columns_without_numbers width height
@@ -67,34 +69,29 @@ class Finding:
     @property
     def suggested(self) -> dict[str, str]:
         """Last part of an option's key → suggested value."""
-        return {
-            one.option.rpartition(".")[2]: one.suggested
-            for one in self.open
-            if one.suggested
-        }
+        values = {}
+        for question in self.open:
+            if question.suggested:
+                values[question.option.rpartition(".")[2]] = question.suggested
+        return values
 
     def count(self, counts: dict[str, int]) -> None:
         """Add the ``counts`` that are not zero; announced and found numbers are facts."""
-        facts = {
-            n: number
-            for n, number in counts.items()
-            if n.startswith(("announced", "found"))
-        }
-        self.facts |= facts
-        self.gaps |= {
-            n: number for n, number in counts.items() if number and n not in facts
-        }
+        for name, number in counts.items():
+            if name.startswith(("announced", "found")):
+                self.facts[name] = number
+            elif number:
+                self.gaps[name] = number
 
-    def ask(self, name: str, suggested: str | None = None, **found: object) -> None:
-        """Add the question ``name`` of texts.yaml about the values that were ``found``."""
-        question, option = (text.format(**found) for text in QUESTIONS[name].values())
-        self.open.append(Question(question, option, suggested))
+    def ask(self, name: str, suggested: str | None = None, **values: object) -> None:
+        """Add the question ``name`` of texts.yaml with the ``values`` in its braces."""
+        text, option = (words.format(**values) for words in QUESTIONS[name].values())
+        self.open.append(Question(text, option, suggested))
 
     def withdraw(self, name: str) -> None:
         """Remove the question ``name``, which another file answers."""
-        self.open = [
-            one for one in self.open if one.option != QUESTIONS[name]["option"]
-        ]
+        option = QUESTIONS[name]["option"]
+        self.open = [question for question in self.open if question.option != option]
 
     def timed(self, time: np.ndarray, lost: int = 0, digits: int = 3) -> None:
         """Add duration and rate of samples at ``time`` (N,) s, with ``lost`` ones in between."""
@@ -106,13 +103,11 @@ class Finding:
         option = str(error.evidence.get("key", ""))
         if option.startswith("dataset."):
             self.open.append(Question(error.message, option))
-        else:
-            evidence = {
-                n: value
-                for n, value in error.evidence.items()
-                if n not in ("file", "key")
-            }
-            self.stops.append(str(PipelineError(error.message, **evidence)))
+            return self
+        evidence = {**error.evidence}
+        for name in ("file", "key"):
+            evidence.pop(name, None)
+        self.stops.append(str(PipelineError(error.message, **evidence)))
         return self
 
 
@@ -124,88 +119,101 @@ def printable_path(path: Path, folder: Path | None = None) -> str:
 
 def as_json(findings: list[Finding]) -> str:
     """Return a JSON list, one object per recording, without the names of depth frames."""
-    plain = [
-        {name: value for name, value in vars(one).items() if name != "files"}
-        | {
-            "file": printable_path(one.file),
-            "open": [each._asdict() for each in one.open],
-        }
-        for one in findings
-    ]
+    plain = []
+    for finding in findings:
+        values = {**vars(finding)}
+        del values["files"]
+        values["file"] = printable_path(finding.file)
+        values["open"] = [question._asdict() for question in finding.open]
+        plain.append(values)
     return json.dumps(plain, indent=2, ensure_ascii=False, default=str)
 
 
 def as_table(findings: list[Finding], folder: Path) -> str:
     """Return the findings as text, grouped by name without numbers; ? is a question, ! a stop."""
     groups: dict[str, list[Finding]] = {}
-    reasons: dict[str, list[str]] = {}
-    for one in findings:
-        if one.format == UNKNOWN and not one.stops:
-            reason = str(one.facts["reason"])
-            reasons.setdefault(reason, []).append(printable_path(one.file, folder))
-            continue
-        kind = [one.format, one.version, one.units, one.facts.get("markers")]
-        kind += [
-            one.facts.get("bodies"),
-            one.facts.get("robot"),
-            one.facts.get("joints"),
-            *((each.option, each.suggested) for each in one.open),
-        ]
-        name = str(one.file) if one.stops else re.sub(r"\d+", "*", str(one.file))
-        groups.setdefault(f"{name} {kind}", []).append(one)
+    unrecognised: dict[str, list[str]] = {}
+    for finding in findings:
+        if finding.format == UNKNOWN and not finding.stops:
+            names = unrecognised.setdefault(str(finding.facts["reason"]), [])
+            names.append(printable_path(finding.file, folder))
+        else:
+            groups.setdefault(_group_key(finding), []).append(finding)
     lines = []
     for group in groups.values():
         lines += _fact_lines(group, folder)
         lines += [f"    ? {question}" for question in group[0].open]
         lines += [f"    ! {reason}" for reason in group[0].stops]
-    lines += [
-        f"not recognised, {reason}: {_text(names)}" for reason, names in reasons.items()
-    ]
-    # replace control characters, since names come from the files
-    return "\n".join(
-        "".join(c if c.isprintable() else "\ufffd" for c in line) for line in lines
-    )
+    for reason, names in unrecognised.items():
+        lines.append(f"not recognised, {reason}: {_text(names)}")
+    return "\n".join(_printable(line) for line in lines)
+
+
+def _printable(line: str) -> str:
+    """Return a ``line`` without control characters, since names come from the files."""
+    return "".join(c if c.isprintable() else "\ufffd" for c in line)
+
+
+def _group_key(finding: Finding) -> str:
+    """Return a text that is equal for findings which differ only in a number of the name."""
+    kind = [finding.format, finding.version, finding.units]
+    named = ("markers", "bodies", "robot", "joints")
+    kind += [finding.facts.get(name) for name in named]
+    kind += [(question.option, question.suggested) for question in finding.open]
+    name = str(finding.file)
+    if not finding.stops:
+        name = NUMBER.sub("*", name)
+    return f"{name} {kind}"
 
 
 def _fact_lines(group: list[Finding], folder: Path) -> list[str]:
     """Return the lines of a ``group``: ranges, sums, and other facts of the first recording."""
-    first, place = group[0], printable_path(group[0].file, folder)
+    first = group[0]
+    place = printable_path(first.file, folder)
     if len(group) > 1:
-        place = f"{re.sub(r'[0-9]+', '*', place)} ({len(group)})"
-    facts = []
-    for name, unit in (("rate", "Hz"), ("duration", "s")):
-        known = [value for one in group if (value := getattr(one, name)) is not None]
-        if known:
-            ends = dict.fromkeys(f"{end(known):.4g}" for end in (min, max))
-            facts.append(f"{'–'.join(ends)} {unit}")
-    counts = sum((Counter(one.gaps) for one in group), Counter())
+        place = f"{NUMBER.sub('*', place)} ({len(group)})"
+    head = " ".join(filter(None, [f"{place}:", first.format, first.version]))
+
+    rates = [finding.rate for finding in group]
+    durations = [finding.duration for finding in group]
+    facts = [_range(rates, "Hz"), _range(durations, "s")]
+    counts = sum((Counter(finding.gaps) for finding in group), Counter())
     facts += [f"{number} {name.replace('_', ' ')}" for name, number in counts.items()]
     if first.units:
         facts.append(f"unit {', '.join(dict.fromkeys(first.units.values()))}")
-    values = first.facts | {
-        "columns": first.facts.get("labels") or first.facts.get("columns")
-    }
+    values = {**first.facts}
+    values["columns"] = values.get("labels") or values.get("columns")
     for name in PRINTED_FACTS:
-        if (value := values.get(name)) or value == 0:
+        value = values.get(name)
+        if value or value == 0:
             words = "clock" if name == "time" else name.replace("_", " ")
             facts.append(f"{words} {_text(value)}")
-    head = " ".join(filter(None, [f"{place}:", first.format, first.version]))
-    joined = "; ".join(
-        fact.replace(" ", "\xa0") for fact in facts
-    )  # no line ends inside a fact
+
+    # blanks that do not break keep a fact in one line
+    joined = "; ".join(fact.replace(" ", "\xa0") for fact in facts if fact)
     wrapped = textwrap.wrap(
         joined, WIDTH, break_long_words=False, break_on_hyphens=False
     )
     return [head, *(f"    {line}".replace("\xa0", " ") for line in wrapped)]
 
 
+def _range(values: Sequence[float | None], unit: str) -> str:
+    """Return the least and the greatest of the stated ``values``; "" if none is stated."""
+    stated = [value for value in values if value is not None]
+    if not stated:
+        return ""
+    ends = dict.fromkeys(f"{end(stated):.4g}" for end in (min, max))
+    return f"{'–'.join(ends)} {unit}"
+
+
 def _text(value: object) -> str:
+    """Return a fact as text: long lists are shortened, a separator is quoted."""
     if isinstance(value, dict):
         value = [f"{name} ({_text(inner)})" for name, inner in value.items()]
+    if isinstance(value, list) and len(value) > LISTED + 1:
+        return f"{', '.join(map(str, value[:LISTED]))} … ({len(value)})"
     if isinstance(value, list):
-        more = len(value) > LISTED + 1
-        names = ", ".join(map(str, value[:LISTED] if more else value))
-        return names + f" … ({len(value)})" * more
+        return ", ".join(map(str, value))
     if isinstance(value, str) and len(value) == 1:  # a separator
         return repr(value)
     return f"{value:g}" if isinstance(value, float) else str(value)

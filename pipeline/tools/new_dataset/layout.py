@@ -14,7 +14,8 @@ from pipeline.formats.joints.log import ANGLES
 from pipeline.recordings.inventory import take_name
 from pipeline.tools.inspect.command import DEPTH_TYPES
 from pipeline.tools.inspect.finding import ROBOT, Finding, printable_path
-from pipeline.tools.inspect.joints import add_roles, describe_stated
+from pipeline.tools.inspect.joints import describe_stated
+from pipeline.tools.inspect.movements import add_roles
 
 # kinds with one recording per dataset (FORCE: per configuration)
 SINGLE = (Kind.TRAJECTORY, Kind.INTRINSICS, Kind.CALIBRATION, Kind.FORCE, ROBOT)
