@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator, NullLocator, ScalarFormatter
 
 from pipeline.figures import style
 
@@ -74,6 +75,9 @@ def sigma_over_horizon(
         axes.plot(measured.index, 1e3 * measured, **ERRORS)
         axes.plot(predicted.index, 1e3 * predicted, **PREDICTED)
         axes.set_yscale("log")
+        axes.yaxis.set_major_locator(MaxNLocator(5))  # plain numbers within a decade
+        axes.yaxis.set_major_formatter(ScalarFormatter())
+        axes.yaxis.set_minor_locator(NullLocator())
         horizons = [SECONDS[name] for name in measured.index]
         axes.set_xticks(range(len(measured)), horizons)
         axes.set_title(style.joint_label(joint))
