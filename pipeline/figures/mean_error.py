@@ -13,9 +13,8 @@ PANELS = {
 
 def mean_error(deviation: pd.DataFrame, models: list[str]) -> Figure:
     """Draw Fig. (MeanError) beside the exact bias: one line per model, both panels on one scale."""
-    figure, (row,) = style.panels(
-        style.ONE_COLUMN, 2.3, columns=2, sharex=True, sharey=True
-    )
+    shared = {"sharex": True, "sharey": True}
+    figure, (row,) = style.panels(style.ONE_COLUMN, 2.3, columns=2, **shared)
     for axes, (name, label) in zip(row, PANELS.items(), strict=True):
         for model, line in style.model_lines(models).items():
             rows = deviation[deviation["source"] == model]

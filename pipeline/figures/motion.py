@@ -33,21 +33,22 @@ LAWS = {
 
 def joint_realizations(joints: pd.DataFrame, process_noise: pd.DataFrame) -> Figure:
     """Draw Fig. (JointRealzFig): one panel per joint, of the training takes in ``joints``."""
-    training, names = joints[joints["part"] == "training"], members(joints, "q")
+    training = joints[joints["part"] == "training"]
+    names = members(joints, "q")
     std = process_noise.groupby("t")[columns("w", names)].std()
     span = 0.54 * np.ptp(training[columns("q", names)], axis=0).max()
-    few = len(names) <= style.BESIDE
-    across, width = (1, style.ONE_COLUMN) if few else (2, style.TWO_COLUMNS)
+    across, width = 1, style.ONE_COLUMN
+    if len(names) > style.BESIDE:
+        across, width = 2, style.TWO_COLUMNS
     figure, (row,) = style.joint_panels(len(names), across, (width, 1.2, 0.8))
     # pixels, because paths of a hundred overlapping lines take megabytes
     thin = {"color": style.RECORDED["color"], "linewidth": 0.4, "rasterized": True}
     green = {"color": style.GREEN, "linestyle": "-.", "linewidth": 0.8}
+    dashed = {"color": style.BLACK, "linestyle": "--", "linewidth": 0.7}
     for (joint, line), axes in zip(style.joint_lines(names).items(), row, strict=True):
         angles = training.pivot(index="t", columns="take", values=column("q", joint))
         lines = axes.plot(angles.index, angles.to_numpy(), **thin)
-        (mean,) = axes.plot(
-            angles.mean(axis=1), color=style.BLACK, linestyle="--", linewidth=0.7
-        )
+        (mean,) = axes.plot(angles.mean(axis=1), **dashed)
         middle = (angles.min().min() + angles.max().max()) / 2
         axes.set(ylabel=f"{line['label']} (rad)", ylim=(middle - span, middle + span))
         axes.set_xlim(0, angles.index[-1])
@@ -72,9 +73,8 @@ def joint_std(
 ) -> Figure:
     """Draw Fig. (STDq): one panel per joint, all on one scale; ``mode`` of the simulation."""
     across, size = style.panels_across(len(joints)), (style.TWO_COLUMNS, 1.9, 0.6)
-    lines = {"recorded": style.RECORDED | {"label": recordings}} | style.model_lines(
-        models
-    )
+    lines = {"recorded": style.RECORDED | {"label": recordings}}
+    lines |= style.model_lines(models)
     figure, (row,) = style.joint_panels(len(joints), across, size, sharey=True)
     shown = deviation.set_index(["source", "t"])[columns("s", joints)].loc[[*lines]]
     tops = sorted(shown.groupby("source").max().max(axis=1))
@@ -102,9 +102,8 @@ def ridge(ridges: pd.DataFrame, models: list[str]) -> Figure:
         "markersize": 3,
         "linestyle": "none",
     }
-    for (excess, shape), (model, line) in zip(
-        grid, style.model_lines(named).items(), strict=True
-    ):
+    lines = style.model_lines(named)
+    for (excess, shape), (model, line) in zip(grid, lines.items(), strict=True):
         rows = ridges[ridges["model"] == model].set_index("u")
         best = rows.loc[rows["excess"].idxmin()]
         excess.plot(rows["excess"], color=line["color"])
@@ -144,9 +143,9 @@ def sigma_b_over_weight(sigma_b_weights: pd.DataFrame, models: list[str]) -> Fig
     at_rest = {"lw": 0.8, "color": style.GREY, "label": "weight by the noise at rest"}
     for (axes,), model in zip(grid, named, strict=True):
         rows = sigma_b_weights[sigma_b_weights["model"] == model]
-        curves, moments, used = (
-            rows[rows["point"] == name] for name in ("curve", "moments", "used")
-        )
+        curves = rows[rows["point"] == "curve"]
+        moments = rows[rows["point"] == "moments"]
+        used = rows[rows["point"] == "used"]
         for source, curve in curves.groupby("source", sort=False):
             look = SOURCES[source] | {"color": lines[model]["color"]}
             axes.plot(curve["ratio"], curve["sigma_b"], **look)
@@ -172,12 +171,9 @@ def noise_quantiles(noise_quantiles: pd.DataFrame) -> Figure:
     for joint, axes in zip(joints, row, strict=True):
         axes.plot(ends, ends, color=style.LIGHT_GREY, label="normal law")
         for model, line in LAWS.items():
-            chosen = (noise_quantiles["joint"] == joint) & (
-                noise_quantiles["model"] == model
-            )
-            axes.plot(
-                *noise_quantiles.loc[chosen, ["normal", "noise"]].to_numpy().T, **line
-            )
+            of_joint = noise_quantiles["joint"] == joint
+            rows = noise_quantiles[of_joint & (noise_quantiles["model"] == model)]
+            axes.plot(rows["normal"], rows["noise"], **line)
         axes.set_title(style.joint_label(joint))
     for axes in row[-across:]:
         axes.set_xlabel("normal quantile (std)")

@@ -376,28 +376,28 @@ def _cell(group: Group, dataset: str, place: int) -> str:
 
 def _arms_table(groups: Sequence[Group]) -> str:
     """Return the claims by cause and arm, with a sentence where their verdicts differ."""
-    columns = [(group, cause) for group in groups for cause in _causes(group)]
-    header = [
-        f"{group.robot}: {cause}" if cause else group.robot for group, cause in columns
-    ]
-    rows = []
-    for of_claim in zip(*map(joined_verdicts, groups), strict=True):
-        by_name = dict(zip([group.name for group in groups], of_claim, strict=True))
-        words = [_word(by_name[group.name], cause) for group, cause in columns]
-        if any(word in COUNTED for word in words):
-            signs = [WORDS["marks"].get(word, "") for word in words]
-            sentence = _difference(dict(zip(header, words, strict=True)), of_claim)
+    rows, words = [], {}
+    by_group = [joined_verdicts(group) for group in groups]
+    for of_claim in zip(*by_group, strict=True):
+        words = {}
+        for group, joined in zip(groups, of_claim, strict=True):
+            words |= _words_by_cause(group, joined)
+        if {*words.values()} & {*COUNTED}:
+            signs = [WORDS["marks"].get(word, "") for word in words.values()]
+            sentence = _difference(words, of_claim)
             rows.append([of_claim[0].claim.id, *signs, sentence])
-    return table(["claim", *header, "where they differ"], rows)
+    return table(["claim", *words, "where they differ"], rows)
 
 
-def _causes(group: Group) -> list[str]:
-    """Return the causes of a synthetic arm; "" for a real one."""
-    return [*dict.fromkeys(group.cause_of.values())] or [""]
-
-
-def _word(joined: Joined, cause: str) -> str:
-    return joined.by_cause.get(cause, "" if cause else joined.word)
+def _words_by_cause(group: Group, joined: Joined) -> dict[str, str]:
+    """Return the word of a claim by robot, of a synthetic robot for each cause of its noise."""
+    words = {}
+    for cause in dict.fromkeys(group.cause_of.values()) or [""]:
+        if cause:
+            words[f"{group.robot}: {cause}"] = joined.by_cause.get(cause, "")
+        else:
+            words[group.robot] = joined.by_cause.get(cause, joined.word)
+    return words
 
 
 def _difference(words: Mapping[str, str], of_claim: Sequence[Joined]) -> str:

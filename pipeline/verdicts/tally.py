@@ -138,9 +138,8 @@ def _components(runs: Sequence[Run]) -> list[list[Run]]:
         near = [group for group in groups if any(joined(run, seen) for seen in group)]
         apart = [group for group in groups if group not in near]
         merged = [seen for group in near for seen in group]
-        groups = sorted(
-            [*apart, [*merged, run]], key=lambda group: runs.index(group[0])
-        )
+        groups = [*apart, [*merged, run]]
+        groups.sort(key=lambda group: runs.index(group[0]))
     return groups
 
 
@@ -165,16 +164,17 @@ def _joined_verdict(group: Group, by_dataset: Mapping[str, Verdict]) -> Joined:
     """Return the verdict of a ``group`` on one claim: over causes for the first arm, then over the
     arms that share its takes.
     """
-    evident = {
-        dataset: verdict
-        for dataset, verdict in by_dataset.items()
-        if verdict.verdict in OUTCOMES
-    }
-    words = {name: OUTCOMES[verdict.verdict] for name, verdict in evident.items()}
-    causes = {name: cause for name, cause in group.cause_of.items() if name in words}
-    by_cause = {cause: words[name] for name, cause in causes.items()}
+    evident, by_cause, without_cause = {}, {}, []
+    for dataset, verdict in by_dataset.items():
+        word = OUTCOMES.get(verdict.verdict)
+        if word is None:
+            continue
+        evident[dataset] = verdict
+        if dataset in group.cause_of:
+            by_cause[group.cause_of[dataset]] = word
+        else:
+            without_cause.append(word)
     over_causes = _of_causes([*by_cause.values()])
-    without_cause = [word for name, word in words.items() if name not in causes]
     word = _of_datasets([over_causes, *without_cause])
     claim = next(iter(by_dataset.values())).claim
     return Joined(claim, word, by_cause, evident)
