@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.testing import assert_array_equal
 
 from pipeline.arm.model import arm_of
 from pipeline.core.columns import spread
@@ -176,8 +177,8 @@ def test_groups_of_noisy_copies_are_found_whatever_their_number(
         q[group] = q[first] + rng.normal(0, noise, q[group].shape)
         sizes[group], first = size, first + size
     alike = likeness(q)
-    np.testing.assert_array_equal(alike.size, sizes)
-    np.testing.assert_array_equal(alike.ratio > LIMITS.likeness, sizes > 1)
+    assert_array_equal(alike.size, sizes)
+    assert_array_equal(alike.ratio > LIMITS.likeness, sizes > 1)
     # the copies count once where a take is held against the usual one: no sound take is disturbed
     measures = compare_takes(q, q, 100.0, LIMITS.likeness)
     assert measures["disturbance"][0][sizes == 1].max() < LIMITS.disturbance
@@ -285,7 +286,7 @@ def test_a_plateau_of_equal_greatest_forces_is_saturation_wherever_it_lies():
     rules = {"longest": 0.5, "share": 0.5, "file": "log.csv"}
     sound, counts = sound_samples(cut(values, 26.0), scale, **rules)
     assert counts == {"saturated_samples": (values[:, 0] >= 26).sum()} and counts != {}
-    np.testing.assert_array_equal(sound, values[:, 0] < 26)
+    assert_array_equal(sound, values[:, 0] < 26)
     with pytest.raises(RecordingError, match="are saturated"):
         sound_samples(cut(values, 26.0), None, 0.5, 0.01, file="log.csv")
     # neither noise nor a coarse resolution is one

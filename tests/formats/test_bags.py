@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from ros_bags import CONTROLLER_STATE, Message, image, write_bag
 from rosbags.highlevel import AnyReader
 from sample_options import made
@@ -61,7 +62,7 @@ def test_messages_come_in_order_with_the_time_of_their_headers_and_a_cut_bag_is_
     bag = recorded(tmp_path, form)
     assert is_bag(bag) and topics(bag) == {"/depth": IMAGE, "/colour": IMAGE}
     stamps, pixels = zip(*messages(bag, "/depth", first), strict=True)
-    np.testing.assert_allclose(stamps, START + 0.04 * np.arange(5), rtol=0, atol=1e-6)
+    assert_allclose(stamps, START + 0.04 * np.arange(5), rtol=0, atol=1e-6)
     assert pixels == (0, 1, 2, 3, 4)
     inside = (
         bag if bag.is_file() else next(f for f in bag.iterdir() if f.suffix != ".yaml")
@@ -153,10 +154,8 @@ def test_commands_are_interpolated_at_the_times_of_the_measured_angles(tmp_path,
     bag = write_bag(tmp_path, form, recorded)
     angles, counts = read_movement({bag: AB}, 100.0)
     # the first measured angles come before the first command
-    np.testing.assert_allclose(angles["actual"], angles["target"], atol=1e-12)
-    np.testing.assert_allclose(
-        angles["actual"][:, 1], 0.02 * np.arange(1, 6), atol=1e-12
-    )
+    assert_allclose(angles["actual"], angles["target"], atol=1e-12)
+    assert_allclose(angles["actual"][:, 1], 0.02 * np.arange(1, 6), atol=1e-12)
     assert (counts["interpolated_rows"], counts["rows_without_command"]) == (5, 1)
 
 
@@ -185,9 +184,7 @@ def test_what_other_publishers_send_is_passed_over_and_repeated_messages_are_dro
     bag = write_bag(tmp_path, "ros1", recorded)
     log = read_joint_bag(bag, options)
     assert log.joints == ("a", "b")
-    np.testing.assert_allclose(
-        log.signals["actual"][:, 1], 2 * log.signals["actual"][:, 0]
-    )
+    assert_allclose(log.signals["actual"][:, 1], 2 * log.signals["actual"][:, 0])
     names = ("messages_of_other_joints", "doubled_rows")
     assert {name: log.counts[name] for name in names if name in log.counts} == counted
 
@@ -245,8 +242,8 @@ def test_the_state_of_a_controller_has_the_command_and_the_measured_angles(
     recorded = {"/arm/state": controller_states(points)} | beside
     log = read_joint_bag(write_bag(tmp_path, form, recorded), AB)
     commanded = np.outer(np.arange(6) / 100, [1.0, 2.0])
-    np.testing.assert_allclose(log.signals["target"], commanded, atol=1e-12)
-    np.testing.assert_allclose(log.signals["actual"], commanded - 0.1, atol=1e-12)
+    assert_allclose(log.signals["target"], commanded, atol=1e-12)
+    assert_allclose(log.signals["actual"], commanded - 0.1, atol=1e-12)
     assert (log.joints, log.counts["interpolated_rows"]) == (("a", "b"), 0)
 
 
@@ -256,7 +253,7 @@ def test_commands_of_a_controller_are_interpolated_at_chosen_measured_angles(tmp
     signals["actual"] = ["/joint_states"]
     bag = write_bag(tmp_path, "mcap", recorded)
     log = read_joint_bag(bag, LogOptions(names=("a", "b"), signals=signals))
-    np.testing.assert_allclose(log.signals["target"], log.signals["actual"], atol=1e-9)
+    assert_allclose(log.signals["target"], log.signals["actual"], atol=1e-9)
     assert log.signals["speed"].tolist() == [[1, 2]] * 5
     assert log.signals["torque"].tolist() == [[5, 6]] * 5
 
@@ -303,7 +300,7 @@ def test_a_wrapped_command_is_unwrapped_before_it_is_interpolated(tmp_path):
         {"/joint_states": states(turned=3.1), "/joint_commands": wrapped},
     )
     signals, counts = read_movement({bag: AB}, 100.0)
-    np.testing.assert_allclose(signals["actual"], signals["target"], atol=1e-9)
+    assert_allclose(signals["actual"], signals["target"], atol=1e-9)
     assert counts["unwrapped_jumps"] == 2
 
 

@@ -15,6 +15,7 @@ import other_kinds
 import pandas as pd
 import pytest
 from kinds import CASES, kind
+from numpy.testing import assert_allclose
 from scipy.io import savemat
 from written_logs import seen
 
@@ -155,29 +156,27 @@ for (number, name), words in PUBLIC.items():
     stops = name in REFUSED
     KINDS.append(kind(number, None, words, at=name, stops=stops))
 SLOW = ("06", "35")  # cases that take seconds
-ROWS = [
-    pytest.param(
-        *(one, public),
-        id=f"{'case' * public} {one.number} {one.says[0][:30]}".strip(),
-        marks=[pytest.mark.slow] if one.number in SLOW else [],
-    )
-    for one in KINDS
-    for public in (False, True)
-    if (one.public if public else one.make)
-]
+ROWS = []
+for case in KINDS:
+    marks = [pytest.mark.slow] if case.number in SLOW else []
+    for public in (False, True):
+        if case.public if public else case.make:
+            kind_of_file = "case " if public else ""
+            name = f"{kind_of_file}{case.number} {case.says[0][:30]}"
+            ROWS.append(pytest.param(case, public, id=name.strip(), marks=marks))
 
 
-@pytest.mark.parametrize(("one", "public"), ROWS)
-def test_a_file_is_read_or_refused_as_its_kind_says(tmp_path, one, public):
+@pytest.mark.parametrize(("case", "public"), ROWS)
+def test_a_file_is_read_or_refused_as_its_kind_says(tmp_path, case, public):
     folder = tmp_path
     if public:
-        folder = place_of(one.number, tmp_path)
+        folder = place_of(case.number, tmp_path)
     else:
-        one.make(tmp_path)
-    said = seen(folder / one.place)
-    assert [words for words in one.says if words not in said] == [], said
-    assert [words for words in one.never if words in said] == [], said
-    assert ("! " in said) == one.stops, said
+        case.make(tmp_path)
+    said = seen(folder / case.place)
+    assert [words for words in case.says if words not in said] == [], said
+    assert [words for words in case.never if words in said] == [], said
+    assert ("! " in said) == case.stops, said
 
 
 def test_numbered_files_of_two_robots_are_two_findings_and_copies_are_one(tmp_path):
@@ -194,14 +193,12 @@ def test_numbered_files_of_two_robots_are_two_findings_and_copies_are_one(tmp_pa
 def test_the_tip_is_where_forward_kinematics_puts_it_whatever_names_are_shared(
     tmp_path, link, locked
 ):
-    (tmp_path / "r.urdf").write_text(urdf(link))
+    file = tmp_path / "r.urdf"
+    file.write_text(urdf(link))
     joints = [joint for joint in ("shoulder", "elbow", "wrist") if joint not in locked]
-    chain = chain_of(
-        Robot(str(tmp_path / "r.urdf"), joints, "tip", locked=locked, task=["x", "z"])
-    )
+    chain = chain_of(Robot(str(file), joints, "tip", locked=locked, task=["x", "z"]))
     q, lengths = np.array([0.3, -0.7, 0.4]), np.array([0.2, 0.3, 0.4])
-    x, z = lengths @ np.sin(np.cumsum(q)), 0.1 + lengths @ np.cos(np.cumsum(q))
-    np.testing.assert_allclose(
-        chain.pose(q[None, : len(joints)])[0, :3], [x, 0, z], atol=1e-12
-    )
-    assert "joints revolute (shoulder, elbow, wrist)" in seen(tmp_path / "r.urdf")
+    turned = np.cumsum(q)
+    x, z = lengths @ np.sin(turned), 0.1 + lengths @ np.cos(turned)
+    assert_allclose(chain.pose(q[None, : len(joints)])[0, :3], [x, 0, z], atol=1e-12)
+    assert "joints revolute (shoulder, elbow, wrist)" in seen(file)

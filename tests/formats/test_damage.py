@@ -17,6 +17,7 @@ from depth_files import CALIBRATIONS, CLOUDS, PGM, SMALL, encoded, tiff
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from motive_files import START, frame_row, random_take, rows_file
+from numpy.testing import assert_array_equal
 from sample_recordings import SHAPE, write_zoo
 from scipy.io import savemat
 from text_mutations import mutants
@@ -161,7 +162,7 @@ def test_a_file_cut_at_any_byte_is_refused_or_holds_only_rows_that_were_whole(
         assert len(result) == expected > 0
         # the last number of a text cloud without its line end may lack digits
         sure = len(result) - (name in ("ascii.pcd", "ascii.ply", "crlf.ply"))
-        np.testing.assert_array_equal(result[:sure], whole[:sure])
+        assert_array_equal(result[:sure], whole[:sure])
     assert refused > 1
 
 
@@ -198,7 +199,7 @@ def test_dropped_doubled_and_swapped_rows_are_counted_or_refused(
     # without a time, doubled rows can only be counted
     rows = distinct if has_time else picks
     counted = "doubled_rows" if has_time and "Motive" not in name else "repeated_rows"
-    np.testing.assert_array_equal(sound.rows(result), whole[rows])
+    assert_array_equal(sound.rows(result), whole[rows])
     doubled = sum(before == after for before, after in pairwise(picks))
     assert result.counts.get(counted, 0) == doubled
 

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.testing import assert_array_equal
 
 from pipeline import formats
 from pipeline.core.errors import ConfigError, RecordingError
@@ -58,7 +59,7 @@ def test_numbers_are_correctly_rounded_as_by_python(form):
     drawn = generator.normal(size=5000) * 10.0**powers
     rows = [form % value for value in drawn]
     result = numbers_of(rows, list(range(5000)), [0], file=FILE)
-    np.testing.assert_array_equal(result[:, 0], [float(row) for row in rows])
+    assert_array_equal(result[:, 0], [float(row) for row in rows])
 
 
 WRONG = ["1 2", "7" * 5000, *'x 1_0 0x1A True NAN1 1e999 1,5 --1 "1 1e300'.split()]

@@ -4,6 +4,7 @@ read with what is missing filled or left out, and counted.
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from written_logs import seen
 
 from pipeline.core.errors import RecordingError
@@ -80,8 +81,8 @@ def test_a_table_is_recognised_labelled_and_read_whatever_is_above_and_beside_it
     log = read_joint_table(
         tmp_path / "run.csv", LogOptions("time", joints=2, signals=SIGNALS)
     )
-    np.testing.assert_allclose(log.time, TIME, atol=1e-6)
-    np.testing.assert_allclose(log.signals["target"], Q, atol=1e-6)
+    assert_allclose(log.time, TIME, atol=1e-6)
+    assert_allclose(log.signals["target"], Q, atol=1e-6)
     assert (log.counts["cut_rows"] > 0) == (name == "footer")
 
 
@@ -153,8 +154,8 @@ def test_what_a_table_lacks_or_repeats_is_filled_or_left_out_and_counted(
         f"{count} {key.replace('_', ' ')}" in said for key, count in counts.items()
     )
     log = read_joint_table(file, LogOptions(joints=2, signals=SIGNALS))
-    np.testing.assert_allclose(log.time, TIME[rows], atol=1e-6)
-    np.testing.assert_allclose(log.signals["target"], Q[rows], atol=1e-3)
+    assert_allclose(log.time, TIME[rows], atol=1e-6)
+    assert_allclose(log.signals["target"], Q[rows], atol=1e-3)
     assert counts.items() <= log.counts.items()
 
 

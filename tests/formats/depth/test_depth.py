@@ -9,6 +9,7 @@ from multiprocessing import get_context
 import depth_files as made
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from ros_bags import Message, cloud, image
 from ros_bags import camera_info as info
 from written_logs import refusal as reject
@@ -38,14 +39,12 @@ from pipeline.formats.rosbag import camera_info, cloud_points, image_pixels
 def test_written_frames_read_back_without_loss_and_with_the_same_bytes(tmp_path):
     (tmp_path / "d.pgm").write_bytes(made.PGM)
     pixels = read_depth(tmp_path / "d.pgm", shape=(12, 16)).pixels
-    np.testing.assert_array_equal(pixels, made.SMALL)
+    assert_array_equal(pixels, made.SMALL)
     extremes = made.SMALL.copy()
     extremes[0, :4] = 0, 1, 65534, 65535
     for file in (tmp_path / "1.png", tmp_path / "2.png"):
         write_depth(file, extremes)
-    np.testing.assert_array_equal(
-        read_depth(tmp_path / "1.png", shape=(12, 16)).pixels, extremes
-    )
+    assert_array_equal(read_depth(tmp_path / "1.png", shape=(12, 16)).pixels, extremes)
     assert (tmp_path / "1.png").read_bytes() == (tmp_path / "2.png").read_bytes()
 
 
@@ -57,10 +56,10 @@ def test_tiffs_keep_their_values_and_their_description(tmp_path, kind, compressi
     file.write_bytes(made.tiff(image, text, compression=compression))
     raw = read_depth(file, shape=made.SMALL.shape)
     assert (raw.pixels.dtype, raw.description) == (kind, text)
-    np.testing.assert_array_equal(raw.pixels, image)
+    assert_array_equal(raw.pixels, image)
     depth = metres(raw, Encoding("plain", 1000, scale_key="scale"))
     seen = image > 0
-    np.testing.assert_allclose(depth[seen], image[seen] * 0.25e-3, rtol=1e-6)
+    assert_allclose(depth[seen], image[seen] * 0.25e-3, rtol=1e-6)
 
 
 def test_a_scale_of_a_description_is_one_positive_number():
@@ -93,7 +92,7 @@ def test_values_become_depth_by_their_encoding_and_nan_where_there_is_none(numbe
     values, encoding, depth = DEPTHS[number]
     result = metres(RawDepth(values[None]), encoding)
     assert result.dtype == np.float32
-    np.testing.assert_allclose(result[0], depth, rtol=1e-6)
+    assert_allclose(result[0], depth, rtol=1e-6)
 
 
 def test_disparities_whose_bytes_were_not_swapped_are_refused():
@@ -105,7 +104,7 @@ def test_disparities_whose_bytes_were_not_swapped_are_refused():
 def test_points_are_read_with_any_fields_viewpoint_and_surplus_bytes(tmp_path, name):
     (tmp_path / name).write_bytes(made.CLOUDS[name])
     cloud = read_cloud(tmp_path / name)
-    np.testing.assert_array_equal(cloud.points, made.positions(made.records()))
+    assert_array_equal(cloud.points, made.positions(made.records()))
     assert (cloud.missing, cloud.counts, cloud.viewpoint) == (2, {}, UNTURNED)
     if not name.endswith(".pcd"):
         return
@@ -122,7 +121,7 @@ def test_points_are_read_with_any_fields_viewpoint_and_surplus_bytes(tmp_path, n
         (tmp_path / name).write_bytes(moved + behind)
         cloud = read_cloud(tmp_path / name)
         # the points stay in the frame of the sensor
-        np.testing.assert_array_equal(cloud.points, made.positions(made.records()))
+        assert_array_equal(cloud.points, made.positions(made.records()))
         assert cloud.viewpoint == (1, -2, 0.5, 0.8, 0, 0.6, 0)
         assert cloud.counts == {"surplus_bytes": len(behind)}
 
@@ -137,7 +136,8 @@ def test_bytes_inserted_in_binary_points_are_refused(tmp_path, name, inserted, s
     content, file = made.CLOUDS[name], tmp_path / name
     mark = content.index(b"DATA" if name.endswith("pcd") else b"end_header")
     start = content.index(b"\n", mark) + 1
-    place = start + int(share * (len(content) - start))
+    length = len(content) - start
+    place = start + int(share * length)
     file.write_bytes(content[:place] + inserted + content[place:])
     with pytest.raises(RecordingError, match=r"damaged|beyond 1e\+20") as refused:
         read_cloud(file)
@@ -151,7 +151,7 @@ def test_blanks_behind_the_mark_of_a_ply_are_no_matter(tmp_path, mark):
     head = Head.read(tmp_path / "cloud")
     assert FORMAT.recognises(head)
     points = read_cloud(tmp_path / "cloud").points
-    np.testing.assert_array_equal(points, made.positions(made.records()))
+    assert_array_equal(points, made.positions(made.records()))
 
 
 def test_indexes_read_back_and_blanks_comments_and_line_ends_are_no_matter(tmp_path):
@@ -159,7 +159,7 @@ def test_indexes_read_back_and_blanks_comments_and_line_ends_are_no_matter(tmp_p
     names = tuple(f"depth/{n:04d}.png" for n in range(5))
     write_index(file, stamps, names)
     result = read_index(file)
-    np.testing.assert_allclose(result.time, stamps, rtol=0, atol=0.6e-6)
+    assert_allclose(result.time, stamps, rtol=0, atol=0.6e-6)
     assert (result.files, result.counts) == (names, {"cut_rows": 0})
     file.write_bytes(
         b"# depth maps\r\n\n0.16  depth/a.png  \r\n \n0.6\tdepth/b c.png\n# end\n"
@@ -184,7 +184,7 @@ def test_numbered_frames_are_seen_at_the_rate_and_missing_numbers_leave_their_ti
     numbered(tmp_path, *names, "depth/colour-1.jpg")
     result = numbered_frames(tmp_path, "depth/*.png", rate=30.0)
     assert result.files == names
-    np.testing.assert_allclose(result.time, np.array([0, 1, 2, 4, 91]) / 30)
+    assert_allclose(result.time, np.array([0, 1, 2, 4, 91]) / 30)
 
 
 EVEN = [
@@ -208,7 +208,7 @@ def test_times_in_names_are_those_whose_steps_are_even(tmp_path, names):
     )
     result = numbered_frames(tmp_path, "*.png", rate=1.0)
     assert result.files == frames
-    np.testing.assert_allclose(result.time, 0.04 * np.arange(len(frames)), atol=1e-4)
+    assert_allclose(result.time, 0.04 * np.arange(len(frames)), atol=1e-4)
 
 
 UNPLAIN = [
@@ -286,14 +286,14 @@ def test_open3ds_matrix_runs_down_the_columns_and_may_stand_beside_its_pose(tmp_
 
 
 def test_several_cameras_in_one_file_are_told_apart_by_option_alone(tmp_path):
-    first, file = made.CALIBRATIONS["opencv.yaml"], tmp_path / "stereo.yaml"
+    file, camera = tmp_path / "stereo.yaml", made.CALIBRATIONS["opencv.yaml"]
+    keys = camera.replace("camera_matrix", "M1")
+    first = keys.replace("distortion_coefficients", "D1_coeffs")
     second = first.replace("525.5", "600.").split("---\n")[1]
-    for number, name in enumerate(("camera_matrix", "distortion_coefficients")):
-        first = first.replace(name, ("M1", "D1_coeffs")[number])
-        second = second.replace(name, ("M2", "D2_coeffs")[number])
-    assert "M1, D1_coeffs, M2, D2_coeffs" in refusal(file, first + second)
+    both = first + second.replace("M1", "M2").replace("D1", "D2")
+    assert "M1, D1_coeffs, M2, D2_coeffs" in refusal(file, both)
     assert read_intrinsics(file, **SIZE, matrix="M2", distortion="D2_coeffs").fx == 600
-    assert "0 of M3 are there" in refusal(file, first + second, matrix="M3")
+    assert "0 of M3 are there" in refusal(file, both, matrix="M3")
 
 
 def test_a_camera_info_that_ros_printed_is_read_however_often_it_is_there(tmp_path):
@@ -338,7 +338,7 @@ def test_images_of_either_byte_order_and_any_padding_keep_their_pixels(
     message = image(pixels, 1.0, big=big, padding=padding).for_version("ros2")
     result = image_pixels(message, shape=(5, 7))
     assert result.dtype == kind
-    np.testing.assert_array_equal(result, pixels)
+    assert_array_equal(result, pixels)
 
 
 X, Y, Z = ("x", 0, 7, 1), ("y", 4, 7, 1), ("z", 8, 7, 1)  # name, offset, type, count
@@ -362,7 +362,7 @@ def test_clouds_of_any_layout_keep_their_points(layout, big, rows):
     points[5] = 0.0
     recorded = cloud(points, 1.0, *LAYOUTS[layout], big=big, rows=rows)
     message = recorded.for_version("ros2")
-    np.testing.assert_array_equal(cloud_points(message), points)
+    assert_array_equal(cloud_points(message), points)
     assert PointCloud.measured(points).missing == 2
 
 

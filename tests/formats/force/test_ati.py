@@ -5,7 +5,9 @@ axes, times, and what is refused by the line or the option that settles it.
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from written_logs import refusal, write_netft
 
 from pipeline.formats.force.calibration import AXES, read_calibration
@@ -20,14 +22,8 @@ POUND = 0.45359237 * 9.80665
 
 
 def record(samples: int = 50, rate: float = 500.0) -> ForceRecord:
-    values = np.random.default_rng(1).normal(size=(samples, 6)) * [
-        10,
-        10,
-        30,
-        0.1,
-        0.1,
-        0.1,
-    ]
+    scales = [10, 10, 30, 0.1, 0.1, 0.1]
+    values = np.random.default_rng(1).normal(size=(samples, 6)) * scales
     time = np.arange(samples) / rate
     return ForceRecord(time, values[:, :3], values[:, 3:], rate, "FT7", STARTED, {})
 
@@ -55,7 +51,7 @@ def test_a_log_of_either_culture_is_read_and_rewritten_to_its_own_bytes(
     write_daqft(first, record(rate=62.5), decimal=decimal)
     result = read_daqft(first)
     assert (result.rate, result.serial, result.started) == (62.5, "FT7", STARTED)
-    np.testing.assert_allclose(result.force, record().force, rtol=1e-14)
+    assert_allclose(result.force, record().force, rtol=1e-14)
     assert result.counts == {
         "repeated_rows": 0,
         "zero_rows": 0,
@@ -68,7 +64,7 @@ def test_a_log_of_either_culture_is_read_and_rewritten_to_its_own_bytes(
     first.write_bytes(
         first.read_bytes().replace(b"\r\n", b";\r\n" if decimal == "," else b",\r\n")
     )
-    np.testing.assert_array_equal(read_daqft(first).torque, result.torque)
+    assert_array_equal(read_daqft(first).torque, result.torque)
 
 
 HEADERS = [
@@ -84,8 +80,8 @@ def test_labels_units_and_settings_may_have_rows_of_their_own(tmp_path, header):
     file = tmp_path / "log.csv"
     file.write_text(f"{header}\n{ROW}\n{ROW}\n")
     result = read_daqft(file)
-    np.testing.assert_array_equal(result.force, [[1.5, 2, 3]] * 2)
-    np.testing.assert_allclose(result.torque, [[0.004, 0.005, 0.006]] * 2)
+    assert_array_equal(result.force, [[1.5, 2, 3]] * 2)
+    assert_allclose(result.torque, [[0.004, 0.005, 0.006]] * 2)
     assert (result.rate, result.serial) == (62.5, "FT1")
     assert result.counts.get("paused_ms") == (500 if "Paused" in header else None)
 
@@ -94,9 +90,9 @@ def test_labels_or_numbers_say_which_column_is_which_axis(tmp_path):
     file = log(tmp_path, ROW)
     for old, new in (("Force X", "?"), ("Force Z", "Force X"), ("?", "Force Z")):
         change(file, old, new)
-    np.testing.assert_array_equal(read_daqft(file).force, [[3, 2, 1.5]])
+    assert_array_equal(read_daqft(file).force, [[3, 2, 1.5]])
     forces = read_daqft(file, ForceLogOptions(columns={"fx": 0, "fy": 1, "fz": 2}))
-    np.testing.assert_array_equal(forces.force, [[1.5, 2, 3]])
+    assert_array_equal(forces.force, [[1.5, 2, 3]])
     assert np.isnan(forces.torque).all()  # only what is named is read
 
 
@@ -124,8 +120,8 @@ def test_rows_that_were_lost_leave_a_gap_where_the_log_has_times_or_numbers(
     file.write_text(f'"{label}",' + file.read_text())
     result = read_daqft(file, options)
     assert result.counts["missing_samples"] == 2 and result.rate == pytest.approx(62.5)
-    np.testing.assert_allclose(result.time, numbers * 0.016, rtol=0, atol=1e-12)
-    np.testing.assert_array_equal(result.force[:, 0], numbers + 0.5)
+    assert_allclose(result.time, numbers * 0.016, rtol=0, atol=1e-12)
+    assert_array_equal(result.force[:, 0], numbers + 0.5)
     if label == "Time":
         assert refusal(read_daqft, file).evidence["key"] == f"{KEY}.time_unit"
 
@@ -141,9 +137,9 @@ def test_a_netft_log_reads_back_to_the_bit_whatever_is_beside_its_numbers(netft)
     change(netft, "Force Units", '"PLEASE NOTE: The rate, as it was."\r\nForce Units')
     change(netft, '"0x0"', '"0x80020000"', 3)
     result = read_netft(netft)
-    np.testing.assert_array_equal(result.force, record().force)
-    np.testing.assert_array_equal(result.torque, record().torque)
-    np.testing.assert_allclose(result.time, record().time, rtol=0, atol=1e-12)
+    assert_array_equal(result.force, record().force)
+    assert_array_equal(result.torque, record().torque)
+    assert_allclose(result.time, record().time, rtol=0, atol=1e-12)
     assert (result.rate, result.started) == (500.0, STARTED)
     assert {n: count for n, count in result.counts.items() if count} == {
         "status_rows": 3
@@ -167,8 +163,8 @@ def test_repeated_zero_and_blank_rows_are_counted_and_lost_packets_leave_a_gap(
     netft.write_bytes(b"\r\n".join([*lines[:17], *lines[21:28], *lines[27:]]))
     result, received = read_netft(netft), np.delete(np.arange(50), range(10, 14))
     assert (result.counts["lost_packets"], result.counts["doubled_rows"]) == (4, 1)
-    np.testing.assert_array_equal(result.force, record().force[received])
-    np.testing.assert_allclose(result.time, received / 500, rtol=0, atol=1e-12)
+    assert_array_equal(result.force, record().force[received])
+    assert_allclose(result.time, received / 500, rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("torque_counts", [1_000_000, 250_000, 4_000_000])
@@ -183,8 +179,8 @@ def test_counts_of_forces_and_of_torques_are_divided_each_by_its_own(
     change(file, "Torque Units: N-m", "Torque Units: N-mm")
     result = read_netft(file)
     torque = record().torque * 1e-3 * share
-    np.testing.assert_allclose(result.force, record().force, atol=0.51e-6)
-    np.testing.assert_allclose(result.torque, torque, atol=0.51e-9 * share)
+    assert_allclose(result.force, record().force, atol=0.51e-6)
+    assert_allclose(result.torque, torque, atol=0.51e-9 * share)
 
 
 def test_what_may_be_counts_is_asked(tmp_path):
@@ -194,7 +190,7 @@ def test_what_may_be_counts_is_asked(tmp_path):
     assert refusal(read_netft, file).evidence["key"] == f"{KEY}.counts"
     for counts, value in ((False, 7), (True, 7e-6)):
         force = read_netft(file, ForceLogOptions(counts=counts)).force
-        np.testing.assert_allclose(force, value)
+        assert_allclose(force, value)
     file.write_bytes(b"7,0".join(file.read_bytes().rsplit(b"7.0", 1)))
     assert "'7,0', not a finite number" in refusal(read_netft, file).message
 
@@ -236,8 +232,8 @@ def test_units_matrix_and_ratings_are_those_of_the_user_axes_in_any_encoding(
             "N-mm",
         )
         newton = MATRIX * np.repeat([1, 1e-3], 3)[:, None]
-        np.testing.assert_array_equal(result.matrix, newton)
-        np.testing.assert_allclose(result.full_scale, [25, 25, 35, 0.25, 0.25, 0.25])
+        assert_array_equal(result.matrix, newton)
+        assert_allclose(result.full_scale, [25, 25, 35, 0.25, 0.25, 0.25])
     error = refusal(read_calibration, calibration(tmp_path, axes))
     assert "get a calibration of version 1.1" in error.message
 
@@ -248,15 +244,14 @@ def test_gauge_voltages_become_forces_by_the_matrix_of_their_transducer(
 ):
     volts = np.random.default_rng(5).normal(size=(4, 6)).round(6)
     options = ForceLogOptions(calibration=read_calibration(calibration(tmp_path)))
-    lines = [",".join([*(f"G{gauge}" for gauge in range(6)), *thermistor, SETTINGS])]
-    lines += [
-        ",".join(map(repr, [*row, *[2.5] * len(thermistor)])) for row in volts.tolist()
-    ]
     file = tmp_path / "log.csv"
-    file.write_text("\n".join(lines) + "\n")
+    gauges = [f"G{gauge}" for gauge in range(6)]
+    table = pd.DataFrame(volts, columns=gauges).assign(**dict.fromkeys(thermistor, 2.5))
+    table.to_csv(file, index=False, header=[*gauges, *thermistor])
+    change(file, "\n", f",{SETTINGS}\n", 1)
     result = read_daqft(file, options)
-    np.testing.assert_allclose(result.force, volts @ MATRIX[:3].T, rtol=1e-11)
-    np.testing.assert_allclose(result.torque, volts @ MATRIX[3:].T * 1e-3, rtol=1e-11)
+    assert_allclose(result.force, volts @ MATRIX[:3].T, rtol=1e-11)
+    assert_allclose(result.torque, volts @ MATRIX[3:].T * 1e-3, rtol=1e-11)
     assert refusal(read_daqft, file).evidence["key"] == f"{KEY}.calibration"
     change(file, "FT1", "FT2")
     assert "FT2" in refusal(read_daqft, file, options).message
@@ -273,8 +268,6 @@ def test_units_that_the_log_does_not_state_are_the_options_or_the_calibrations(
     )
     for unit, newton in ((None, POUND), ("kN", 1e3)):
         result = read_daqft(file, ForceLogOptions(calibration=pounds, force_unit=unit))
-        np.testing.assert_allclose(
-            result.force, [np.array([1.5, 2, 3]) * newton], rtol=1e-12
-        )
+        assert_allclose(result.force, [np.array([1.5, 2, 3]) * newton], rtol=1e-12)
         torque = np.array([4, 5, 6]) * POUND * 0.0254
-        np.testing.assert_allclose(result.torque, [torque], rtol=1e-12)
+        assert_allclose(result.torque, [torque], rtol=1e-12)

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from ros_bags import Message, write_bag
 from written_logs import refusal
 
@@ -38,8 +39,8 @@ def test_wrenches_of_a_bag_keep_their_numbers_and_the_times_of_their_headers(tmp
     file = bag(tmp_path, topics=("/left", "/right"))
     assert "2 topics of WrenchStamped" in refusal(read_force_bag, file).message
     result = read_force_bag(file, ForceLogOptions(topic="/right"))
-    np.testing.assert_array_equal(np.hstack([result.force, result.torque]), VALUES)
-    np.testing.assert_allclose(result.time, np.arange(20) / 500, rtol=0, atol=0.5e-6)
+    assert_array_equal(np.hstack([result.force, result.torque]), VALUES)
+    assert_allclose(result.time, np.arange(20) / 500, rtol=0, atol=0.5e-6)
     assert result.rate == pytest.approx(500, rel=1e-3) and set(
         result.counts.values()
     ) == {0}
@@ -62,10 +63,10 @@ SCALE = np.full(6, 10.0)
 
 def record(samples: int = 1000, *, torque: bool = True) -> ForceRecord:
     values = np.random.default_rng(6).normal(size=(samples, 6))
-    torques = values[:, 3:] if torque else np.full((samples, 3), np.nan)
-    return ForceRecord(
-        np.arange(samples) / RATE, values[:, :3], torques, RATE, "", "", {}
-    )
+    if not torque:
+        values[:, 3:] = np.nan
+    time = np.arange(samples) / RATE
+    return ForceRecord(time, values[:, :3], values[:, 3:], RATE, "", "", {})
 
 
 @pytest.mark.parametrize("torque", [True, False])
@@ -95,7 +96,7 @@ def test_identical_samples_that_last_longer_than_the_limit_are_frozen(torque, st
     sound, _ = sound_samples(log, None, 0.515, 0.0, file="log.csv")
     assert sound.all()
     sound, counts = sound_samples(log, None, 0.5, 0.052, file="log.csv")
-    np.testing.assert_array_equal(np.flatnonzero(~sound), rows)
+    assert_array_equal(np.flatnonzero(~sound), rows)
     assert counts == {"frozen_samples": 52}
     with pytest.raises(RecordingError, match="52 of 1000 samples are frozen") as caught:
         sound_samples(log, SCALE, 0.5, 0.051, file="log.csv")
@@ -142,8 +143,8 @@ def test_units_stand_in_the_log_or_in_the_option_and_never_differ(tmp_path):
     header = "time (ms),F1 (kN),F2 (N),F3 (lbf)\n"
     file = table(tmp_path, "500,1,2,3.5", "510,1,2,3", header=header)
     result = read_force_table(file, options)
-    np.testing.assert_allclose(result.force[0], [1000, 2, 3.5 * POUND], rtol=1e-12)
-    np.testing.assert_allclose(result.time, [0, 0.01], atol=1e-12)
+    assert_allclose(result.force[0], [1000, 2, 3.5 * POUND], rtol=1e-12)
+    assert_allclose(result.time, [0, 0.01], atol=1e-12)
     assert np.isnan(result.torque).all()
     in_newton = dataclasses.replace(options, force_unit="N")
     message = refusal(read_force_table, file, in_newton).message
@@ -156,10 +157,8 @@ def test_units_stand_in_the_log_or_in_the_option_and_never_differ(tmp_path):
     assert "'ms' in the log, 's' by the option" in message
     numbers = ForceLogOptions({"fx": 2, "fy": 0, "fz": 1}, force_unit="lbf", rate=100.0)
     result = read_force_table(table(tmp_path, "1.5,2,3", "4.5,5,6", header=""), numbers)
-    np.testing.assert_allclose(
-        result.force, np.array([[3, 1.5, 2], [6, 4.5, 5]]) * POUND
-    )
-    np.testing.assert_allclose(result.time, [0, 0.01])
+    assert_allclose(result.force, np.array([[3, 1.5, 2], [6, 4.5, 5]]) * POUND)
+    assert_allclose(result.time, [0, 0.01])
 
 
 FOREIGN = {"time": "{}{}", "t": "{} {} (N)", "Time Stamp": "field.wrench.{}.{}"}

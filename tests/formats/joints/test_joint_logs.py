@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from joint_files import read_joint_log, table
+from numpy.testing import assert_allclose, assert_array_equal
 from ros_bags import Message, write_bag
 from scipy.io import loadmat, savemat
 from source_code import ROOT
@@ -52,10 +53,8 @@ def test_tables_are_read_by_labels_or_numbers_in_any_form(
     ]
     file = table(tmp_path, header, *rows)
     result = read_joint_log(file, joints=3, columns=columns, options=options)
-    np.testing.assert_allclose(
-        result.signals["actual"], [[0.1, 0.2, 0.3]] * 4, rtol=1e-12
-    )
-    np.testing.assert_allclose(result.time, np.arange(4) * 0.008, atol=1e-12)
+    assert_allclose(result.signals["actual"], [[0.1, 0.2, 0.3]] * 4, rtol=1e-12)
+    assert_allclose(result.time, np.arange(4) * 0.008, atol=1e-12)
 
 
 def test_columns_whose_labels_or_cells_name_other_joints_are_refused(tmp_path):
@@ -110,7 +109,7 @@ def test_a_unit_in_the_header_is_never_read_as_another(
         if unit == "deg"
         else [0.5, 0.0015 if "mm" in header else 1.5]
     )
-    np.testing.assert_allclose(result.signals["actual"], [angles] * 2)
+    assert_allclose(result.signals["actual"], [angles] * 2)
 
 
 def test_degrees_that_are_taken_for_radians_are_refused_with_the_option_and_the_time(
@@ -167,32 +166,34 @@ def test_the_code_of_a_reader_is_named_for_the_files_that_it_reads(tmp_path):
 
 
 @pytest.mark.parametrize("form", WRITE)
-def test_arrays_are_found_by_their_names_or_named_by_the_option(tmp_path, form):
+def test_arrays_are_found_by_their_names(tmp_path, form):
     file = archive(tmp_path, form, **ARRAYS)
     assert format_of(file, formats_in(joints, Kind.JOINTS)).read is read_arrays
     log = read_arrays(file, PLAIN)
-    np.testing.assert_array_equal(log.time, STAMPS)
+    assert_array_equal(log.time, STAMPS)
     assert [*log.signals] == ["actual", "target"] and log.counts == {"doubled_rows": 0}
-    np.testing.assert_array_equal(log.signals["actual"], ACTUAL)
-    np.testing.assert_array_equal(log.signals["target"], ACTUAL + 1)
-    file = archive(
-        tmp_path, form, clock=np.arange(ROWS) * 5, a=ACTUAL, b=ACTUAL[:, [1, 0, 2]]
-    )
-    columns = ["b:1", "b:0", "b:2"] if form != "parquet" else ["b_1", "b_0", "b_2"]
+    assert_array_equal(log.signals["actual"], ACTUAL)
+    assert_array_equal(log.signals["target"], ACTUAL + 1)
+
+
+@pytest.mark.parametrize("form", WRITE)
+def test_arrays_and_columns_are_named_by_the_option(tmp_path, form):
+    clock, turned = np.arange(ROWS) * 5, ACTUAL[:, [1, 0, 2]]
+    file = archive(tmp_path, form, clock=clock, a=ACTUAL, b=turned)
+    columns = ["b_1", "b_0", "b_2"] if form == "parquet" else ["b:1", "b:0", "b:2"]
     named = {"actual": ["a"], "target": columns}
-    log = read_arrays(
-        file, LogOptions("clock", angle_unit="deg", time_unit="ms", signals=named)
-    )
-    np.testing.assert_allclose(log.time, np.arange(ROWS) * 0.005)
-    np.testing.assert_allclose(log.signals["actual"], np.deg2rad(ACTUAL))
-    np.testing.assert_array_equal(log.signals["actual"], log.signals["target"])
+    options = LogOptions("clock", angle_unit="deg", time_unit="ms", signals=named)
+    log = read_arrays(file, options)
+    assert_allclose(log.time, np.arange(ROWS) * 0.005)
+    assert_allclose(log.signals["actual"], np.deg2rad(ACTUAL))
+    assert_array_equal(log.signals["actual"], log.signals["target"])
     untimed = read_arrays(file, LogOptions(None, rate=200.0, signals={"actual": ["a"]}))
-    np.testing.assert_allclose(untimed.time, np.arange(ROWS) * 0.005)
-    for wrong in (["a:3"] * 3, ["absent:0"] * 3):
-        error = refusal(
-            read_arrays, file, LogOptions("clock", signals={"actual": wrong})
-        )
-        assert "a (6, 3)" in error.message and error.evidence["key"] == f"{KEY}.signals"
+    assert_allclose(untimed.time, np.arange(ROWS) * 0.005)
+    for names in (["a:3"] * 3, ["absent:0"] * 3):
+        options = LogOptions("clock", signals={"actual": names})
+        error = refusal(read_arrays, file, options)
+        assert "a (6, 3)" in error.message
+        assert error.evidence["key"] == f"{KEY}.signals"
 
 
 def changed(name: str, row: int, value: float) -> dict[str, np.ndarray]:
@@ -257,10 +258,10 @@ def test_matrices_in_structs_have_a_dotted_path_and_version_7_3_is_named(tmp_pat
     file = archive(tmp_path, "mat", rec=rec)
     signals = {"actual": ["rec.arm.ref_pos_deg"]}
     log = read_arrays(file, LogOptions("rec.t", angle_unit="deg", signals=signals))
-    np.testing.assert_allclose(log.signals["actual"], ACTUAL)
+    assert_allclose(log.signals["actual"], ACTUAL)
     columns = {"actual": [f"rec.arm.q:{j}" for j in (2, 0, 1)]}
     log = read_arrays(file, LogOptions("rec.t", signals=columns))
-    np.testing.assert_array_equal(log.signals["actual"], ACTUAL[:, [2, 0, 1]])
+    assert_array_equal(log.signals["actual"], ACTUAL[:, [2, 0, 1]])
     assert (
         "rec.arm.q (6, 3)"
         in refusal(read_arrays, file, LogOptions(signals={"actual": ["q"]})).message
@@ -278,8 +279,8 @@ def test_structs_of_a_real_arm_are_what_scipy_reads(run):
     log = read_arrays(file, PLAIN)
     for signal, name in (("actual", "act_pos_se_deg"), ("target", "ref_pos_deg")):
         angles = np.deg2rad(struct[name].T)
-        np.testing.assert_array_equal(log.signals[signal], angles)
-    np.testing.assert_allclose(log.time, struct["time_cont"], atol=1e-9)
+        assert_array_equal(log.signals[signal], angles)
+    assert_allclose(log.time, struct["time_cont"], atol=1e-9)
 
 
 @pytest.mark.parametrize("form", ["npz", "mat"])
@@ -288,7 +289,7 @@ def test_joints_times_samples_and_joint_names_beside_the_times_are_read(tmp_path
     turned = {name: array.T for name, array in ARRAYS.items()}
     file = archive(tmp_path, form, **turned | beside)
     log = read_arrays(file, PLAIN)
-    np.testing.assert_array_equal(log.signals["target"], ACTUAL + 1)
+    assert_array_equal(log.signals["target"], ACTUAL + 1)
     assert log.joints == ("a", "b", "c")
     error = refusal(read_arrays, file, LogOptions("absent", joints=3))
     assert "None" not in error.message and "positions (6, 3)" in error.message

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from c3d_files import AB, DEC, c3d, points
+from numpy.testing import assert_allclose
 from written_logs import refusal, seen
 
 from pipeline.core.bounds import Reading, within
@@ -32,10 +33,8 @@ def test_points_come_back_in_metres_and_what_is_none_is_missing(tmp_path, unit, 
         100.0,
         AB,
     )
-    np.testing.assert_allclose(
-        np.stack([*result.markers.values()], 1), xyz, rtol=0, atol=3e-7
-    )
-    np.testing.assert_allclose(result.time, np.arange(6) / 100, rtol=0, atol=1e-12)
+    assert_allclose(np.stack([*result.markers.values()], 1), xyz, rtol=0, atol=3e-7)
+    assert_allclose(result.time, np.arange(6) / 100, rtol=0, atol=1e-12)
     names = ("found_frames", "missing_samples", "gaps")
     assert [result.counts[name] for name in names] == [6, 0, 0]
     xyz[2, 1], xyz[3, 1] = np.nan, 0  # and a negative residual
@@ -62,7 +61,7 @@ def test_coordinates_that_no_camera_measured_are_missing_and_counted(
         np.isnan(take.markers[name][:, 0]).nonzero()[0].tolist() for name in AB
     ] == [[3], [2]]
     assert (take.counts["invalid_samples"], take.counts["missing_samples"]) == (2, 2)
-    np.testing.assert_allclose(take.markers["Arm:a"][:3], xyz[:3, 0], rtol=0, atol=3e-7)
+    assert_allclose(take.markers["Arm:a"][:3], xyz[:3, 0], rtol=0, atol=3e-7)
     assert "2 invalid samples" in seen(tmp_path / "t.c3d")
 
 
@@ -75,9 +74,7 @@ def test_labels_are_kept_apart_and_a_unit_is_stated_or_asked_for(tmp_path):
         assert refused.evidence["key"] == "dataset.mocap.unit"
     assert "furlong" in refusal(read_c3d, write(tmp_path, unit="furlong")).message
     result = read_c3d(write(tmp_path, unit=""), "mm")
-    np.testing.assert_allclose(
-        result.markers["Arm:a"], points(5)[:, 0], rtol=0, atol=3e-7
-    )
+    assert_allclose(result.markers["Arm:a"], points(5)[:, 0], rtol=0, atol=3e-7)
 
 
 MANY = [f"m{j}" for j in range(300)]
@@ -115,7 +112,7 @@ def test_a_c3d_of_another_program_is_read(tmp_path, name):
     assert f"first frame {first};" in seen(tmp_path / "t.c3d")
     outputs = counts.get("skipped_model_outputs", 0)
     xyz = points(5, len(markers) + outputs)[:, 1]
-    np.testing.assert_allclose(take.markers[markers[1]], xyz, rtol=0, atol=3e-7)
+    assert_allclose(take.markers[markers[1]], xyz, rtol=0, atol=3e-7)
 
 
 DATA_START = (

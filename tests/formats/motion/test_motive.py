@@ -14,6 +14,7 @@ from motive_files import (
     random_take,
     rows_file,
 )
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 from written_logs import refusal
 
@@ -28,16 +29,16 @@ def test_written_takes_read_back_to_a_half_micrometre_and_keep_their_gaps(tmp_pa
     original.bodies["Base"].position[7] = original.bodies["Base"].quaternion[7] = np.nan
     write_motive(tmp_path / "t.csv", original, start=START)
     result = read_motive(tmp_path / "t.csv")
-    np.testing.assert_array_equal(result.frame, original.frame)
-    np.testing.assert_allclose(result.time, original.time, rtol=0, atol=1e-12)
+    assert_array_equal(result.frame, original.frame)
+    assert_allclose(result.time, original.time, rtol=0, atol=1e-12)
     assert (result.name, result.rate) == (original.name, original.rate)
     assert list(result.markers) == list(original.markers)
     for name, points in original.markers.items():
-        np.testing.assert_allclose(result.markers[name], points, rtol=0, atol=0.501e-6)
+        assert_allclose(result.markers[name], points, rtol=0, atol=0.501e-6)
     read, written = result.bodies["Base"], original.bodies["Base"]
     half_micrometre = {"rtol": 0, "atol": 0.501e-6}
-    np.testing.assert_allclose(read.position, written.position, **half_micrometre)
-    np.testing.assert_allclose(read.quaternion, written.quaternion, **half_micrometre)
+    assert_allclose(read.position, written.position, **half_micrometre)
+    assert_allclose(read.quaternion, written.quaternion, **half_micrometre)
     names = ("missing_samples", "missing_poses", "time_mismatches")
     assert [result.counts[name] for name in names] == [10, 1, 0]
 
@@ -62,7 +63,7 @@ def test_frame_gaps_are_time_and_are_counted_with_headers_and_times_that_lie(tmp
     lie = b",Total Exported Frames,17263,Rotation Type"
     file.write_bytes(file.read_bytes().replace(b",Rotation Type", lie, 1))
     result = read_motive(file)
-    np.testing.assert_allclose(result.time, [0, 0.01, 109.48], rtol=0, atol=1e-12)
+    assert_allclose(result.time, [0, 0.01, 109.48], rtol=0, atol=1e-12)
     names = (
         "announced_frames",
         "found_frames",
@@ -77,9 +78,7 @@ def test_frame_gaps_are_time_and_are_counted_with_headers_and_times_that_lie(tmp
 def test_labels_decide_which_column_is_which_in_which_unit(tmp_path, unit, scale):
     body = MARKER.replace("X,Y,Z", "Z,X,Y") + "0,0,-3,1,2\n"
     result = read_motive(columns_file(tmp_path, body, unit=unit))
-    np.testing.assert_allclose(
-        result.markers["A"], [[scale, 2 * scale, -3 * scale]], rtol=1e-15
-    )
+    assert_allclose(result.markers["A"], [[scale, 2 * scale, -3 * scale]], rtol=1e-15)
 
 
 LOST = {
@@ -96,7 +95,7 @@ def test_lost_samples_are_nan_in_all_coordinates_and_counted(tmp_path, cells):
     result = read_motive(
         columns_file(tmp_path, MARKER + f"0,0,{cells}\n1,0.01,0,0,1\n")
     )
-    np.testing.assert_array_equal(result.markers["A"], [[np.nan] * 3, [0, 0, 1]])
+    assert_array_equal(result.markers["A"], [[np.nan] * 3, [0, 0, 1]])
     assert result.counts["missing_samples"] == 1
     for name in ("zero_samples", "partial_samples", "filler_samples"):
         assert result.counts.get(name, 0) == (name == LOST[cells])
@@ -161,7 +160,7 @@ def test_euler_angles_are_products_of_axis_rotations_in_the_order_of_the_header(
         turn[i, j], turn[j, i] = -np.sin(angle), np.sin(angle)
         expected = expected @ turn
     rotation = Rotation.from_quat(pose.quaternion[0]).as_matrix()
-    np.testing.assert_allclose(rotation, expected, atol=1e-14)
+    assert_allclose(rotation, expected, atol=1e-14)
     assert np.isnan(pose.quaternion[1]).all() and np.isnan(pose.position[1]).all()
 
 
@@ -176,8 +175,8 @@ def test_raw_markers_are_preferred_shared_names_keep_their_ids_and_bones_are_ski
     solved, bone = "Rigid Body Marker", ("Bone Marker", "Hip_1", "1")
     body = columns((solved, "B:1", "1"), (solved, "B:2", "1"), ("Marker", "B:1", "1"))
     result = read(body, "0,0,1,1,1,2,2,2,9,9,9", "1,0.01,1,1,1,2,2,2,,,")
-    np.testing.assert_array_equal(result.markers["B:1"], [[9, 9, 9], [np.nan] * 3])
-    np.testing.assert_array_equal(result.markers["B:2"], [[2, 2, 2]] * 2)
+    assert_array_equal(result.markers["B:1"], [[9, 9, 9], [np.nan] * 3])
+    assert_array_equal(result.markers["B:2"], [[2, 2, 2]] * 2)
     assert (result.counts["solved_replaced"], result.counts["solved_only"]) == (1, 1)
     body = columns(("Marker", "S", "1"), ("Marker", "S", "2"), (solved, "S", "3"))
     assert list(read(body, f"0,0{',1,2,3' * 3}").markers) == ["S [1]", "S [2]", "S [3]"]
@@ -262,13 +261,11 @@ def test_row_typed_takes_give_measured_markers_poses_and_strays(tmp_path, versio
         wanted = {"Unlabeled 1": seen, "Unlabeled 2": wanted["Unlabeled 1"]}
     assert {*result.markers} == {*wanted}
     for name, places in wanted.items():
-        np.testing.assert_array_equal(result.markers[name], places)
+        assert_array_equal(result.markers[name], places)
     position = result.bodies["Arm"].position
-    np.testing.assert_array_equal(position, [[np.nan] * 3, [1.5, 2, 3], [2.5, 2, 3]])
+    assert_array_equal(position, [[np.nan] * 3, [1.5, 2, 3], [2.5, 2, 3]])
     counts = [
         result.counts[name] for name in ("stray_ids", "stray_samples", "missing_poses")
     ]
     assert counts == [3 if version == "1.1" else 4, 3 if version == "1.1" else 6, 1]
-    np.testing.assert_allclose(
-        read_motive(file, "mm").bodies["Arm"].position, position / 1000
-    )
+    assert_allclose(read_motive(file, "mm").bodies["Arm"].position, position / 1000)
