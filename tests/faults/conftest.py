@@ -139,7 +139,8 @@ def take_bench(folder: Path, dataset: Dataset, arm: Arm, motion) -> Bench:
     def recover(raw: Path) -> Recovered:
         take, *_ = motion_capture.find_takes(raw, dataset.mocap)
         rows, quality = motion_capture.marker_rows(*take, dataset)
-        track = follower(dataset.robot, dataset.mocap)(rows, take=take[0])
+        follow = follower(dataset.robot, dataset.mocap)
+        track = follow(rows, take=take[0])
         time = np.arange(len(track.q)) / dataset.motion.rate
         return Recovered(time, track.q, counts_of(quality) | track.counts)
 

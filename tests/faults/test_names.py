@@ -44,14 +44,18 @@ class Tags(HTMLParser):
 
 def shown(name: str) -> str:
     """The name on the pages of a run."""
-    table_of = {"t": pd.DataFrame({"joint": [name]})}
-    run = Run("lab", "paper", True, [name], ["x"], {}, {"fit": {name: 1}}, table_of)
+    rows = pd.DataFrame({"joint": [name]})
+    run = Run("lab", "paper", True, [name], ["x"], {}, {"fit": {name: 1}}, {"t": rows})
     run = with_plain_names(with_plain_names(run))
-    assert [*run.metrics["fit"]] == run.tables["t"]["joint"].tolist() == run.joints
-    case = Case(name, *[None] * (len(Case._fields) - 1))
-    decided = with_plain_cases(Decided("lab", "real", [Verdict(None, "", (case,))]))
-    assert decided.verdicts[0].cases == (case._replace(case=run.joints[0]),)
-    return run.joints[0]
+    (plain,) = run.joints
+    assert [*run.metrics["fit"]] == [plain]
+    assert run.tables["t"]["joint"].tolist() == [plain]
+    unknown = [None] * (len(Case._fields) - 1)
+    case = Case(name, *unknown)
+    verdict = Verdict(None, "", (case,))
+    decided = with_plain_cases(Decided("lab", "real", [verdict]))
+    assert decided.verdicts[0].cases == (case._replace(case=plain),)
+    return plain
 
 
 @pytest.mark.parametrize("name", [*NAMES, TURNED, "![i](x.png)", *MARKUP])
@@ -75,8 +79,8 @@ def test_a_name_on_a_page_adds_no_tag_column_or_control_character(name, tmp_path
 def test_a_name_in_a_figure_is_no_formula(name, tmp_path):
     figure, _ = style.model_panels([name], [name], "error")
     figure.savefig(tmp_path / "panels.svg")
-    density = np.exp(-(np.linspace(-2, 2, 9) ** 2))
-    rows = pd.DataFrame({"value": np.linspace(-2, 2, 9), "density": density})
+    value = np.linspace(-2, 2, 9)
+    rows = pd.DataFrame({"value": value, "density": np.exp(-(value**2))})
     drawn = rows.assign(configuration=name, row="fx", source="measured")
     wrench.wrench_marginals(drawn, "recorded").savefig(tmp_path / "wrench.svg")
 
