@@ -72,10 +72,11 @@ def test_a_singular_pose_and_one_that_is_not_finite_are_refused_with_their_place
     evidence = refused.value.evidence
     assert evidence.pop("least_singular_value") < 1e-14
     assert evidence == {"index": (1, 2), "q": in_line(chain).round(4).tolist()}
-    q[1, 2, 1] = np.inf
-    assert chain.singular(q).sum() == 1
-    with pytest.raises(SingularJacobianError, match="not finite"):
-        chain.inverse_jacobian(q)
+    for not_finite in (np.inf, np.nan):
+        q[1, 2, 1] = not_finite
+        assert chain.singular(q).sum() == 1
+        with pytest.raises(SingularJacobianError, match="not finite"):
+            chain.inverse_jacobian(q)
 
 
 ORDER = [1, 2, 0]  # of the rows z, phi, x, whose chain is not a PlanarChain
@@ -133,10 +134,8 @@ def test_pose_joints_and_jacobian_are_the_whole_robots_seen_in_the_plane(options
     turn = Rotation.from_rotvec(phi[:, None] * arm.rotation[:, 1]).as_matrix()
     rotation = places[:, 3:].reshape(-1, 3, 3)
     np.testing.assert_allclose(turn @ rotation[0], rotation, atol=1e-12)
-    (vx, vy, vz), (wx, wy, wz) = (
-        np.moveaxis(arm.rotation.T @ part, 1, 0)
-        for part in (jacobians[:, :3], jacobians[:, 3:])
-    )
+    vx, vy, vz = np.moveaxis(arm.rotation.T @ jacobians[:, :3], 1, 0)
+    wx, wy, wz = np.moveaxis(arm.rotation.T @ jacobians[:, 3:], 1, 0)
     planar = np.stack([vx, vz, wy], axis=1)
     np.testing.assert_allclose(arm.chain.jacobian(q), planar, atol=1e-12)
     # and nothing of the motion leaves the plane

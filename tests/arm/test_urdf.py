@@ -150,10 +150,10 @@ def test_a_links_frame_lies_where_pinocchio_has_it(robot, links):
 def test_joints_beside_and_within_the_arm_are_as_in_pinocchio(
     file, joints, options, tip
 ):
-    urdf = file(
-        moving("j1", "revolute", "l0", "l1"),
-        *(moving(*one[:4], "1 0 0", "".join(one[4:])) for one in joints),
-    )
+    beside = []
+    for name, kind, parent, child, *coupling in joints:
+        beside.append(moving(name, kind, parent, child, "1 0 0", "".join(coupling)))
+    urdf = file(moving("j1", "revolute", "l0", "l1"), *beside)
     robot = Robot(**({"urdf": urdf, "task": ["x", "rz"]} | options))
     assert agrees(robot, tip)
     chain = chain_of(robot)

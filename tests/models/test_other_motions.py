@@ -44,11 +44,11 @@ def test_the_prediction_of_a_motion_has_the_measurement_noise_that_the_fit_left_
     chain, motions
 ):
     options = {"additive": Options("additive", estimator="shrinkage")}
-    scores = matrix_scores(motions, JOINTS, POSE_NOISE, chain, options).set_index(
-        "motion"
-    )["score"]
-    for own, other in zip(motions, motions[::-1], strict=True):
-        fitted = recorded_motions(chain, [other], JOINTS, POSE_NOISE)
-        noise = recorded_motions(chain, [own], JOINTS, POSE_NOISE).noise
+    table = matrix_scores(motions, JOINTS, POSE_NOISE, chain, options)
+    scores = table.set_index("motion")["score"]
+    for scored, trained in zip(motions, motions[::-1], strict=True):
+        fitted = recorded_motions(chain, [trained], JOINTS, POSE_NOISE)
+        noise = recorded_motions(chain, [scored], JOINTS, POSE_NOISE).noise
         law = multivariate_normal(np.zeros(3), shrunk_covariance(fitted.noise)[0])
-        assert scores[own.name] == pytest.approx(law.logpdf(noise).mean(), rel=1e-9)
+        expected = law.logpdf(noise).mean()
+        assert scores[scored.name] == pytest.approx(expected, rel=1e-9)
