@@ -36,18 +36,18 @@ def direct(path, prior, frames, response, k: int) -> tuple[np.ndarray, np.ndarra
     full = prior.reshape(grid * n, grid * n)
     so_far = (frames.t >= 0) & (frames.t <= k * DT + 1e-12)
     unbiased = frames.y - frames.bias
-    looks = [np.empty((0, grid * n))]
-    residuals = [np.empty(0)]
+    observations, innovations = [np.empty((0, grid * n))], [np.empty(0)]
     for t, y in zip(frames.t[so_far], unbiased[so_far], strict=True):
         distance = np.abs(np.arange(grid) - t / DT)
         weights = np.maximum(0, 1 - distance)  # of a polygon
-        looks.append(np.kron(weights, response))
-        residuals.append(y - weights @ path)
-    look = np.vstack(looks)
-    spread = look @ full @ look.T + block_diag(*frames.covariance[so_far])
-    across = look @ full[:, k * n : (k + 1) * n]
-    gain = np.linalg.solve(spread, across).T
-    mean = path[k] + gain @ np.concatenate(residuals)
+        observations.append(np.kron(weights, response))
+        innovations.append(y - weights @ path)
+    observation = np.vstack(observations)
+    noise = block_diag(*frames.covariance[so_far])
+    total = observation @ full @ observation.T + noise
+    across = observation @ full[:, k * n : (k + 1) * n]
+    gain = np.linalg.solve(total, across).T
+    mean = path[k] + gain @ np.concatenate(innovations)
     return mean, prior[k, :, k] - gain @ across
 
 

@@ -68,26 +68,32 @@ def scene(arm: PlanarChain, steps: int = 60) -> tuple[np.ndarray, Start, Measure
     t = np.arange(-0.02, DT * steps + 0.04, 1 / 30)
     root = 0.02 * (np.eye(3) + 0.3 * rng.standard_normal((len(t), 3, 3)))
     bias = 0.01 * rng.standard_normal((len(t), 3))
-    y = np.stack(
-        [np.interp(t, DT * np.arange(steps + 1), path[:, j]) for j in range(3)], axis=1
-    )
-    y = y + bias + np.matvec(root, rng.standard_normal((len(t), 3)))
-    first = 1e-4 * np.array([[20.0, 3.0, 0.0], [3.0, 30.0, -5.0], [0.0, -5.0, 20.0]])
-    observed = Measurements("test01", t, y, bias, root @ np.swapaxes(root, 1, 2))
-    return v, Start(PATH_START, first), observed
+    noise = np.matvec(root, rng.standard_normal((len(t), 3)))
+    y = interpolated(t, path) + bias + noise
+    covariance = root @ np.swapaxes(root, 1, 2)
+    observed = Measurements("test01", t, y, bias, covariance)
+    of_start = np.array([[20.0, 3.0, 0.0], [3.0, 30.0, -5.0], [0.0, -5.0, 20.0]])
+    return v, Start(PATH_START, 1e-4 * of_start), observed
+
+
+def interpolated(t: np.ndarray, path: np.ndarray) -> np.ndarray:
+    """(F, 3) poses at the times ``t`` of a ``path`` (M+1, 3) rad with steps of DT."""
+    grid = DT * np.arange(len(path))
+    return np.stack([np.interp(t, grid, angle) for angle in path.T], axis=1)
 
 
 def greatest_difference(posterior: Posterior, reference: Posterior) -> float:
     """Over all fields, of logarithms and counts as a share; infinite where a decision differs."""
     greatest = 0.0
     for field in fields(Posterior):
-        a, b = (
-            np.asarray(getattr(result, field.name)) for result in (posterior, reference)
-        )
-        if a.dtype.kind == "f":
-            scale = 1.0 if field.name in ("mean", "covariance") else np.abs(b) + 1.0
-            greatest = max(greatest, float(np.max(np.abs(a - b) / scale)))
-        elif not np.array_equal(a, b):
+        values = np.asarray(getattr(posterior, field.name))
+        expected = np.asarray(getattr(reference, field.name))
+        if values.dtype.kind == "f":
+            moment = field.name in ("mean", "covariance")
+            scale = 1.0 if moment else np.abs(expected) + 1.0
+            difference = np.abs(values - expected) / scale
+            greatest = max(greatest, float(difference.max()))
+        elif not np.array_equal(values, expected):
             return np.inf
     return greatest
 
@@ -103,13 +109,12 @@ def both(
     model, arm, options: Filter, share: float = 0.0
 ) -> tuple[Posterior, Posterior]:
     """Compiled and plain."""
-    streams = [RNG(5) for _ in range(2)]
-    results = [
-        on_the_scene(run, model, arm, options, share, stream)
-        for run, stream in zip((particle_filter, plain_filter), streams, strict=True)
-    ]
-    assert streams[0].bit_generator.state == streams[1].bit_generator.state
-    return tuple(results)
+    rng, plain_rng = RNG(5), RNG(5)
+    case = model, arm, options, share
+    compiled = on_the_scene(particle_filter, *case, rng)
+    plain = on_the_scene(plain_filter, *case, plain_rng)
+    assert rng.bit_generator.state == plain_rng.bit_generator.state
+    return compiled, plain
 
 
 @pytest.mark.parametrize(
@@ -226,14 +231,13 @@ def filtered(model, chain, steps, start, measurements=UNSEEN, **options) -> Post
 
 def along(t: np.ndarray, steps: np.ndarray) -> np.ndarray:
     path = STILL.mean + np.vstack([np.zeros(3), np.cumsum(steps, axis=0)])
-    return np.stack(
-        [np.interp(t, DT * np.arange(len(path)), q) for q in path.T], axis=1
-    )
+    return interpolated(t, path)
 
 
 def test_without_resampling_the_weights_degenerate_and_with_it_they_do_not():
     t = np.arange(0.0, 3.2, 1 / 30)
-    y = along(t, STEPS) + 0.02 * np.random.default_rng(11).standard_normal((len(t), 3))
+    noise = np.random.default_rng(11).standard_normal((len(t), 3))
+    y = along(t, STEPS) + 0.02 * noise
     ess = {}
     for scheme in ("none", "systematic"):
         posterior = filtered(DIFFUSING, FREE, STEPS, START, seen(t, y), scheme=scheme)
@@ -260,14 +264,10 @@ def test_particles_that_leave_the_domain_or_are_no_numbers_end_the_filter_by_nam
             DegenerateFilterError, match="every particle has left"
         ) as caught:
             filtered(EXACT, arm, steps, STILL, particles=20)
-        assert caught.value.evidence == {
-            "take": "test01",
-            "step": step,
-            "time": DT * step,
-        }
-    assert (
-        filtered(EXACT, ELBOW, stretching(0.9), STILL, particles=5).outside.sum() == 0
-    )
+        place = {"take": "test01", "step": step, "time": DT * step}
+        assert caught.value.evidence == place
+    nearly = filtered(EXACT, ELBOW, stretching(0.9), STILL, particles=5)
+    assert nearly.outside.sum() == 0
 
 
 def test_a_particle_outside_the_domain_loses_its_weight_and_is_moved_back():

@@ -177,10 +177,11 @@ def scene(n: int, m: int, name: str = "qr_transposed", share: float = 0.5):
     arm = random_arm(n, m)
     q, v = motion(arm, 1, 0)
     model = WishartModel(SIGMA_B, Decomposition(name))
-    spread = np.trace(model.covariance(arm, q[0], v[0])) / n
-    rng = np.random.default_rng(n)
-    root = np.eye(n) + 0.4 * rng.standard_normal((n, n)) / np.sqrt(n)
-    return arm, q[0], v[0], model, share**2 * spread * root @ root.T
+    variance = np.trace(model.covariance(arm, q[0], v[0])) / n
+    normals = np.random.default_rng(n).standard_normal((n, n))
+    root = np.eye(n) + 0.4 * normals / np.sqrt(n)
+    measurement = share**2 * variance * root @ root.T
+    return arm, q[0], v[0], model, measurement
 
 
 @pytest.mark.parametrize(("n", "m"), SIZES)

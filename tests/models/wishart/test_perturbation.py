@@ -66,8 +66,10 @@ def test_the_perturbations_are_those_of_the_problem_as_printed(n, m, name):
     decomposition = Decomposition(name)
     jacobians, v, a, back, noise = arm_problems(n, m, decomposition, 1.5)
     fits = fit_perturbations(noise, a, back, WEIGHTS, FLOOR)
-    assert np.linalg.eigvalsh(np.eye(m) + fits.s).min() > FLOOR - 1e-10
-    for at in (np.flatnonzero(fits.bound)[:2], np.flatnonzero(~fits.bound)[:2]):
+    b_inverse = np.eye(m) + fits.s
+    assert np.linalg.eigvalsh(b_inverse).min() > FLOOR - 1e-10
+    for kind in (fits.bound, ~fits.bound):
+        at = np.flatnonzero(kind)[:2]
         assert len(at) == 2
         printed = fits.objective[at], jacobians[at], v[at], noise[at]
         assert perturbation_gap(printed, decomposition, WEIGHTS, FLOOR) < 1e-5
@@ -80,7 +82,7 @@ def test_the_perturbations_are_those_of_the_problem_as_printed(n, m, name):
         problem = noise[i], v[i], np.eye(m), jacobians[i]
         b_inv, _ = solve_perturbation(*problem, WEIGHTS, FLOOR)
         band = 5e-3 * np.abs(b_inv).max()
-        np.testing.assert_allclose(np.eye(m) + fits.s[i], b_inv, atol=band)
+        np.testing.assert_allclose(b_inverse[i], b_inv, atol=band)
     difference = fits.s[moved[0]] - fits.s[moved[1]]
     assert np.abs(difference).max() > 0.02
 
