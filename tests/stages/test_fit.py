@@ -33,22 +33,25 @@ def metrics_of(model: str) -> dict[str, float]:
 def test_every_estimate_has_a_standard_error_and_an_interval(project, choose, model):
     choose(models=["additive", "gaussian", "wishart"])
     fit.run(model)
-    metrics, chosen = metrics_of(model), config.sections("fit", item=model)
-    stems = {"gaussian": ["noise_level"], "additive": []}
-    stems["wishart"] = ["sigma_b", "control_qr_transposed_sigma_b"]
+    metrics = metrics_of(model)
+    stems = {
+        "additive": [],
+        "gaussian": ["noise_level"],
+        "wishart": ["sigma_b", "control_qr_transposed_sigma_b"],
+    }
     end = "_standard_error"
     names = {name.removesuffix(end) for name in metrics if name.endswith(end)}
     names = {name for name in names if not name.startswith("closed_loop_")}
-    for name in ("moments", "paper", "likelihood"):
-        assert {f"{stem}_{name}" for stem in stems[model]} <= names
+    for estimator in ("moments", "paper", "likelihood"):
+        assert {f"{stem}_{estimator}" for stem in stems[model]} <= names
     for name in names:
         assert metrics[f"{name}_interval_low"] <= metrics[f"{name}_interval_high"]
         assert 0 < metrics[f"{name}_standard_error"] < 0.5 * abs(metrics[name]) + 0.2
-    assert metrics["bootstrap_replicates"] == chosen.scale.bootstrap_replicates
+    scale = config.sections("fit", item=model).scale
+    assert metrics["bootstrap_replicates"] == scale.bootstrap_replicates
     assert metrics["bootstrap_replicates_without_an_estimate"] == 0
-    for name in json.loads((fit.OUT / model / "covariance.json").read_text())[
-        "estimates"
-    ]:
+    covariance = json.loads((fit.OUT / model / "covariance.json").read_text())
+    for name in covariance["estimates"]:
         assert metrics.get(f"{name}_moments", metrics[name]) == metrics[name]
 
 
@@ -89,16 +92,15 @@ def test_noise_of_the_measurement_alone_gives_no_model_and_later_stages_leave_it
         with pytest.raises(ModelDomainError, match="does not exceed the measurement"):
             fitted_model(fit.OUT / model)
         assert not contracts.exists("moments", fit.OUT / model)
-    assert "sigma_b" not in metrics_of("wishart") and "sigma_b_paper" in metrics_of(
-        "wishart"
-    )
+    metrics = metrics_of("wishart")
+    assert "sigma_b" not in metrics
+    assert "sigma_b_paper" in metrics
     predict.run()
-    assert (
-        "predict: wishart is left out: the recorded process noise"
-        in capsys.readouterr().out
-    )
+    left_out = "predict: wishart is left out: the recorded process noise"
+    assert left_out in capsys.readouterr().out
     predicted = set(contracts.read("predictions", predict.OUT)["model"])
-    assert "additive" in predicted and not {"wishart", "gaussian"} & predicted
+    assert "additive" in predicted
+    assert predicted.isdisjoint({"wishart", "gaussian"})
 
 
 def test_a_closed_loop_is_fitted_beside_the_open_one_unless_the_options_say_no(
@@ -109,10 +111,8 @@ def test_a_closed_loop_is_fitted_beside_the_open_one_unless_the_options_say_no(
     metrics = metrics_of("gaussian")
     assert metrics["closed_loop_share"] == share
     assert metrics["closed_loop_share_standard_error"] > 0
-    assert (metrics["closed_loop_alpha"], metrics["closed_loop_u"]) == (
-        model.alpha,
-        model.u,
-    )
+    assert metrics["closed_loop_alpha"] == model.alpha
+    assert metrics["closed_loop_u"] == model.u
     # the takes are drawn in an open loop
     assert metrics["closed_loop_share_interval_low"] < 0.01
     choose(overrides={"models": {"gaussian": {"closed_loop": False}}})
@@ -137,9 +137,8 @@ def test_results_of_models_that_are_not_chosen_go_and_the_others_stay(
 
 def log_scores() -> pd.DataFrame:
     rows = contracts.read("predictions", predict.OUT)
-    return rows[(rows["steps"] == "all") & (rows["score"] == "log_score")].set_index(
-        "model"
-    )
+    of_all = (rows["steps"] == "all") & (rows["score"] == "log_score")
+    return rows[of_all].set_index("model")
 
 
 def test_a_stated_noise_of_a_pose_is_twice_in_the_noise_of_a_step(project):
@@ -160,13 +159,13 @@ def test_the_true_model_predicts_best_and_its_coverage_is_a_normal_ones(
     # beside a Wishart model the control that depends on no unit
     wishart = {"wishart", "wishart_qr_transposed"}
     assert {*scores.index} == {"gaussian"} | plain | wishart
-    assert scores["mean"].idxmax() == "gaussian" and scores.loc["gaussian", "low"] > 0
-    rows = contracts.read("predictions", predict.OUT).set_index(
-        ["steps", "model", "score"]
-    )["mean"]
-    assert len(rows.index.get_level_values(0).unique()) == 5
+    assert scores["mean"].idxmax() == "gaussian"
+    assert scores.loc["gaussian", "low"] > 0
+    rows = contracts.read("predictions", predict.OUT)
+    assert rows["steps"].nunique() == 5
+    means = rows.set_index(["steps", "model", "score"])["mean"]
     for joint in JOINTS:
-        coverage = rows["all", "gaussian", f"coverage_of_one_sigma_{joint}"]
+        coverage = means["all", "gaussian", f"coverage_of_one_sigma_{joint}"]
         assert coverage == pytest.approx(0.683, abs=0.05)
     # control: twice the noise has a lower log score
     twice = MODELS["gaussian"] | {"alpha": 2 * MODELS["gaussian"]["alpha"]}
@@ -177,9 +176,8 @@ def test_the_true_model_predicts_best_and_its_coverage_is_a_normal_ones(
 
 @pytest.mark.slow
 def test_without_test_takes_each_is_predicted_by_the_others(project, choose):
-    joints, noise = (
-        contracts.read(name, predict.TRACK) for name in ("joints", "process_noise")
-    )
+    joints = contracts.read("joints", predict.TRACK)
+    noise = contracts.read("process_noise", predict.TRACK)
     training = joints[joints["part"] == "training"]
     contracts.write(training, "joints", predict.TRACK)
     choose(models=["additive"])
@@ -187,9 +185,8 @@ def test_without_test_takes_each_is_predicted_by_the_others(project, choose):
     held_out = log_scores().loc["none", "mean"]
     # the control: where every take is there twice it is predicted by itself, and far better
     for name, rows in (("joints", training), ("process_noise", noise)):
-        contracts.write(
-            pd.concat([rows, rows.assign(take=rows["take"] + "_")]), name, predict.TRACK
-        )
+        again = rows.assign(take=rows["take"] + "_")
+        contracts.write(pd.concat([rows, again]), name, predict.TRACK)
     predict.run()
     assert log_scores().loc["none", "mean"] > held_out + 0.3
 

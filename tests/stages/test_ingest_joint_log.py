@@ -30,11 +30,8 @@ def test_repetitions_are_gathered_over_movements_and_their_mean_command_is_the_t
     write_movement(tmp_path / "logs/move_1", 5, offset=1e-4, **late)
     write_movement(tmp_path / "logs/move_2", 1, offset=-1e-4, seed=1, **late)
     names, q = read(tmp_path / "logs")
-    assert names == ["move_1_1", "move_1_2", "move_1_3", "move_2_1"] and q.shape == (
-        4,
-        141,
-        3,
-    )
+    assert names == ["move_1_1", "move_1_2", "move_1_3", "move_2_1"]
+    assert q.shape == (4, 141, 3)
     # three takes 0.1 mrad above and one as much below: 0.05 and 0.15 mrad off their mean
     deviations = [quality("command_deviation", name) for name in names]
     np.testing.assert_allclose(deviations, [5e-5, 5e-5, 5e-5, 1.5e-4], atol=1e-6)
@@ -130,15 +127,13 @@ def test_one_table_a_movement_gives_what_one_file_a_signal_does(read, tmp_path):
     write_movement(tmp_path / "logs/move_1", 5, late=8e-4, noise=1e-5)
     names, q = read(tmp_path / "logs")
     write_table(tmp_path / "tables", tmp_path / "logs/move_1")
-    for signals, error in ((SIGNALS, 1e-9), (ANGLES, 1e-4)):
-        table = TABLES | {
-            "signals": signals,
-            "rest_speed": 1e-4 if signals is SIGNALS else 1e-3,
-        }
-        result = read(tmp_path / "tables", **table)
-        assert result[0] == names
+    cases = [(SIGNALS, 1e-4, 1e-9), (ANGLES, 1e-3, 1e-4)]
+    for signals, rest_speed, error in cases:
+        table = TABLES | {"signals": signals, "rest_speed": rest_speed}
+        read_names, read_q = read(tmp_path / "tables", **table)
+        assert read_names == names
+        np.testing.assert_allclose(read_q, q, rtol=0, atol=error)
         assert quality("speed_from_angles", "move") == (signals is ANGLES)
-        np.testing.assert_allclose(result[1], q, rtol=0, atol=error)
     with pytest.raises(ConfigError, match="target angles"):
         read(tmp_path / "tables", **TABLES, signals={"actual": SIGNALS["actual"]})
 
@@ -148,16 +143,19 @@ def test_a_disturbed_repetition_is_left_out_by_name_and_the_others_stay_as_they_
 ):
     write_movement(tmp_path / "logs/move_1", 9, noise=5e-5)
     names, q = read(tmp_path / "logs")
-    assert len(names) == 5 and quality("disturbed_from_row", "move_1") == 0
+    assert len(names) == 5
+    assert quality("disturbed_from_row", "move_1") == 0
     # joint 3 is pushed aside by 2 mrad in the middle of the third way out
     log = read_joint_log(tmp_path / "logs/move_1" / FILES[0], joints=6)
-    log.signals["actual"][730:770, 2] += 2e-3 * np.sin(np.linspace(0, np.pi, 40))
+    push = 2e-3 * np.sin(np.linspace(0, np.pi, 40))
+    log.signals["actual"][730:770, 2] += push
     write_joint_log(tmp_path / "logs/move_1" / FILES[0], log)
-    result = read(tmp_path / "logs")
-    assert result[0] == [name for name in names if name != "move_1_3"]
-    np.testing.assert_array_equal(result[1], np.delete(q, 2, axis=0))
+    undisturbed, q_of_undisturbed = read(tmp_path / "logs")
+    assert undisturbed == [name for name in names if name != "move_1_3"]
+    np.testing.assert_array_equal(q_of_undisturbed, np.delete(q, 2, axis=0))
     left_out = contracts.read("disturbed_log", Path("data/ingest/motion"))
-    assert {*left_out["take"]} == {"move_1_3"} and len(left_out) == q.shape[1]
+    assert {*left_out["take"]} == {"move_1_3"}
+    assert len(left_out) == q.shape[1]
     assert quality("disturbed_from_row", "move_1") == 60 + 2 * 320
     assert quality("disturbance", "move_1_3") > 6 > quality("disturbance", "move_1_4")
     assert "disturbed from row 700" in capsys.readouterr().out
@@ -182,15 +180,12 @@ def spoil(
     """Log what is commanded in another unit, with columns exchanged, or ``early`` rows before."""
     for name in FILES[1:]:
         log = read_joint_log(folder / name, joints=6)
-        rows = (
-            log.signals["actual"][:, [0, 2, 1, 3, 4, 5]]
-            if order
-            else log.signals["actual"]
-        )
-        rows = np.vstack([rows[early:], np.repeat(rows[-1:], early, axis=0)])
-        write_joint_log(
-            folder / name, JointLog(log.time, {"actual": rows * factor}, {})
-        )
+        rows = factor * log.signals["actual"]
+        if order:
+            rows = rows[:, [0, 2, 1, 3, 4, 5]]
+        last = np.repeat(rows[-1:], early, axis=0)
+        signals = {"actual": np.vstack([rows[early:], last])}
+        write_joint_log(folder / name, JointLog(log.time, signals, {}))
 
 
 @pytest.mark.parametrize(
