@@ -115,10 +115,10 @@ def copy_claim(project: Path) -> None:
     file.write_text(text.replace(claim, claim + copy), encoding="utf-8")
 
 
-@pytest.fixture(scope="module")
-def extended(tmp_path_factory: pytest.TempPathFactory) -> Path:
+@pytest.fixture
+def extended(tmp_path: Path) -> Path:
     """A copy of the project with a copy of the smallest module of each kind, and of a claim."""
-    project = tmp_path_factory.mktemp("extended") / "project"
+    project = tmp_path / "project"
     copy_project(project)
     copy_package(project, smallest("model"))
     copy_module(project / smallest("figure"))
