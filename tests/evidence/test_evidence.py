@@ -93,9 +93,8 @@ def test_a_bound_that_follows_the_ramps_alone_does_not_follow_at_constant_speed(
     steps = np.arange(61)
     ramp, steady = np.minimum(steps, 20.0), steps[1:] > 20
     ramp[20] = 300.0  # the last step of the ramp
-    error, bound = (
-        np.stack([(1 + ramp + sign * np.sin(steps))[:, None]] * 3) for sign in (1, -1)
-    )
+    error = np.stack([(1 + ramp + np.sin(steps))[:, None]] * 3)
+    bound = np.stack([(1 + ramp - np.sin(steps))[:, None]] * 3)
     law = Filtered(error, bound[..., None] ** 2, np.zeros((1, 1)))
     filters = {NONE: law, "m": law}
     evidence, _, _ = filter_evidence(filters, ["hip"], steady, partial(stream, 1))
@@ -106,25 +105,19 @@ def test_a_bound_that_follows_the_ramps_alone_does_not_follow_at_constant_speed(
 
 
 def test_an_error_varies_only_beyond_what_as_many_takes_reach_by_chance():
-    rng, wave = (
-        np.random.default_rng(4),
-        1 + 0.9 * np.sin(np.linspace(0, 6, 80))[:, None],
-    )
+    rng = np.random.default_rng(4)
+    wave = 1 + 0.9 * np.sin(np.linspace(0, 6, 80))[:, None]
+    never_steady = np.full(79, False)
     for takes, width, varies in ((6, 1.0, False), (40, wave, True)):
         error = width * rng.normal(size=(takes, 80, 2))
         law = Filtered(error, np.tile(np.eye(2), (takes, 80, 1, 1)), np.zeros((2, 2)))
-        filters, none = (
-            dict.fromkeys([NONE, MEMORY, "m", closed("m")], law),
-            np.full(79, False),
-        )
+        filters = dict.fromkeys([NONE, MEMORY, "m", closed("m")], law)
         evidence, against, refusals = filter_evidence(
-            filters, JOINTS, none, partial(stream, takes)
+            filters, JOINTS, never_steady, partial(stream, takes)
         )
         rows = evidence[evidence["model"] == "m"].set_index(["quantity", "joint"])
-        limits, values = (
-            rows.loc["error_variation_limits"],
-            rows.loc["error_variation", "value"],
-        )
+        limits = rows.loc["error_variation_limits"]
+        values = rows.loc["error_variation", "value"]
         assert (values > 0.25).all()  # control: a limit without draws
         assert (values > limits["high"]).all() == varies
         inside = (np.abs(error) <= 1).mean(axis=1)  # of each take
@@ -158,15 +151,9 @@ def test_the_study_of_the_wrench_has_rows_by_number_of_cables_and_no_force_witho
     errors = evidence.query("quantity == 'mean_error_of_variances'")["standard_error"]
     assert errors.tolist() == pytest.approx([0.1, 0.01])
     assert len(evidence) == 6 and not evidence["quantity"].str.contains("force").any()
-    force = {
-        "configuration": "C1",
-        "source": ["measured", "modelled"],
-        "fx": [3.1, 3],
-        "fy": 5,
-    }
-    tables["force_moments"] = pd.DataFrame(
-        force | {"var_fx": [4.0, 9.0], "var_fy": 1.0}
-    )
+    force = {"configuration": "C1", "source": ["measured", "modelled"]}
+    force |= {"fx": [3.1, 3], "fy": 5, "var_fx": [4.0, 9.0], "var_fy": 1.0}
+    tables["force_moments"] = pd.DataFrame(force)
     test = {"configuration": ["C1"], "form": "none", "effective_samples": 100.0}
     test |= {"two_sample_p_value": 0.5, "matrix_share_fx": 0.0}
     tables["force_test"] = pd.DataFrame(test)
@@ -177,26 +164,18 @@ def test_the_study_of_the_wrench_has_rows_by_number_of_cables_and_no_force_witho
         "form": ["diagonal", "full"],
         "entry": ["11", "22"],
     }
-    classes = pd.MultiIndex.from_product(keys.values(), names=keys).to_frame(
-        index=False
-    )
-    tables["sigma_s"] = classes.assign(**numbers)
+    classes = pd.MultiIndex.from_product(keys.values(), names=keys)
+    tables["sigma_s"] = classes.to_frame(index=False).assign(**numbers)
     both = wrench_evidence(tables).query("estimator == 'diagonal'")
     columns = ["quantity", "configuration", "entry", "value", "standard_error"]
     expected = [("sigma_s", 0.5, 0.1), ("mean_of_sigma_s", 0.6, 0.2)]
-    rows = [
-        [name, "C1", entry, *two] for entry in ("11", "22") for name, *two in expected
-    ]
+    rows = []
+    for entry in ("11", "22"):
+        rows += [[name, "C1", entry, *numbers] for name, *numbers in expected]
     assert both[columns].to_numpy().tolist() == rows
-    means = (
-        wrench_evidence(tables)
-        .query("quantity == 'mean_force' and rival == ''")
-        .set_index("entry")
-    )
-    assert means[["value", "standard_error"]].T.to_dict("list") == {
-        "fx": [3.1, 0.2],
-        "fy": [5, 0.1],
-    }
+    means = wrench_evidence(tables).query("quantity == 'mean_force' and rival == ''")
+    measured = means.set_index("entry")[["value", "standard_error"]]
+    assert measured.T.to_dict("list") == {"fx": [3.1, 0.2], "fy": [5, 0.1]}
 
 
 def test_the_variance_of_a_matrix_model_follows_dexterity_by_its_law(chain, poses):

@@ -149,32 +149,28 @@ def test_claims_have_the_numbers_of_the_outcomes_and_a_difference_is_value_minus
     evidence, refusals, *_ = case_evidence(
         base, recordings_of(takes, camera), outcomes, posteriors
     )
-    claims = [
-        c
-        for file in CLAIMS
-        for c in parse_claims(config.read_yaml(ROOT / file)["claims"])
-    ]
+    claims = []
+    for file in CLAIMS:
+        claims += parse_claims(config.read_yaml(ROOT / file)["claims"])
     decidable = [claim for claim in claims if not claim.id.startswith(WRENCH)]
     verdicts = decide(decidable, evidence, "paper", ARM)
-    without = {
-        v.claim.id for v in verdicts if any(case.value is None for case in v.cases)
-    }
+    without = set()
+    for verdict in verdicts:
+        if None in [case.value for case in verdict.cases]:
+            without.add(verdict.claim.id)
     assert refusals == [] and len(verdicts) > 20
     # an unbounded û and its α̂ have no number, two takes of the camera no test
     assert without <= {"u", "alpha", "kinect-biased", "kinect-bias-varies"}
-    rows = evidence["rival"] == ""
-    values = (
-        evidence[rows]
-        .set_index(["quantity", "model", "joint", "steps"])["value"]
-        .sort_index()
-    )
-    for row in evidence[~rows].itertuples():
-        rival_keys = (
-            (row.model, row.rival) if row.rival in JOINTS else (row.rival, row.joint)
-        )
+    keys = ["quantity", "model", "joint", "steps"]
+    alone = evidence["rival"] == ""
+    values = evidence[alone].set_index(keys)["value"].sort_index()
+    for row in evidence[~alone].itertuples():
+        rival_keys = (row.rival, row.joint)
+        if row.rival in JOINTS:
+            rival_keys = (row.model, row.rival)
         rival = values[row.quantity, *rival_keys, row.steps]
-        mine = values[row.quantity, row.model, row.joint, row.steps]
-        assert row.value == pytest.approx(mine - rival, abs=1e-12), row
+        value = values[row.quantity, row.model, row.joint, row.steps]
+        assert row.value == pytest.approx(value - rival, abs=1e-12), row
         assert row.low <= row.value <= row.high
     training, poses = takes.training, takes.poses
     nominal = training.chain.nominal_step(training.q, training.v)
@@ -217,12 +213,14 @@ def test_a_model_or_filter_without_outcome_leaves_the_others_theirs_and_says_why
 @pytest.fixture(scope="module")
 def measured(takes) -> Camera:
     """Frames of the test takes at every third step, and their noise."""
-    t, covariance = np.arange(0, STEPS + 1, 3) / 100.0, np.diag(STD**2)
-    rng, frames = np.random.default_rng(6), {}
+    rng = np.random.default_rng(6)
+    t = np.arange(0, STEPS + 1, 3) / 100.0
+    bias = np.zeros((len(t), 3))
+    noise = np.broadcast_to(np.diag(STD**2), (len(t), 3, 3))
+    frames = {}
     for name, poses in takes.test.items():
         y = poses[::3] + rng.normal(0.0, STD, (len(t), 3))
-        noise = np.broadcast_to(covariance, (len(t), 3, 3))
-        frames[name] = Measurements(name, t, y, np.zeros((len(t), 3)), noise)
+        frames[name] = Measurements(name, t, y, bias, noise)
     return Camera(None, frames)
 
 
@@ -284,14 +282,12 @@ def test_another_draw_changes_realisations_filters_and_their_limits(
 @pytest.mark.parametrize("factor", [0.5, 2.0])
 def test_the_log_score_has_the_measurement_noise_times_its_factor(base, takes, factor):
     scores = outcome_of(replace(base, measurement=factor), "additive", takes).log_score
-    covariance = (
-        mean_covariance(takes.training.noise) + factor * takes.training.measurement
-    )
-    test, training = np.stack(list(takes.test.values())), takes.training
+    training = takes.training
+    covariance = mean_covariance(training.noise) + factor * training.measurement
+    test = np.stack(list(takes.test.values()))
     nominal = np.matvec(training.chain.inverse_jacobian(test[:, :-1]), training.v)
-    expected = multivariate_normal(np.zeros(3), covariance).logpdf(
-        np.diff(test, axis=1) - nominal
-    )
+    law = multivariate_normal(np.zeros(3), covariance)
+    expected = law.logpdf(np.diff(test, axis=1) - nominal)
     moving = np.any(training.v, axis=1)
     for steps, densities in (("all", expected), ("moving", expected[:, moving])):
         np.testing.assert_allclose(scores[steps], densities.mean(axis=1), rtol=1e-10)
@@ -329,10 +325,8 @@ def test_the_runs_own_reading_is_first_and_every_other_comes_once(base):
         assert case.models["wishart"].floor == 0.1
         assert case.models["gaussian"] == base.models["gaussian"]
     redundant = readings(base, ["x", "z"])
-    assert (
-        list(redundant) == [READINGS[n] for n in (1, 0, 2)]
-        and redundant[READINGS[1]] == base
-    )
+    assert list(redundant) == [READINGS[n] for n in (1, 0, 2)]
+    assert redundant[READINGS[1]] == base
 
 
 VALUE = {"quantity": "std", "model": "{model}"}

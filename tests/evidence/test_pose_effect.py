@@ -43,30 +43,28 @@ def test_the_exponent_is_recovered_and_told_from_the_other(exponent, tails):
     inside = []
     for seed in range(20):
         rng = np.random.default_rng(seed)
-        found = pose_effect(windows_of(motions(exponent, 0.5, rng, tails)), rng)
-        low, high = found.exponent.low, found.exponent.high
+        effect = pose_effect(windows_of(motions(exponent, 0.5, rng, tails)), rng)
+        low, high = effect.exponent.low, effect.exponent.high
         inside.append(low <= exponent <= high)
-        assert found.power > POWER and not low <= 1 - exponent <= high
+        assert effect.power > POWER and not low <= 1 - exponent <= high
     assert np.mean(inside) >= 0.8
 
 
 def test_a_motion_through_equal_poses_cannot_tell_and_names_the_range_that_would():
     rng = np.random.default_rng(1)
-    found = pose_effect(windows_of(motions(1.0, 0.02, rng)), rng)
-    assert found.power < POWER and found.exponent.low < 0 < found.exponent.high
-    assert found.needed > found.spread
+    narrow = pose_effect(windows_of(motions(1.0, 0.02, rng)), rng)
+    assert narrow.power < POWER and narrow.exponent.low < 0 < narrow.exponent.high
+    assert narrow.needed > narrow.spread
     rng = np.random.default_rng(2)
-    wide = pose_effect(windows_of(motions(1.0, 2.5 * found.needed, rng)), rng)
+    wide = pose_effect(windows_of(motions(1.0, 2.5 * narrow.needed, rng)), rng)
     assert wide.power > POWER
 
 
 def test_blocks_stand_for_motions_where_there_is_one_and_too_few_windows_tell_nothing():
     rng = np.random.default_rng(3)
-    noise, dq, x = (
-        np.concatenate(each) for each in zip(*motions(1.0, 0.5, rng), strict=True)
-    )
-    found = pose_effect(windows_of([(noise, dq, x)]), rng)
-    assert found.groups == 8 and found.exponent.low > 0
+    noise, dq, x = map(np.concatenate, zip(*motions(1.0, 0.5, rng), strict=True))
+    effect = pose_effect(windows_of([(noise, dq, x)]), rng)
+    assert effect.groups == 8 and effect.exponent.low > 0
     assert pose_effect(windows_of([(noise[:50], dq[:50], x[:50])]), rng) is None
 
 
