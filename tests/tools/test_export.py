@@ -229,7 +229,7 @@ EDITS = {  # name of the edit → text replaced, new text, and the key and value
         '"closed_loop_share": 1e9',
         "share must .*got 1000",
     ),
-    "nan": ('"alpha": 0.05', '"alpha": NaN', "numbers must be finite .*got NaN"),
+    "nan": ('"alpha": 0.05', '"alpha": NaN', "numbers must be finite, got NaN"),
     "json": ('{"format"', '["format"', "delimiter"),
     "format": ("motion model", "motion muddle", "format must be 'motion model 2', got"),
     "cut": ('"closed_loop_share": 0.0', '"share": 0.0', "no key 'closed_loop_share'"),
