@@ -217,6 +217,11 @@ def _scores_by_horizon(scores: pd.DataFrame) -> pd.DataFrame:
     return totals.groupby(["model", "horizon"], sort=False).sum().unstack(sort=False)
 
 
+def has_model(run: Run) -> bool:
+    """Return True if models are fitted, to an arm or to its joints without their geometry."""
+    return bool(run.joints) or "joint_scores" in run.tables
+
+
 def few_takes(run: Run) -> bool:
     """Return True if ``run`` has too few takes for an interval from resampled takes."""
     return run.recorded("takes", FEW_TAKES) < FEW_TAKES
@@ -224,8 +229,8 @@ def few_takes(run: Run) -> bool:
 
 def model_card(run: Run, others: Sequence[Run]) -> str:
     """Return the card of ``run`` with the first line of the card of each of the ``others``."""
-    if not run.joints:
-        return render("model_card.md", run=run)
+    if not has_model(run):
+        return render("model_card.md", run=run, modelled=False)
     t = run.tables
     parts = {
         "answer": answer(run),
@@ -257,11 +262,13 @@ def model_card(run: Run, others: Sequence[Run]) -> str:
     parts |= {"unknown": unknown, "parameters": parameters}
     parts["others"] = []
     for further in others:
-        if further.joints:
+        if has_model(further):
             line = (further.dataset, first_line(further), _choice(further))
             parts["others"].append(line)
     any_fit = any(fitted.values())
-    return render("model_card.md", run=run, tables=t, fitted=any_fit, **parts)
+    return render(
+        "model_card.md", run=run, modelled=True, tables=t, fitted=any_fit, **parts
+    )
 
 
 def _parameter_rows(run: Run, fitted: Mapping[str, float]) -> list[list[object]]:

@@ -1,6 +1,7 @@
 """The model card recommends a model by the rule that it states, with predictions and limits."""
 
 import re
+from dataclasses import replace
 from itertools import permutations, product
 
 import numpy as np
@@ -212,6 +213,17 @@ def test_a_card_has_no_number_that_is_not_one(motions):
     # control: with several motions the intervals stand in the card
     assert ("1.1 [1.1, 1.1]" in page) == (motions > 2)
     assert ("too few parts for an interval" in page) == (motions < 3)
+
+
+def test_joint_logs_of_an_arm_of_unknown_geometry_have_their_law():
+    run = logged()
+    card = model_card(replace(run, joints=[], task=[]), [])
+    assert "**Model for another motion: joint error with memory**" in card
+    # control: forces alone
+    forces = Run("towing", "paper", False, [], [], {}, {}, {})
+    assert "**No model is recommended**" in model_card(forces, [])
+    with_forces = model_card(run, [forces])
+    assert "towing" not in with_forces
 
 
 def test_a_card_without_jumps_of_the_speed_repeats_no_rows():
