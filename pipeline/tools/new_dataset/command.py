@@ -197,10 +197,15 @@ def _read(file: str, name: str) -> str:
 def values_of(text: str, name: str) -> dict[str, Any]:
     """Return the merged keys and values of both files; ConfigError for a text that is no YAML."""
     merged: dict[str, Any] = {}
-    for file, part in zip(dataset_files(name), text.split(BETWEEN, 1), strict=True):
-        for key, value in (parse_yaml(part, file=file) or {}).items():
-            both = isinstance(value, dict) and isinstance(merged.get(key), dict)
-            merged[key] = merged[key] | value if both else value
+    texts = text.split(BETWEEN, 1)
+    for file, file_text in zip(dataset_files(name), texts, strict=True):
+        values = parse_yaml(file_text, file=file) or {}
+        for key, value in values.items():
+            stated = merged.get(key)
+            if isinstance(value, dict) and isinstance(stated, dict):
+                merged[key] = stated | value
+            else:
+                merged[key] = value
     return merged
 
 
@@ -354,8 +359,9 @@ class Draft:
         """Ask for the open values one by one, the robot first, the motion by its number last. An
         empty answer accepts the suggestion, else leaves ???.
         """
-        others = [key for key in self.open_values() if key not in KEYS]
-        for key in sorted(others, key=lambda key: not key.startswith("robot.")):
+        open_keys = [key for key in self.open_values() if key not in KEYS]
+        open_keys.sort(key=lambda key: not key.startswith("robot."))
+        for key in open_keys:
             self._ask_value(key)
         if self.open_values().keys() & {*KEYS}:
             try:

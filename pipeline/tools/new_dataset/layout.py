@@ -18,6 +18,8 @@ from pipeline.tools.inspect.joints import describe_stated
 from pipeline.tools.inspect.movements import add_roles
 
 # kinds with one recording per dataset (FORCE: per configuration)
+LAST_NUMBER = re.compile(r"(.*?)\d+(\D*)", re.DOTALL)
+SEPARATORS = re.compile("([^A-Za-z0-9]+)")
 SINGLE = (Kind.TRAJECTORY, Kind.INTRINSICS, Kind.CALIBRATION, Kind.FORCE, ROBOT)
 
 
@@ -55,7 +57,8 @@ class RecordingLayout(NamedTuple):
 
     def names(self, kind: str, folder: Path) -> list[str]:
         """Return the printable paths of the files of a ``kind``, relative to the ``folder``."""
-        return [printable_path(one.file, folder) for one in self.single.get(kind, [])]
+        findings = self.single.get(kind, [])
+        return [printable_path(finding.file, folder) for finding in findings]
 
     def shared(self, fact: str) -> list[str]:
         """Return the names (``fact`` is markers or bodies) that all motion-capture takes have."""
@@ -161,18 +164,23 @@ def _pattern(path: Path) -> str:
     """Return the path as a glob with a star for its last number."""
     suffix = "" if path.suffix[1:].isdigit() else path.suffix
     name = path.as_posix().removesuffix(suffix)
-    if parts := re.fullmatch(r"(.*?)(\d+)(\D*)", name, re.DOTALL):
-        return f"{glob.escape(parts[1])}*{glob.escape(parts[3] + suffix)}"
-    return glob.escape(path.as_posix())
+    numbered = LAST_NUMBER.fullmatch(name)
+    if numbered is None:
+        return glob.escape(path.as_posix())
+    before, after = numbered.groups()
+    return f"{glob.escape(before)}*{glob.escape(after + suffix)}"
 
 
 def shared_pattern(paths: Sequence[Path], folder: Path) -> str | None:
     """Return one glob for all ``paths``; None if it also matches other files or folders."""
-    names = [glob.escape(path.relative_to(folder).as_posix()) for path in paths]
-    names = [re.sub(r"\d+", "*", name) for name in names]
+    names = []
+    for path in paths:
+        name = glob.escape(path.relative_to(folder).as_posix())
+        names.append(re.sub(r"\d+", "*", name))
     start = commonprefix(names)  # noqa: RUF071 - letter by letter
-    rests = [name[len(start) :] for name in names]
-    end = commonprefix([rest[::-1] for rest in rests])[::-1]  # noqa: RUF071
+    rests = [name.removeprefix(start) for name in names]
+    backwards = [rest[::-1] for rest in rests]
+    end = commonprefix(backwards)[::-1]  # noqa: RUF071
     pattern = f"{start}*{end}" if any(rests) else start
     pattern = pattern.replace("**", "*")
     folders = paths[0].is_dir()
@@ -227,13 +235,18 @@ def _has_both(table: Finding, stated: Mapping[str, Any]) -> bool:
     """Return whether one ``table`` has measured and commanded angles, or the ``stated`` columns."""
     signals = stated.get("signals")
     if isinstance(signals, dict) and "actual" not in stated:
-        columns = {column for names in signals.values() for column in names or ()}
+        wanted = set()
+        for columns in signals.values():
+            wanted.update(columns or ())
         labels = table.facts.get("labels", [])
-        numbers = range(table.facts.get("columns", 0))
-        return bool(columns) and columns <= {*labels, *map(bare, labels), *numbers}
+        present = {*range(table.facts.get("columns", 0))}
+        present.update(labels)
+        present.update(bare(label) for label in labels)
+        return bool(wanted) and wanted <= present
     suggested = table.suggested.get("signals", "")
-    guessed = re.findall("(actual|target): ", suggested)
-    return {*ANGLES} <= {*table.facts.get("signals", ()), *guessed}
+    certain_or_guessed = {*table.facts.get("signals", ())}
+    certain_or_guessed.update(re.findall("(actual|target): ", suggested))
+    return {*ANGLES} <= certain_or_guessed
 
 
 def _paired_tables(
@@ -295,10 +308,12 @@ def _stated_roles(file: Path, stated: Mapping[str, Any]) -> dict[str, Path]:
 
 def _differing_words(names: Mapping[str, str]) -> dict[str, str]:
     """Return role → the words in which the file ``names`` of a movement differ."""
-    split = {role: re.split(r"([^A-Za-z0-9]+)", name) for role, name in names.items()}
-    shortest = min(map(len, split.values()))
-    before = _count_equal(split.values(), range(shortest))
-    after = _count_equal(split.values(), range(-1, before - shortest - 1, -1))
+    split = {role: SEPARATORS.split(name) for role, name in names.items()}
+    lists = [*split.values()]
+    shortest = min(len(parts) for parts in lists)
+    before = _count_equal(lists, range(shortest))
+    from_the_end = range(-1, before - shortest - 1, -1)
+    after = _count_equal(lists, from_the_end)
     if shortest == before + after:  # q.csv beside q_target.csv
         before -= 1
     words = {}

@@ -55,12 +55,12 @@ def robot_entries(
     """Return the entries of the section robot: the arm or planar chain in a ``urdf``."""
     facts = urdf_facts(urdf)
     if is_planar(recorded, facts, values):
-        found = _planar_chain(facts)
+        robot = _planar_chain(facts)
     else:
-        found = _arm_in_space(recorded, facts, values)
+        robot = _arm_in_space(recorded, facts, values)
     if len(recorded.single.get(ROBOT, [])) == 1:
-        found["robot.urdf"] = Entry(text_of(Path(relpath(urdf)).as_posix()))
-    return found
+        robot["robot.urdf"] = Entry(text_of(Path(relpath(urdf)).as_posix()))
+    return robot
 
 
 def is_planar(
@@ -76,7 +76,8 @@ def is_planar(
         return True
     trajectories = recorded.single.get(Kind.TRAJECTORY, [])
     if trajectories:
-        return all(one.facts.get("commanded_rows") for one in trajectories)
+        rows = [trajectory.facts.get("commanded_rows") for trajectory in trajectories]
+        return all(rows)
     chains = [chain["joints"] for chain in facts.get("chains", [])]
     arms = facts.get("arms", [])
     return bool(arms) and chains == [arms[0]["joints"]]
@@ -86,20 +87,20 @@ def _planar_chain(facts: Mapping[str, Any]) -> Entries:
     """Return the entries of three parallel joints; all other joints are locked."""
     chains = facts.get("chains", [])
     turning = facts.get("joints", {}).get("revolute", [])
-    found: Entries = {"robot.plane": Entry("")}
+    chain: Entries = {"robot.plane": Entry("")}
     if len(chains) == 1:
         joints = chains[0]["joints"]
-        found["robot.joints"] = Entry(f"[{list_of_names(joints)}]", CHAIN_JOINTS)
-        found["robot.tool"] = choice_of(chains[0]["tools"])
+        chain["robot.joints"] = Entry(f"[{list_of_names(joints)}]", CHAIN_JOINTS)
+        chain["robot.tool"] = choice_of(chains[0]["tools"])
         turning = [joint for joint in turning if joint not in joints]
     else:
         parallel = f"three parallel ones of {list_of_names(turning) or 'the URDF'}"
-        found["robot.joints"] = suggestion(parallel)
+        chain["robot.joints"] = suggestion(parallel)
     if turning or not chains:
-        found["robot.locked"] = suggestion(list_of_names(turning))
+        chain["robot.locked"] = suggestion(list_of_names(turning))
     else:
-        found["robot.locked"] = Entry("{}")
-    return found
+        chain["robot.locked"] = Entry("{}")
+    return chain
 
 
 def _arm_in_space(
@@ -115,15 +116,15 @@ def _arm_in_space(
         commanded = trajectory.facts.get("commanded_joints", [])
         if commanded and {*commanded} <= {*movable}:
             joints, note = commanded, COMMANDED_JOINTS
-    found = {"robot.joints": Entry(f"[{list_of_names(joints)}]", note)}
-    found["robot.tool"] = choice_of(arm["tip"] for arm in arms)
+    in_space = {"robot.joints": Entry(f"[{list_of_names(joints)}]", note)}
+    in_space["robot.tool"] = choice_of(arm["tip"] for arm in arms)
     chosen = get_filled(values, "robot.joints") or joints
     if len(chosen) < POSE_ROWS:
         task = "[x, y, z]" if len(chosen) >= 3 else None
-        found["robot.task"] = suggestion("", task)
+        in_space["robot.task"] = suggestion("", task)
     if get_nested(values, "robot.locked") is not None:  # proposed as planar before
         locked = [joint for joint in movable if joint not in chosen]
-        found["robot.locked"] = (
+        in_space["robot.locked"] = (
             suggestion(list_of_names(locked)) if locked else Entry("{}")
         )
-    return found
+    return in_space

@@ -2,7 +2,7 @@
 
 import json
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from typing import Any, NamedTuple
 
@@ -73,44 +73,55 @@ def yaml_of(value: str) -> str:
 
 def keyed_lines(text: str) -> Iterator[tuple[str, str, re.Match | None]]:
     """Yield line, dotted key and parts of every line; "" and None for a comment."""
-    path: list[tuple[int, str]] = []
+    path: list[tuple[int, str]] = []  # indent and name of the keys above
     for line in text.splitlines():
-        if (parts := LINE.fullmatch(line)) is None:
+        parts = LINE.fullmatch(line)
+        if parts is None:
             yield line, "", None
             continue
-        depth, name = len(parts["indent"]), parts["key"]
+        depth = len(parts["indent"])
+        name = parts["key"]
+        if name.startswith('"'):
+            name = json.loads(name)
         path = [above for above in path if above[0] < depth]
-        path.append((depth, json.loads(name) if name[0] == '"' else name))
+        path.append((depth, name))
         yield line, ".".join(name for _, name in path), parts
 
 
 def fill_template(template: str, entries: Mapping[str, Entry]) -> str:
     """Return the ``template`` with the certain ``entries``, without unused optional (?) keys."""
+    used = {""}
+    for key in entries:
+        while key not in used:  # its sections are used too
+            used.add(key)
+            key = key.rpartition(".")[0]
     lines, left_out = [], " "
     for line, key, parts in keyed_lines(template):
-        below = f"{key}."
         if parts is None:
             lines.append(line)
-        elif below.startswith(left_out):
             continue
-        elif parts["optional"] and not any(
-            f"{one}.".startswith(below) for one in entries
-        ):
-            left_out = below
+        if f"{key}.".startswith(left_out):
+            continue
+        if parts["optional"] and key not in used:
+            left_out = f"{key}."
+            continue
+        entry = entries.get(key, Entry(""))
+        if isinstance(entry.value, Mapping):
+            lines.append(_line(parts, "", entry.note, parts["hint"]))
+            lines += _block(entry.value, f"{parts['indent']}  ")
         else:
-            value, note, certain = entries.get(key, Entry(""))
-            if isinstance(value, Mapping):
-                lines += [_line(parts, "", note, parts["hint"])]
-                lines += _block(value, f"{parts['indent']}  ")
-                continue
-            suggested = f"suggested is {value}" if value and not certain else ""
-            value = (
-                (value or parts["value"] or "")
-                if certain and value is not None
-                else OPEN
-            )
-            lines.append(_line(parts, value, suggested, note, parts["hint"]))
+            lines.append(_entry_line(parts, entry))
     return "\n".join(lines) + "\n"
+
+
+def _entry_line(parts: re.Match, entry: Entry) -> str:
+    """Return the line of an ``entry``: its value, the template's, or ??? with a suggestion."""
+    value, suggested = OPEN, ""
+    if entry.certain and entry.value is not None:
+        value = entry.value or parts["value"] or ""
+    elif entry.value:
+        suggested = f"suggested is {entry.value}"
+    return _line(parts, value, suggested, entry.note, parts["hint"])
 
 
 def set_value(text: str, key: str, value: str) -> str:
@@ -118,40 +129,56 @@ def set_value(text: str, key: str, value: str) -> str:
     the first line of its section, or at the end. Raises ConfigError for a key with parts, and for
     one below a value.
     """
-    lines, places = text.splitlines(), {}
-    for number, (_, own, parts) in enumerate(keyed_lines(text)):
+    places: dict[str, tuple[int, re.Match]] = {}
+    for number, (_, line_key, parts) in enumerate(keyed_lines(text)):
         if parts:
-            places.setdefault(own, (number, parts))
+            places.setdefault(line_key, (number, parts))
     above = key
     while above and above not in places:
         above = above.rpartition(".")[0]
+
+    lines = text.splitlines()
     number, parts = places.get(above, (len(lines) - 1, None))
-    stated = parts is not None and parts["value"]
-    if above == key and stated:
-        lines[number] = _line(parts, value, SUGGESTED.sub("", parts["hint"] or ""))
-    elif above == key:
-        raise ConfigError(f"has parts: set {key}.PART", key=key)
-    elif stated:
-        raise ConfigError(
-            f"{above} is {stated}: set {above} to {{key: value, …}}", key=key
-        )
+    stated = parts["value"] if parts else None
+    if above == key:
+        if not stated:
+            raise ConfigError(f"has parts: set {key}.PART", key=key)
+        hint = SUGGESTED.sub("", parts["hint"] or "")
+        lines[number] = _line(parts, value, hint)
     else:
+        if stated:
+            message = f"{above} is {stated}: set {above} to {{key: value, …}}"
+            raise ConfigError(message, key=key)
         indent = f"{parts['indent']}  " if parts else ""
         names = key.removeprefix(above).strip(".").split(".")
-        added = [f"{indent}{'  ' * depth}{name}:" for depth, name in enumerate(names)]
-        lines[number + 1 : number + 1] = [*added[:-1], f"{added[-1]} {value}"]
+        lines[number + 1 : number + 1] = _nested_lines(names, value, indent)
     return "\n".join(lines) + "\n"
+
+
+def _nested_lines(names: Sequence[str], value: str, indent: str) -> list[str]:
+    """Return the lines of a ``value`` whose key is nested in keys of these ``names``."""
+    lines = [f"{indent}{'  ' * depth}{name}:" for depth, name in enumerate(names)]
+    lines[-1] = f"{lines[-1]} {value}"
+    return lines
 
 
 def _line(parts: re.Match, value: str, *hints: str | None) -> str:
     """Return a line with the indent and the key of ``parts``."""
+    words = [f"{parts['indent']}{parts['key']}:"]
+    if value:
+        words.append(value)
     hint = "; ".join(filter(None, hints))
-    words = f"{parts['indent']}{parts['key']}:", value, hint and f"# {hint}"
-    return " ".join(filter(None, words))
+    if hint:
+        words.append(f"# {hint}")
+    return " ".join(words)
 
 
 def _block(values: Mapping[str, Any], indent: str) -> Iterator[str]:
+    """Yield the lines of nested ``values``."""
     for name, value in values.items():
-        inner = value if isinstance(value, Mapping) else {}
-        yield f"{indent}{text_of(name)}:{'' if inner else f' {value}'}"
-        yield from _block(inner, f"{indent}  ")
+        key = f"{indent}{text_of(name)}:"
+        if isinstance(value, Mapping) and value:
+            yield key
+            yield from _block(value, f"{indent}  ")
+        else:
+            yield f"{key} {value}"

@@ -76,27 +76,27 @@ def entries(
         sections["joint_log"] = _joint_log(recorded, folder, urdf, robot)
     time_unit = get_filled(values, "joint_log.time_unit")
     sections["motion"] = {"rate": _rate(takes, logs, time_unit)}
-    found: Entries = {}
+    proposed: Entries = {}
     for section, of_section in sections.items():
         for key, entry in of_section.items():
-            found[f"{section}.{key}"] = entry
+            proposed[f"{section}.{key}"] = entry
     for key, question in _questions(recorded).items():
-        entry = found.get(key, Entry())
+        entry = proposed.get(key, Entry())
         settled = entry.certain and entry.value is not None
         if key.partition(".")[0] in sections and not settled:
-            found[key] = question
+            proposed[key] = question
 
-    found["name"] = Entry(text_of(name))
-    found["recordings"] = Entry(text_of(_place_of(folder)))
+    proposed["name"] = Entry(text_of(name))
+    proposed["recordings"] = Entry(text_of(_place_of(folder)))
     if terms := _first_lines_of_terms(folder):
-        found["about.licence"] = suggestion("", text_of(terms))
+        proposed["about.licence"] = suggestion("", text_of(terms))
     trajectories = recorded.names(Kind.TRAJECTORY, folder)
     if trajectories or takes:
-        found["trajectory"] = choice_of(trajectories)
+        proposed["trajectory"] = choice_of(trajectories)
     if recorded.of("encoders"):
-        found["measurement"] = Entry("")
-    found["motion.steps"] = _consensus(takes, "steps")
-    return found | robot
+        proposed["measurement"] = Entry("")
+    proposed["motion.steps"] = _consensus(takes, "steps")
+    return proposed | robot
 
 
 def _place_of(folder: Path) -> str:
@@ -137,10 +137,12 @@ def _rate(
     """
     rates = {take.finding.rate for take in takes}
     with_roles = any("role" in log.facts for log in logs)
+    guessed = False
     for log in logs:
         suggested = log.suggested.get("time_unit")
-        step = log.facts.get("step_of_time")
+        guessed = guessed or (suggested is not None and unit is None)
         second = TIME_UNITS.get(str(unit or suggested))
+        step = log.facts.get("step_of_time")
         if log.rate and suggested and second:
             rates.add(log.rate * (TIME_UNITS[suggested] / second))
         elif log.rate:
@@ -148,8 +150,8 @@ def _rate(
         elif step and second and ("role" in log.facts or not with_roles):
             rates.add(1 / (step * second))
     stated = {f"{rate:.4g}" for rate in rates if rate}
-    guessed = unit is None and any("time_unit" in log.suggested for log in logs)
-    return Entry(stated.pop() if len(stated) == 1 else None, certain=not guessed)
+    value = stated.pop() if len(stated) == 1 else None
+    return Entry(value, certain=not guessed)
 
 
 def _questions(recorded: RecordingLayout) -> Entries:
@@ -162,12 +164,12 @@ def _questions(recorded: RecordingLayout) -> Entries:
             notes.setdefault(key, question.question)
             if question.suggested is not None:
                 suggested[key].setdefault(movement, question.suggested)
-    found = {}
+    questions = {}
     for key, note in notes.items():
         if key not in KEYS:
             value = _common_suggestion(key, suggested[key])
-            found[key] = suggestion(note, value)
-    return found
+            questions[key] = suggestion(note, value)
+    return questions
 
 
 def _asking(recorded: RecordingLayout) -> Iterator[tuple[str, Finding]]:
@@ -197,32 +199,35 @@ def _mocap(recorded: RecordingLayout) -> Entries:
     """Return the entries of motion capture. Rigid bodies track the links if no names of markers
     state three links, and there is no depth camera, which requires a planar arm.
     """
-    found = _training_and_test(recorded, "mocap", Entry("null"))
+    mocap = _training_and_test(recorded, "mocap", Entry("null"))
     names = recorded.shared("markers")
     bodies = recorded.shared("bodies")
     if links := _markers_by_link(names):
         places = {link: dict.fromkeys(links[link], PLACE) for link in links}
-        found["markers"] = Entry(places)
+        mocap["markers"] = Entry(places)
     elif bodies and not recorded.of("depth"):
         mount = {"position": PLACE, "rpy": f"{OPEN} # rad"}
         corners = f"{OPEN} # {{a: [x, y, z], b: …, c: …}}"
-        found["markers"] = Entry(dict.fromkeys(bodies, corners))
+        mocap["markers"] = Entry(dict.fromkeys(bodies, corners))
         mounts = {body: {"name": text_of(body), "mount": mount} for body in bodies}
-        found["bodies"] = Entry(mounts)
+        mocap["bodies"] = Entry(mounts)
     else:
         there = list_of_names(names) or "none in all takes"
         note = f"{{link1: {{name: [x, y, z], …}}, …}}; there are {there}"
-        found["markers"] = suggestion(note)
-    return found
+        mocap["markers"] = suggestion(note)
+    return mocap
 
 
 def _markers_by_link(names: Iterable[str]) -> dict[str, list[str]]:
     """Return link → markers, by marker names without the last part; empty unless 3 × 3 markers."""
     links: dict[str, list[str]] = defaultdict(list)
     for name in names:
-        links[MARKER_NUMBER.sub("", name)].append(name)
+        link = MARKER_NUMBER.sub("", name)
+        links[link].append(name)
+    if "" in links:
+        return {}
     counts = [len(markers) for markers in links.values()]
-    return links if all(links) and counts == [3, 3, 3] else {}
+    return links if counts == [3, 3, 3] else {}
 
 
 def _training_and_test(
@@ -246,15 +251,15 @@ def _training_and_test(
 def _encoders(recorded: RecordingLayout) -> Entries:
     """Return the entries of the controller's logs, by the first of them."""
     facts = recorded.of("encoders")[0].finding.facts
-    found = _training_and_test(recorded, "encoders", Entry())
-    found["time"] = Entry(text_of(facts.get("time", 0)))
+    encoders = _training_and_test(recorded, "encoders", Entry())
+    encoders["time"] = Entry(text_of(facts.get("time", 0)))
     labels = [str(label) for label in facts.get("labels", [])]
     measured = facts.get("signals", {}).get("actual", [])
     if labels and measured:
-        found["actual"] = Entry(f"[{list_of_names(measured)}]")
+        encoders["actual"] = Entry(f"[{list_of_names(measured)}]")
     else:
-        found["actual"] = suggestion(f"of {list_of_names(labels)}")
-    return found
+        encoders["actual"] = suggestion(f"of {list_of_names(labels)}")
+    return encoders
 
 
 def _depth(recorded: RecordingLayout, folder: Path) -> Entries:
@@ -263,26 +268,26 @@ def _depth(recorded: RecordingLayout, folder: Path) -> Entries:
     ((usual, _),) = Counter(take.pattern for take in takes).most_common(1)
     takes = [take for take in takes if take.pattern == usual]
     place, first = takes[0].path, takes[0].finding
-    found = {"takes": choice_of(recorded.patterns("depth"))}
+    depth = {"takes": choice_of(recorded.patterns("depth"))}
     if first.kind == Kind.SEQUENCE:
         key = "index" if first.option == "index" else "frames"
-        found[key] = choice_of([first.file.relative_to(place).as_posix()])
+        depth[key] = choice_of([first.file.relative_to(place).as_posix()])
         rates = sorted(take.finding.rate for take in takes if take.finding.rate)
         if rates:
             median = rates[len(rates) // 2]
-            found["rate"] = Entry(f"{median:.4g}", "as the indexes state")
+            depth["rate"] = Entry(f"{median:.4g}", "as the indexes state")
     for key in ("topic", "camera_info"):
         if key in first.facts:
-            found[key] = choice_of([first.facts[key]])
+            depth[key] = choice_of([first.facts[key]])
     if first.facts.get("frames_are") == Kind.CLOUD:
-        found["encoding"] = Entry("plain")
-        return found
+        depth["encoding"] = Entry("plain")
+        return depth
     cameras = recorded.names(Kind.INTRINSICS, folder)
     if cameras or first.kind == Kind.SEQUENCE:
-        found["intrinsics"] = choice_of(cameras)
+        depth["intrinsics"] = choice_of(cameras)
     for key in ("width", "height"):
-        found[key] = _consensus(takes, key)
-    return found
+        depth[key] = _consensus(takes, key)
+    return depth
 
 
 def _force(recorded: RecordingLayout, folder: Path) -> Entries:
@@ -295,13 +300,13 @@ def _force(recorded: RecordingLayout, folder: Path) -> Entries:
         name = stem if stems[stem] == 1 else f"{log.file.parent.name}_{stem}"
         file = text_of(printable_path(log.file, folder))
         configurations[name] = {"file": file, **CABLE}
-    found = {"configurations": Entry(configurations)}
+    force = {"configurations": Entry(configurations)}
     options = {log.option for log in logs}
     calibrations = {*recorded.names(Kind.CALIBRATION, folder)}
     for key, stated in (("log.format", options), ("log.calibration", calibrations)):
         if len(stated) == 1 and (value := stated.pop()):
-            found[key] = Entry(text_of(value))
-    return found
+            force[key] = Entry(text_of(value))
+    return force
 
 
 def _joint_log(
@@ -313,28 +318,28 @@ def _joint_log(
     pattern = shared_pattern([take.path for take in takes], folder)
     suggested_pattern = text_of(pattern) if pattern else None
     movements = choice_of(recorded.patterns("joint_log"), suggested_pattern)
-    found: Entries = {"movements": movements}
+    joint_log: Entries = {"movements": movements}
     signals = first.facts.get("signals", {})
     count = first.facts.get("joints")
     if tables := first.facts.get("tables"):
-        found |= _files_of_signals(first)
+        joint_log |= _files_of_signals(first)
         by_role = {table.facts.get("role"): table for table in tables.values()}
         first = by_role.get("target", next(iter(tables.values())))
         timed = bool(first.facts.get("timed"))
-        found.setdefault("time", Entry("0") if timed else EVEN)
+        joint_log.setdefault("time", Entry("0") if timed else EVEN)
         count = first.facts["columns"] - timed
     elif first.kind != Kind.JOINTS:
         guessed = parse_yaml(first.suggested.get("signals", "null"))
         if guessed is None and signals:
-            found["signals"] = Entry(_yaml_of_lists(signals))
+            joint_log["signals"] = Entry(_yaml_of_lists(signals))
         columns = guessed or signals  # or advice in words
         measured = columns.get("actual", ()) if isinstance(columns, Mapping) else ()
         count = len(measured) or None
         clock = first.facts.get("time")
-        found["time"] = EVEN if clock is None else Entry(text_of(clock))
+        joint_log["time"] = EVEN if clock is None else Entry(text_of(clock))
     names = _stated_names(takes, signals)
-    found["joints"] = _logged_joints(names, count, robot, urdf, first)
-    return found | _stated_units(first)
+    joint_log["joints"] = _logged_joints(names, count, robot, urdf, first)
+    return joint_log | _stated_units(first)
 
 
 def _yaml_of_lists(lists: Mapping[str, Iterable[str]]) -> str:
@@ -345,14 +350,14 @@ def _yaml_of_lists(lists: Mapping[str, Iterable[str]]) -> str:
 
 def _files_of_signals(movement: Finding) -> Entries:
     """Return role → entry of the words or files of the signals of a ``movement`` of tables."""
-    found = {"speed": Entry("null")}
+    files = {"speed": Entry("null")}
     if words := movement.facts.get("words"):
         for role, word in words.items():
-            found[role] = Entry(text_of(word), "by its name")
+            files[role] = Entry(text_of(word), "by its name")
     else:
         file = choice_of(sorted(movement.facts["tables"]))
-        found |= {"actual": file, "target": file}
-    return found
+        files |= {"actual": file, "target": file}
+    return files
 
 
 def _stated_names(takes: Iterable[PlacedTake], signals: Any) -> tuple[str, ...]:
@@ -369,15 +374,15 @@ def _stated_units(log: Finding) -> Entries:
     """Return the units of time and angle by the labels of a ``log``, else ???. A log that was read
     asks for the units that it does not state.
     """
-    found: Entries = {}
+    stated_units: Entries = {}
     was_read = log.kind == Kind.JOINTS and "samples" in log.facts
     for key, units in UNITS.items():
         stated = {spelled(unit) for unit in log.units.values()} & {*units}
         if len(stated) == 1:
-            found[key] = Entry(stated.pop(), "by the labels")
+            stated_units[key] = Entry(stated.pop(), "by the labels")
         elif not was_read:
-            found[key] = Entry()
-    return found
+            stated_units[key] = Entry()
+    return stated_units
 
 
 def _logged_joints(
