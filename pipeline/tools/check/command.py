@@ -38,10 +38,9 @@ def run(name: str | None = None) -> None:
             os.path.relpath(f) for f in (datasheet.path_of(name), option_file)
         )
         message = f"{len(faults)} faults: correct {files}, or the named file"
-        asks = f"; `new-dataset {name} --ask` asks for every ???" * (
-            "???" in str(faults)
-        )
-        raise ConfigError(message + asks)
+        unfilled = datasheet.OPEN in str(faults)
+        remedy = f"; `new-dataset {name} --ask` asks for every ???" if unfilled else ""
+        raise ConfigError(f"{message}{remedy}")
     chosen = read_yaml(PARAMS).get("dataset") == name
     choose = "" if chosen else f"set `dataset: {name}` in params.yaml, and "
     print(f"check: {name} has no faults; next: {choose}run `dvc repro`")

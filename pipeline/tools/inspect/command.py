@@ -8,13 +8,15 @@ the format reads a file, in a separate process with bounds on time and memory.
 import os
 import shlex
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from pipeline import formats
 from pipeline.arm.model import planar_tools
-from pipeline.arm.urdf import SINGLE, read_urdf
+from pipeline.arm.urdf import SINGLE, Tree, read_urdf
 from pipeline.core.bounds import Reading, Sandbox, read_whole, within
 from pipeline.core.columns import members
 from pipeline.core.errors import ConfigError, PipelineError, RecordingError
@@ -80,45 +82,66 @@ def inspect(place: Path) -> list[Finding]:
     if not os.path.exists(place):
         raise RecordingError("there is no such file or folder", file=place)
     with Sandbox() as sandbox:
-
-        def read(
-            file: Path, describe: Callable[[Path], Finding] = describe_file
-        ) -> Finding:
-            try:
-                return sandbox.call(describe, file)
-            except PipelineError as error:
-                return Finding(file).refuse(error)
-
+        read = partial(_read_bounded, sandbox)
         if is_bag(place) or not place.is_dir():
             return [read(place)]
-        paths = [
-            p for p in paths_below(place) if "/." not in f"/{p.relative_to(place)}"
-        ]
-        paths = [path for path in paths if path.suffix != ".dvc"]  # DVC's, as raw_files
-        bags = {path for path in paths if path.is_dir() and is_bag(path)}
-        # an unreadable folder is listed as a file, so that its finding reports the error
-        files = [
-            p for p in paths if not (p.is_dir() and os.access(p, os.R_OK | os.X_OK))
-        ]
-        files = [file for file in files if bags.isdisjoint(file.parents)]
-        indexes = [read(file) for file in files if file.suffix.lower() in INDEXES]
-        # normalise paths, since an index may contain depth/../depth/1.png
-        placed = {
-            os.path.normpath(p) for one in indexes for p in (one.file, *one.files)
-        }
-        rest = [file for file in files if os.path.normpath(file) not in placed]
-        frames = [file for file in rest if file.suffix.lower() in image.ENDINGS]
-        others = [file for file in rest if file not in frames]
-        findings = [*map(read, bags), *indexes, *map(read, others)]
-        for one in frame_sequences(frames):
-            findings.append(
-                read(one.pattern, *[describe_numbered] * (len(one.files) > 1))
-            )
+        findings = _read_folder(place, read)
     if not findings:
         stops = ["the folder holds no recordings: name another, or a file"]
         return [Finding(place, stops=stops)]
     compare_tables(findings)
     return sorted(findings, key=lambda finding: str(finding.file))
+
+
+def _read_bounded(
+    sandbox: Sandbox, file: Path, describe: Callable[[Path], Finding] | None = None
+) -> Finding:
+    """Return the finding of a ``file`` by ``describe`` (default: as one file or bag), whose time
+    and memory are bounded.
+    """
+    try:
+        return sandbox.call(describe or describe_file, file)
+    except PipelineError as error:
+        return Finding(file).refuse(error)
+
+
+def _read_folder(folder: Path, read: Callable[..., Finding]) -> list[Finding]:
+    """Return the findings of the bags, indexes of depth frames, other files and sequences of
+    numbered frames below a ``folder``.
+    """
+    paths = []
+    for path in paths_below(folder):
+        hidden = "/." in f"/{path.relative_to(folder)}"
+        if not hidden and path.suffix != ".dvc":  # DVC's, as raw_files
+            paths.append(path)
+    bags = {path for path in paths if path.is_dir() and is_bag(path)}
+    files = []
+    for path in paths:
+        # an unreadable folder is listed as a file, so that its finding reports the error
+        readable_folder = path.is_dir() and os.access(path, os.R_OK | os.X_OK)
+        if not readable_folder and bags.isdisjoint(path.parents):
+            files.append(path)
+    indexes = [read(file) for file in files if file.suffix.lower() in INDEXES]
+
+    # normalise paths, since an index may contain depth/../depth/1.png
+    indexed = set()
+    for index in indexes:
+        for file in (index.file, *index.files):
+            indexed.add(os.path.normpath(file))
+    findings = [*map(read, bags), *indexes]
+    frames = []
+    for file in files:
+        if os.path.normpath(file) in indexed:
+            continue
+        if file.suffix.lower() in image.ENDINGS:
+            frames.append(file)
+        else:
+            findings.append(read(file))
+    for sequence in frame_sequences(frames):
+        numbered = len(sequence.files) > 1
+        describe = describe_numbered if numbered else describe_file
+        findings.append(read(sequence.pattern, describe))
+    return findings
 
 
 def describe_file(file: Path) -> Finding:
@@ -134,8 +157,8 @@ def describe_file(file: Path) -> Finding:
         head = Head.read(file)
         if form := recognised(head, [URDF, *formats_in(formats)]):
             return _read(finding, form)
-        if head.text is not None and (known := foreign(head.text)):
-            finding.format, advice = known
+        if head.text is not None and (program := foreign(head.text)):
+            finding.format, advice = program
             raise RecordingError(f"{finding.format} is not read: {advice}")
         # at most a line of labels and a line of units, of as many cells
         marks = {max(map(line.count, ",;\t")) for line in head.lines}
@@ -201,10 +224,8 @@ def _add_trajectory(finding: Finding, form: Format) -> None:
 
 def _add_force(finding: Finding, form: Format) -> None:
     record = form.read(finding.file, ForceLogOptions())
-    finding.rate, finding.duration = (
-        record.rate,
-        float(record.time[-1] - record.time[0]),
-    )
+    finding.rate = record.rate
+    finding.duration = float(record.time[-1] - record.time[0])
     finding.units, finding.facts = dict(record.units), dict(record.marks)
     if not {"lost_packets", "missing_samples"} & {*record.counts}:
         finding.facts["times"] = "none in the log: lost rows cannot be counted"
@@ -217,15 +238,15 @@ def _add_calibration(finding: Finding, form: Format) -> None:
     """Add the values of a calibration of a transducer or a camera."""
     values = vars(form.read(finding.file))
     finding.facts = {name: np.asarray(value).tolist() for name, value in values.items()}
-    if (
-        finding.kind == Kind.INTRINSICS
-        and (values["width"], values["height"]) == ANY_SIZE
-    ):
+    if finding.kind != Kind.INTRINSICS:
+        return
+    if (values["width"], values["height"]) == ANY_SIZE:
         finding.facts |= {"width": None, "height": None}
         finding.ask("image_size")
 
 
 def _add_bag(finding: Finding, form: Format) -> None:
+    """Add the topics of a bag; the joint log of a bag that has only topics of joints."""
     summary = form.read(finding.file)
     types = {kind for kind, count in summary.topics.values() if count}
     analysed = types & ANALYSED
@@ -236,16 +257,15 @@ def _add_bag(finding: Finding, form: Format) -> None:
     finding.version, finding.duration = f"ROS {summary.version}", summary.duration
     finding.count(summary.counts)
     finding.facts["passed_over"] = summary.passed_over
-    topics = finding.facts["topics"] = {
-        n: [*summary.topics[n]] for n in sorted(summary.topics)
-    }
-    finding.facts["frames_are"] = str(
-        Kind.IMAGE if rosbag.IMAGE in types else Kind.CLOUD
-    )
+    topics = {name: [*summary.topics[name]] for name in sorted(summary.topics)}
+    finding.facts["topics"] = topics
+    frames_are = Kind.IMAGE if rosbag.IMAGE in types else Kind.CLOUD
+    finding.facts["frames_are"] = str(frames_are)
     for option, kinds in TOPICS.items():
-        names = [
-            name for name, (kind, count) in topics.items() if kind in kinds and count
-        ]
+        names = []
+        for name, (kind, count) in topics.items():
+            if kind in kinds and count:
+                names.append(name)
         if len(names) == 1:
             finding.facts[option.rpartition(".")[2]] = names[0]
         elif names:
@@ -253,8 +273,10 @@ def _add_bag(finding: Finding, form: Format) -> None:
     if rosbag.IMAGE in types:
         finding.ask("bag_unit")
     if not analysed:
-        known = "Image, PointCloud2, WrenchStamped, JointState or JointTrajectoryControllerState"
-        finding.stops.append(f"no topic of {known} with a message: nothing to analyse")
+        finding.stops.append(
+            "no topic of Image, PointCloud2, WrenchStamped, JointState or "
+            "JointTrajectoryControllerState with a message: nothing to analyse"
+        )
 
 
 def _add_robot(finding: Finding, form: Format) -> None:
@@ -263,27 +285,10 @@ def _add_robot(finding: Finding, form: Format) -> None:
     joints: dict[str, list[str]] = {}
     for joint in tree.joints.values():
         joints.setdefault(joint.kind, []).append(joint.name)
-    # exclude mimic joints, which depend on another joint
-    own = {
-        j.name for j in tree.joints.values() if j.kind in SINGLE and j.follows is None
-    }
-    moving = {
-        end: [j.name for j in tree.above(end) if j.name in own] for end in tree.ends
-    }
-    most = max([*map(len, moving.values()), 1])
-    arms = [
-        {"joints": names, "tip": end}
-        for end, names in moving.items()
-        if len(names) == most
-    ]
-    turning, chains, refusals = joints.get("revolute", []), [], []
-    for chain in (turning[first : first + 3] for first in range(len(turning) - 2)):
-        try:
-            chains.append({"joints": chain, "tools": planar_tools(tree, chain)})
-        except ConfigError as error:
-            refusals += [error.message] * error.message.startswith("robot.urdf")
-    about = {"robot": tree.root.get("name", ""), "joints": joints}
-    finding.facts = about | {"arms": arms, "chains": chains}
+    arms = _longest_arms(tree)
+    chains, refusals = _planar_chains(tree, joints.get("revolute", []))
+    finding.facts = {"robot": tree.root.get("name", ""), "joints": joints}
+    finding.facts |= {"arms": arms, "chains": chains}
     if refusals and not chains:
         finding.stops.append(refusals[0])
     if not (arms or chains):
@@ -292,6 +297,39 @@ def _add_robot(finding: Finding, form: Format) -> None:
         finding.ask("chain")
     elif len(chains[0]["tools"] if chains else arms) > 1:
         finding.ask("tool")
+
+
+def _longest_arms(tree: Tree) -> list[dict[str, Any]]:
+    """Return joints and tip of the last links that most joints move. Joints that follow another
+    joint do not count.
+    """
+    free = set()
+    for joint in tree.joints.values():
+        if joint.kind in SINGLE and joint.follows is None:
+            free.add(joint.name)
+    arms = []
+    for tip in tree.ends:
+        names = [joint.name for joint in tree.above(tip) if joint.name in free]
+        arms.append({"joints": names, "tip": tip})
+    most = max((len(arm["joints"]) for arm in arms), default=0)
+    return [arm for arm in arms if len(arm["joints"]) == max(most, 1)]
+
+
+def _planar_chains(
+    tree: Tree, turning: Sequence[str]
+) -> tuple[list[dict[str, Any]], list[str]]:
+    """Return joints and tools of all planar chains of three of the ``turning`` joints in a row, and
+    the faults of the URDF by which others are none.
+    """
+    chains, faults = [], []
+    for first in range(len(turning) - 2):
+        chain = turning[first : first + 3]
+        try:
+            chains.append({"joints": chain, "tools": planar_tools(tree, chain)})
+        except ConfigError as error:
+            if error.message.startswith("robot.urdf"):
+                faults.append(error.message)
+    return chains, faults
 
 
 URDF = Format("URDF", ROBOT, read_whole, is_xml("robot"))

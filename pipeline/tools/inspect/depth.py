@@ -1,6 +1,6 @@
 """Findings of depth images, point clouds and their sequences."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -15,13 +15,15 @@ SIZE = ("width", "height")
 
 
 def add_image(finding: Finding, form: Format) -> None:
+    """Add size, range and share of missing values of a depth image."""
     pixels = form.read(finding.file).pixels
     height, width = pixels.shape
-    measured, span = pixels[pixels > 0], ""
+    measured = pixels[pixels > 0]
     # values above 0 may also be missing depths, depending on the encoding
     share = round(1 - measured.size / pixels.size, 4)
     finding.facts = {"width": width, "height": height, "share_not_above_zero": share}
     finding.version = f"{8 * pixels.itemsize} bits"
+    span = ""
     if measured.size:
         span = f", {float(measured.min()):g} to {float(measured.max()):g}"
     finding.ask("image_unit", span=span)
@@ -41,10 +43,8 @@ def add_cloud(finding: Finding, form: Format) -> None:
         *place, w, x, y, z = read.viewpoint
         turn = np.degrees(Rotation.from_quat([x, y, z, w]).as_rotvec())
         angle = float(np.linalg.norm(turn))
-        at, axis = (
-            " ".join(f"{v + 0.0:.3g}" for v in e)
-            for e in (place, turn / (angle or 1.0))
-        )
+        at = _coordinates(place)
+        axis = _coordinates(turn / (angle or 1.0))
         turned = f"at {at}, turned by {angle:.4g}° about {axis}"
         finding.facts["viewpoint"] = (
             f"{turned}, not applied: points are in the sensor's frame"
@@ -52,10 +52,16 @@ def add_cloud(finding: Finding, form: Format) -> None:
     finding.ask("cloud_unit")
 
 
+def _coordinates(vector: Iterable[float]) -> str:
+    """Return the coordinates of a ``vector``, without negative zeros."""
+    return " ".join(f"{value + 0.0:.3g}" for value in vector)
+
+
 def add_index(finding: Finding, form: Format) -> None:
     index = form.read(finding.file)
     finding.count(index.counts)
-    finding.count({"dropped_frames": (dropped := dropped_frames(index.time))})
+    dropped = dropped_frames(index.time)
+    finding.count({"dropped_frames": dropped})
     if len(index.time) > 1:
         finding.timed(index.time, dropped)
     _add_frames(finding, index.files)
@@ -66,16 +72,17 @@ def describe_numbered(pattern: Path) -> Finding:
     frames = named_frames(pattern.parent, pattern.name)
     finding = Finding(pattern, "depth sequence, numbered", Kind.SEQUENCE)
     time = (np.array(frames.values) - frames.values[0]) * (1e-9 if frames.timed else 1)
-    finding.count({"dropped_frames": (dropped := dropped_frames(time))})
+    dropped = dropped_frames(time)
+    finding.count({"dropped_frames": dropped})
     if frames.timed:
         finding.facts["times"] = "in the names"
         finding.timed(time, dropped)
     else:
         step = median_step(time)
-        words = f"; the numbers step by {step:g}: state how many a second has" * (
-            step != 1
-        )
-        finding.ask("frame_rate", step=words)
+        note = ""
+        if step != 1:
+            note = f"; the numbers step by {step:g}: state how many a second has"
+        finding.ask("frame_rate", step=note)
     _add_frames(finding, [file.name for file in frames.files])
     return finding
 
