@@ -30,19 +30,26 @@ def root(tmp_path, monkeypatch) -> Path:
 @pytest.fixture
 def logs(tmp_path) -> Path:
     """Two movements of a UR5, each three times there and back, as a folder of three tables each."""
-    way = (1 - np.cos(np.pi * np.arange(1, 81) / 80))[:, None] / 2
-    there, back = FROM + way * (TO - FROM), TO + way * (FROM - TO)
-    rest = [np.tile(place, (30, 1)) for place in (TO, FROM)]
-    target = np.vstack([rest[1], *[there, rest[0], back, rest[1]] * 3])
-    tables = {"q_actual": target, "q_target": target}
-    tables["qd_target"] = np.diff(target, axis=0, prepend=target[:1]) / 0.01
+    shares = (1 - np.cos(np.pi * np.arange(1, 81) / 80))[:, None] / 2
+    there, back = FROM + shares * (TO - FROM), TO + shares * (FROM - TO)
+    rest_at_start, rest_at_end = np.tile(FROM, (30, 1)), np.tile(TO, (30, 1))
+    cycle = [there, rest_at_end, back, rest_at_start]
+    target = np.vstack([rest_at_start, *cycle * 3])
+    speed = np.diff(target, axis=0, prepend=target[:1]) / 0.01
+    rows = np.arange(len(target))
     for number, name in enumerate(("No1_slow", "No2_slow")):
-        (tmp_path / "logs" / name).mkdir(parents=True)
+        folder = tmp_path / "logs" / name
+        folder.mkdir(parents=True)
         # equal samples would be a copy
-        off = number * 1e-3 * np.sin(np.arange(len(target)) / 7)[:, None]
-        for signal, rows in (tables | {"q_actual": target + off}).items():
-            log = JointLog(np.arange(len(rows)) / 100, {"actual": rows}, {})
-            write_joint_log(tmp_path / "logs" / name / f"{signal}.csv", log)
+        deviation = number * 1e-3 * np.sin(rows / 7)[:, None]
+        tables = {
+            "q_actual": target + deviation,
+            "q_target": target,
+            "qd_target": speed,
+        }
+        for signal, values in tables.items():
+            log = JointLog(rows / 100, {"actual": values}, {})
+            write_joint_log(folder / f"{signal}.csv", log)
     (tmp_path / "logs/rest_3").mkdir()
     force = JointLog(np.arange(30) / 200, {"actual": np.zeros((30, 6))}, {})
     write_joint_log(tmp_path / "logs/rest_3/force.csv", force)

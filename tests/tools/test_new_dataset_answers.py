@@ -55,28 +55,36 @@ def test_what_is_left_is_asked_for_and_each_answer_is_checked_at_once(
     assert printed.splitlines()[-1].startswith("next: `python -m pipeline check lab`")
 
 
-def write_foreign_logs(folder: Path) -> None:
-    """Write logs in degrees from 0 to 360 of seven joints that go there and back twice, with labels
-    that state neither units nor the URDF's names, and the URDF.
-    """
+def there_and_back(times: int) -> np.ndarray:
+    """Return commanded angles (N, 7) in rad that go there and back so many times, with rests."""
     start = np.array([0.1, 0.4, -0.3, -1.2, 0.5, 0.6, 0.2])
     end = start + np.array([0.5, 0.3, -0.4, 0.5, 0.3, -0.4, 0.6])
     shares = (1 - np.cos(np.pi * np.arange(1, 81) / 80))[:, None] / 2
-    there, back = start + shares * (end - start), end + shares * (start - end)
-    at_start, at_end = np.tile(start, (40, 1)), np.tile(end, (40, 1))
-    commanded = np.vstack([at_start, *[there, at_end, back, at_start] * 2])
-    time = np.arange(len(commanded)) * 0.01
-    late = commanded[np.maximum(np.arange(len(commanded)) - 2, 0)]
-    measured = [f"position_joint_{number}" for number in range(1, 8)]
-    targets = [f"position_command_joint_{number}" for number in range(1, 8)]
+    there = start + shares * (end - start)
+    back = end + shares * (start - end)
+    rest_at_start = np.tile(start, (40, 1))
+    rest_at_end = np.tile(end, (40, 1))
+    cycle = [there, rest_at_end, back, rest_at_start]
+    return np.vstack([rest_at_start, *cycle * times])
+
+
+def write_foreign_logs(folder: Path) -> None:
+    """Write logs in degrees from 0 to 360 of seven joints, with labels that state neither units nor
+    the URDF's names, and the URDF.
+    """
     folder.mkdir()
-    for number in (1, 2):
-        deviation = 1e-3 * np.sin(np.arange(len(commanded)) / (9 + number))
-        angles = np.rad2deg(np.hstack([late + deviation[:, None], commanded])) % 360
-        rows = np.column_stack([time, angles])
-        table = pd.DataFrame(rows, columns=["time", *measured, *targets])
-        table.to_csv(folder / f"take_{number}.csv", index=False, float_format="%.5f")
     shutil.copy(ROOT / "pipeline/arm/lwr4.urdf", folder / "gen3.urdf")
+    commanded = there_and_back(times=2)
+    rows = np.arange(len(commanded))
+    late = commanded[np.maximum(rows - 2, 0)]
+    for number in (1, 2):
+        deviation = 1e-3 * np.sin(rows / (9 + number))
+        measured = late + deviation[:, None]
+        table = pd.DataFrame({"time": rows * 0.01})
+        for signal, angles in (("", measured), ("command_", commanded)):
+            for joint, values in enumerate(np.rad2deg(angles).T % 360, start=1):
+                table[f"position_{signal}joint_{joint}"] = values
+        table.to_csv(folder / f"take_{number}.csv", index=False, float_format="%.5f")
 
 
 @pytest.mark.slow
