@@ -165,11 +165,11 @@ def _restore_hint() -> str:
         if not Path(path := out["path"]).exists():
             by = "git checkout --" if path.startswith("reports/") else "dvc checkout"
             commands.setdefault(by, []).append(path)
-    named = " and ".join(
-        f"`{' '.join([by, *paths])}`" for by, paths in sorted(commands.items())
-    )
-    restored = f"run {named}, or undo the change and run `dvc repro`"
-    return f"; to restore the earlier results {restored}" if named else ""
+    if not commands:
+        return ""
+    listed = [f"`{by} {' '.join(paths)}`" for by, paths in sorted(commands.items())]
+    restore = f"run {' and '.join(listed)}, or undo the change and run `dvc repro`"
+    return f"; to restore the earlier results {restore}"
 
 
 def _find_call(name: str, words: list[str]) -> Callable[[], object]:
@@ -177,29 +177,34 @@ def _find_call(name: str, words: list[str]) -> Callable[[], object]:
     stages = sorted(file.stem for file in HERE.glob("stages/[a-z]*.py"))
     studies = sorted(file.parent.name for file in HERE.glob("studies/*/stage.py"))
     tools = sorted(file.parent.name for file in HERE.glob("tools/*/command.py"))
-    if (folder := name.replace("-", "_")) in tools:
-        return tool_call(folder, words)
+    tool = name.replace("-", "_")
+    if tool in tools:
+        return tool_call(tool, words)
     if name not in stages + studies:
-        parts = {"stages": stages, "studies": studies}
-        parts["tools"] = [tool.replace("_", "-") for tool in tools]
-        usage = USAGE.format(**{part: " ".join(names) for part, names in parts.items()})
+        usage = USAGE.format(
+            stages=" ".join(stages),
+            studies=" ".join(studies),
+            tools=" ".join(tools).replace("_", "-"),
+        )
         if name in ("-h", "--help"):
             return partial(print, usage)
         print(usage, file=sys.stderr)
-        message = "there is no such stage, study or tool"
-        raise PipelineError(message + _settings([name, *words]))
+        remedy = _settings([name, *words])
+        raise PipelineError(f"there is no such stage, study or tool{remedy}")
     place = f"stages.{name}" if name in stages else f"studies.{name}.stage"
     if {"-h", "--help"} & set(words):
-        return partial(print, " ".join(_docstring(place).partition("\n\n")[0].split()))
+        summary = _docstring(place).partition("\n\n")[0]
+        return partial(print, " ".join(summary.split()))
     if name in studies:
         run = partial(import_module("pipeline.studies.frame").run, name)
     else:
         run = import_module(f"pipeline.{place}").run
     items = signature(run).parameters
-    if len(items) != len(words) or _settings([name, *words]):
+    remedy = _settings([name, *words])
+    if len(items) != len(words) or remedy:
         takes = f"takes one item ({', '.join(items)})" if items else "takes no item"
-        message = f"{takes}, got {' '.join(words) or 'none'}"
-        raise PipelineError(message + _settings([name, *words]))
+        got = " ".join(words) or "none"
+        raise PipelineError(f"{takes}, got {got}{remedy}")
     return partial(run, *words)
 
 

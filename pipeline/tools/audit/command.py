@@ -43,10 +43,13 @@ def run(folder: Path) -> None:
         entries = read_yaml(lock).get("stages", {}) if lock.is_file() else {}
         names = stage_names(file, project / "params.yaml") if entries else []
         stages += [entries[name] for name in names if name in entries]
-    for out in (
-        project / out["path"] for stage in stages for out in stage.get("outs", [])
-    ):
-        shutil.rmtree(out) if out.is_dir() else out.unlink(missing_ok=True)
+    for stage in stages:
+        for entry in stage.get("outs", []):
+            out = project / entry["path"]
+            if out.is_dir():
+                shutil.rmtree(out)
+            else:
+                out.unlink(missing_ok=True)
     repro = [sys.executable, "-m", "dvc", "repro", "--all-pipelines", "--force"]
     ran = subprocess.run(repro, cwd=project, env=environment, stdout=sys.stderr)
     if ran.returncode or not stages:
@@ -84,7 +87,8 @@ def agree(before: str, after: str) -> bool:
     """Return True if two texts differ at most in numbers, by ROUNDING relative or absolute."""
     if NUMBER.sub("", before) != NUMBER.sub("", after):
         return False
-    old, new = (np.array(NUMBER.findall(text), float) for text in (before, after))
+    old = np.array(NUMBER.findall(before), float)
+    new = np.array(NUMBER.findall(after), float)
     return np.allclose(old, new, rtol=ROUNDING, atol=ROUNDING)
 
 

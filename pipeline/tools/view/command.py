@@ -4,11 +4,13 @@ cloud, and measured and filtered joint angles over time.
 
 import importlib
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 
 from pipeline.arm.model import arm_of, link_chains
 from pipeline.arm.urdf import describe
@@ -45,23 +47,24 @@ def run(take: str | None = None, open: bool = False) -> None:
     """Write data/view/DATASET_TAKE.rrd, and ``open`` it. Raises ConfigError for an unknown take."""
     rerun = _rerun()
     settings = config.sections("view", HERE / "reads.yaml")
-    robot, joints = settings.dataset.robot, contracts.read("joints", TRACK)
+    robot = settings.dataset.robot
+    joints = contracts.read("joints", TRACK)
     # test before training
     name = take or joints.sort_values("part", kind="stable")["take"].iloc[0]
-    own = joints[joints["take"] == name]
-    if own.empty:
+    measured = joints[joints["take"] == name]
+    if measured.empty:
         names = ", ".join(joints["take"].unique())
         raise ConfigError(f"no take {name!r}; there are {names}", key="TAKE")
-    tracks = {"measured": Track(own["t"].to_numpy(), values(own, "q"))}
+    tracks = {"measured": Track(measured["t"].to_numpy(), values(measured, "q"))}
     for model in settings.models:
         if contracts.exists("posterior", FILTER / model):
-            rows = contracts.read("posterior", FILTER / model).query("take == @name")
-            std = np.sqrt(
-                np.diagonal(matrices(rows, "c", robot.joints), axis1=-2, axis2=-1)
-            )
+            posterior = contracts.read("posterior", FILTER / model)
+            rows = posterior[posterior["take"] == name]
             if len(rows):
-                tracks[model] = Track(rows["t"].to_numpy(), values(rows, "m"), std)
-    clouds = _clouds(name, robot) if settings.dataset.depth is not None else []
+                tracks[model] = _filtered_track(rows, robot.joints)
+    clouds = []
+    if settings.dataset.depth is not None:
+        clouds = _clouds(name, robot)
     file = FOLDER / f"{settings.dataset.name}_{name}.rrd"
     file.parent.mkdir(parents=True, exist_ok=True)
     write_recording(rerun, file, name, robot, tracks, clouds)
@@ -70,6 +73,13 @@ def run(take: str | None = None, open: bool = False) -> None:
         viewer = rerun.RecordingStream(settings.dataset.name)
         viewer.spawn()
         viewer.log_file_from_path(file)
+
+
+def _filtered_track(rows: pd.DataFrame, joints: Sequence[str]) -> Track:
+    """Return mean and standard deviation of a take's ``rows`` of the table posterior."""
+    covariance = matrices(rows, "c", joints)
+    std = np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1))
+    return Track(rows["t"].to_numpy(), values(rows, "m"), std)
 
 
 def _rerun() -> ModuleType:
@@ -83,27 +93,32 @@ def _rerun() -> ModuleType:
 
 def _clouds(name: str, robot: Robot) -> Clouds:
     """Return time on the motion capture's clock and arm points of every depth frame of a take."""
-    angles, frames = (
-        contracts.read("angles", ARTICULATE),
-        contracts.read("frames", DEPTH),
-    )
-    angles, frames = (table[table["take"] == name] for table in (angles, frames))
-    arm, times = arm_of(robot), dict(zip(angles["frame"], angles["t"], strict=True))
+    angles = contracts.read("angles", ARTICULATE)
+    angles = angles[angles["take"] == name]
+    frames = contracts.read("frames", DEPTH)
+    frames = frames[frames["take"] == name]
+    times = dict(zip(angles["frame"], angles["t"], strict=True))
     points = dict(zip(frames["frame"], arm_points(frames, DEPTH), strict=True))
-    return [
-        (times[frame], arm.to_base(np.insert(points[frame], 1, 0.0, axis=1)))
-        for frame in sorted(times.keys() & points.keys())
-    ]
+    arm = arm_of(robot)
+    clouds = []
+    for frame in sorted(times.keys() & points.keys()):
+        in_plane = np.insert(points[frame], 1, 0.0, axis=1)  # y = 0
+        clouds.append((times[frame], arm.to_base(in_plane)))
+    return clouds
 
 
 def skeletons(robot: Robot, q: np.ndarray) -> np.ndarray:
     """Return base, joint origins and tip (K, L, 3), m in the base frame, at ``q`` (K, n)."""
     described = describe(robot)
-    links = dict.fromkeys([*(joint.child for joint in described.joints), described.tip])
+    links = [joint.child for joint in described.joints]
+    links = dict.fromkeys([*links, described.tip])  # each link once
     chains = link_chains(robot, links, "robot.joints")
-    # the joints that move a link are the first ones of the arm
-    nodes = [chain.pose(q[:, : len(chain.lower)])[:, :3] for chain in chains.values()]
-    return np.stack([np.zeros_like(nodes[0]), *nodes], axis=1)
+    nodes = [np.zeros((len(q), 3))]  # the base
+    for chain in chains.values():
+        # the joints that move a link are the first ones of the arm
+        poses = chain.pose(q[:, : len(chain.lower)])
+        nodes.append(poses[:, :3])
+    return np.stack(nodes, axis=1)
 
 
 def write_recording(
@@ -139,8 +154,8 @@ def write_recording(
             lines += [("lower", f"{name} − 1σ", 0.7, track.q - track.std)]
         time = rerun.TimeColumn("time", duration=track.t)
         for j, joint in enumerate(robot.joints):
-            for part, label, width, line in lines:
-                place = rerun.new_entity_path(["angles", joint, name, part])
+            for curve, label, width, line in lines:
+                place = rerun.new_entity_path(["angles", joint, name, curve])
                 style = rerun.SeriesLines(
                     colors=[colour], names=[label], widths=[width]
                 )
