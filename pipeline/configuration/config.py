@@ -1,7 +1,7 @@
 """Composition of the configuration with Hydra, its validation, and the sections of each stage."""
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, field, make_dataclass
 from functools import cache
 from pathlib import Path
@@ -132,44 +132,80 @@ def _stating(
     datasheet, or the option file of the section or model.
     """
     section, *below = key.partition("[")[0].split(".")
-    group, option = section, vars(params).get(section)
-    if section == "models" and below:
-        group, option = "model", below[0]
     sources = {params_file: params.overrides, sheet.file: {"dataset": sheet.values}}
-    if (file := CONF / group / f"{option}.yaml").is_file():
-        stated = read_yaml(file)
-        sources[file] = {section: stated if group == section else {option: stated}}
+    if section == "models" and below:
+        file = CONF / "model" / f"{below[0]}.yaml"
+        nested = [section, below[0]]
+    else:
+        file = CONF / section / f"{vars(params).get(section)}.yaml"
+        nested = [section]
+    if file.is_file():
+        sources[file] = _nested_in(nested, read_yaml(file))
+    places = [section, *below]
+    return max(sources, key=lambda file: _count_inside(sources[file], places))
 
-    def depth(values: Any, places: list[str]) -> int:
-        inside = isinstance(values, dict) and places and places[0] in values
-        return 1 + depth(values[places[0]], places[1:]) if inside else 0
 
-    return max(sources, key=lambda file: depth(sources[file], [section, *below]))
+def _nested_in(keys: Sequence[str], values: Any) -> Any:
+    """Return ``values`` below the nested ``keys``."""
+    for key in reversed(keys):
+        values = {key: values}
+    return values
+
+
+def _count_inside(values: Any, keys: Sequence[str]) -> int:
+    """Return how many of the nested ``keys``, from the first, are in ``values``."""
+    count = 0
+    for key in keys:
+        if not isinstance(values, dict) or key not in values:
+            break
+        values = values[key]
+        count += 1
+    return count
 
 
 def _validate(values: dict[str, Any]) -> tuple[Config | None, list[ConfigError]]:
     """Return the typed configuration, None where there are faults, and all faults."""
     config, faults = all_faults(Config, values)
-    models, typed_models = values.get("models"), {}
-    for name, model in models.items() if isinstance(models, dict) else ():
-        key = f"models.{name}"
-        try:
-            kind = model.get("kind") if isinstance(model, dict) else None
-            typed_models[name], more = all_faults(options_type(kind), model, key)
-            faults += more
-        except ConfigError as error:
-            faults.append(ConfigError(f"{key}.{error.message}", key=f"{key}.kind"))
-    if (laboratory := datasheet.get_nested(values, "dataset.laboratory")) is not None:
-        structure = _laboratory_type(str(datasheet.get_nested(laboratory, "cause")))
-        typed, more = all_faults(structure, laboratory, "dataset.laboratory")
-        faults += more
-        if typed is not None:
-            laboratory = {part: getattr(typed, part) for part in laboratory}
+    models, faults_of_models = _typed_models(values.get("models"))
+    laboratory, faults_of_laboratory = _typed_laboratory(values)
+    faults += [*faults_of_models, *faults_of_laboratory]
     if faults:
         return None, faults
-    config.models, config.dataset.laboratory = typed_models, laboratory
-    config.paper_models = first_of_kinds(typed_models)
+    config.models, config.dataset.laboratory = models, laboratory
+    config.paper_models = first_of_kinds(models)
     return config, []
+
+
+def _typed_models(models: Any) -> tuple[dict[str, Any], list[ConfigError]]:
+    """Return the options of the ``models`` by their kinds' types, and all faults."""
+    typed_models: dict[str, Any] = {}
+    faults = []
+    if not isinstance(models, dict):
+        return typed_models, faults
+    for name, model in models.items():
+        key = f"models.{name}"
+        kind = model.get("kind") if isinstance(model, dict) else None
+        try:
+            typed_models[name], model_faults = all_faults(
+                options_type(kind), model, key
+            )
+            faults += model_faults
+        except ConfigError as error:
+            faults.append(ConfigError(f"{key}.{error.message}", key=f"{key}.kind"))
+    return typed_models, faults
+
+
+def _typed_laboratory(values: Any) -> tuple[dict[str, Any] | None, list[ConfigError]]:
+    """Return the typed sections of the dataset's laboratory, None without one, and all faults."""
+    laboratory = datasheet.get_nested(values, "dataset.laboratory")
+    if laboratory is None:
+        return None, []
+    cause = datasheet.get_nested(laboratory, "cause")
+    structure = _laboratory_type(str(cause))
+    typed, faults = all_faults(structure, laboratory, "dataset.laboratory")
+    if typed is not None:
+        laboratory = {section: getattr(typed, section) for section in laboratory}
+    return laboratory, faults
 
 
 def first_of_kinds(models: dict[str, Any]) -> dict[str, Any]:
@@ -190,9 +226,9 @@ def _laboratory_type(cause: str) -> type:
     from pipeline.laboratory.options import SECTIONS
 
     sections = SECTIONS | {"dynamics": dynamics_type(cause)}
-    parts = [("cause", Literal[*cause_names()] | None, None)]
-    parts += [(part, structure, None) for part, structure in sections.items()]
-    return options()(make_dataclass("Laboratory", parts))
+    fields = [("cause", Literal[*cause_names()] | None, None)]
+    fields += [(name, structure, None) for name, structure in sections.items()]
+    return options()(make_dataclass("Laboratory", fields))
 
 
 def _compose(
@@ -292,12 +328,10 @@ def sections(
         raise ConfigError(
             f"no stage {stage!r}; there are {', '.join(stages)}", file=dvc_file
         )
-    entries = [
-        entry for entry in stages[stage].get("params", []) if isinstance(entry, dict)
-    ]
-    declared = [
-        section for entry in entries for section in entry.get(str(COMPOSED), [])
-    ]
+    declared = []
+    for entry in stages[stage].get("params", []):
+        if isinstance(entry, dict):
+            declared += entry.get(str(COMPOSED), [])
     settings = SimpleNamespace(compute=config.compute)
     beyond = dvc_file.resolve().is_relative_to(CONF.parent)
     if beyond and "dataset.robot" in declared and config.dataset.robot is None:
@@ -328,13 +362,12 @@ def study_options(folder: Path, structure: type) -> Any:
 
 def model_options(names: Iterable[str]) -> dict[str, Any]:
     """Return the typed options of models by the ``names`` of their option files."""
-    result, known = {}, option_names("model")
+    result, model_names = {}, option_names("model")
     for name in names:
         file = CONF / "model" / f"{name}.yaml"
-        if name not in known:
-            raise ConfigError(
-                f"no model {name!r}; there are {', '.join(known)}", file=file
-            )
+        if name not in model_names:
+            message = f"no model {name!r}; there are {', '.join(model_names)}"
+            raise ConfigError(message, file=file)
         values = read_yaml(file)
         result[name] = validated(options_type(values.get("kind")), values, name, file)
     return result

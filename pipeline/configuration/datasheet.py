@@ -75,9 +75,9 @@ def common_keys(
 ) -> Iterator[str]:
     """Yield the nested keys that are in both files."""
     for key in sheet:
-        stated, other = sheet[key], option.get(key)
-        if isinstance(stated, dict) and isinstance(other, dict):
-            yield from common_keys(other, stated, f"{prefix}{key}.")
+        fact, choice = sheet[key], option.get(key)
+        if isinstance(fact, dict) and isinstance(choice, dict):
+            yield from common_keys(choice, fact, f"{prefix}{key}.")
         elif key in option:
             yield f"{prefix}{key}"
 
@@ -101,10 +101,10 @@ def is_open(value: Any) -> bool:
 
 def get_nested(values: Any, key: str) -> Any:
     """Return the value of a nested ``key``, None without it."""
-    for part in filter(None, key.split(".")):
-        if not isinstance(values, dict) or part not in values:
+    for name in filter(None, key.split(".")):
+        if not isinstance(values, dict) or name not in values:
             return None
-        values = values[part]
+        values = values[name]
     return values
 
 
@@ -120,15 +120,23 @@ def check_values(
     """Return the dataset of ``values`` (None if faulty), the errors of unknown keys and wrong
     values, and the sorted required keys that are absent.
     """
-    found, faults = all_faults(DescribedDataset, _without_open(values), "dataset")
-    missing = [fault for fault in faults if fault.message.startswith(MISSING)]
-    keys = {str(fault.evidence["key"]).removeprefix("dataset.") for fault in missing}
-    absent = keys - {key.partition("[")[0] for key in unfilled_keys(values)}
-    return found, [fault for fault in faults if fault not in missing], sorted(absent)
+    dataset, faults = all_faults(DescribedDataset, _without_open(values), "dataset")
+    unfilled = {key.partition("[")[0] for key in unfilled_keys(values)}
+    absent, wrong = set(), []
+    for fault in faults:
+        if fault.message.startswith(MISSING):
+            absent.add(str(fault.evidence["key"]).removeprefix("dataset."))
+        else:
+            wrong.append(fault)
+    return dataset, wrong, sorted(absent - unfilled)
 
 
 def _without_open(values: Any) -> Any:
+    """Return nested ``values`` without the keys whose value is or contains ???."""
     if not isinstance(values, dict):
         return values
-    kept = {n: _without_open(v) for n, v in values.items()}
-    return {n: v for n, v in kept.items() if isinstance(v, dict) or not is_open(v)}
+    filled = {}
+    for name, value in values.items():
+        if isinstance(value, dict) or not is_open(value):
+            filled[name] = _without_open(value)
+    return filled
