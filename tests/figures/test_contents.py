@@ -62,79 +62,95 @@ def paths(takes: list[str]) -> pd.DataFrame:
     return rows.assign(part="training", left_out=left_out, reason=reason)
 
 
+TRAINING = [f"training_{n:03d}" for n in range(1, 6)]
+TEST = [f"test_{n:03d}" for n in (1, 2, 3)]
+VIEWS = ["initial", "extended"]
+
+
 @pytest.fixture(scope="session")
 def tables() -> dict[str, pd.DataFrame]:
     """One table of each kind that a figure shows."""
-    q, w, e, s, b = (columns(family, JOINTS) for family in "qwesb")
-    train, test = (
-        [f"training_{n:03d}" for n in range(1, 6)],
-        [f"test_{n:03d}" for n in (1, 2, 3)],
-    )
-    u, grid = np.linspace(17.0, 20.0, 4), np.linspace(-4, 4, 21)
-    points = each(
-        ["sigma_b"], source=["recorded", "drawn"], point=["curve", "moments", "used"]
-    )
-    models = ["none", *MODELS, "wishart_closed"]
-    joints = each(q, take=train + test, k=STEPS).assign(residual=0.0)
-    spatial = {"configuration": ["T3", "T4"], "source": SOURCES}
-    judged = pd.DataFrame({"take": ["train_001", "train_002", "test_001"]}).assign(
-        beyond=False
-    )
-    judged = judged.assign(
-        left_out=[False, True, False], part=["training", "training", "test"]
-    )
+    return motion_tables() | parameter_tables() | depth_tables() | wrench_tables()
+
+
+def motion_tables() -> dict[str, pd.DataFrame]:
+    """Tables of takes, noise and held-out runs."""
+    q, w, s = (columns(family, JOINTS) for family in "qws")
+    joints = each(q, take=TRAINING + TEST, k=STEPS).assign(residual=0.0)
+    joints["part"] = joints["take"].str.partition("_")[0]
+    noise = each(w, take=TRAINING, k=STEPS[1:]).assign(part="training")
+    std = each(["error", "bias", *s], source=["recorded", *MODELS], k=STEPS)
+    normal = np.arange(-3, 4.0)
+    quantiles = each(["noise"], model=[*motion.LAWS], joint=JOINTS, normal=normal)
+    run = {"model": ["joint_error"], "joint": JOINTS, "horizon": HORIZONS[1:]}
+    run |= {"t": np.linspace(0.0, 1.0, 11)}
+    scored = {"model": ["joint_error", *joint_error.YARDSTICKS]}
+    scored |= {"joint": JOINTS, "horizon": HORIZONS}
+    scores = each(["predicted_rad", "measured_rad"], **scored)
+    return {
+        "joints": joints,
+        "process_noise": noise,
+        "deviation": std,
+        "noise_quantiles": quantiles,
+        "held_out_run": each(["error", "mean", "std"], **run),
+        "joint_scores": scores.assign(samples="commanded", count=100),
+        "takes": measured_takes(),
+        "take_paths": paths(TRAINING + TEST),
+    }
+
+
+def measured_takes() -> pd.DataFrame:
+    """The table ``takes`` of three takes, the second of which is left out, and four measures."""
+    names = ["train_001", "train_002", "test_001"]
+    takes = pd.DataFrame({"take": names, "left_out": [False, True, False]})
+    takes["part"] = ["training", "training", "test"]
     measures = [
         ("residual_rms", "m", [2e-4, 2e-3, 3e-4], 1e-3),
         ("clock_drift", "s/s", [-1e-3, 2e-3, 0.0], 0.02),
         ("interpolated", "1", 0.0, np.nan),
         ("clock_drift_standard_error", "s/s", 1e-3, np.nan),
     ]
-    takes = [
-        judged.assign(measure=measure, value=value, unit=unit, limit=limit)
-        for measure, unit, value, limit in measures
-    ]
-    directions = {"configuration": ["C1", "C2"], "source": SOURCES}
+    rows = []
+    for measure, unit, value, limit in measures:
+        rows.append(takes.assign(measure=measure, value=value, unit=unit, limit=limit))
+    return pd.concat(rows, ignore_index=True)
+
+
+def parameter_tables() -> dict[str, pd.DataFrame]:
+    """Tables of the ridge and of σ_B over the weight."""
+    u = np.linspace(17.0, 20.0, 4)
+    ridges = each([], model=["gaussian"], level=[1.0], u=u)
+    points = ["curve", "moments", "used"]
+    weights = each(["sigma_b"], source=["recorded", "drawn"], point=points)
+    ratio = np.geomspace(1e-5, 0.1, 6)
     return {
-        "joints": joints.assign(part=joints["take"].str.partition("_")[0]),
-        "process_noise": each(w, take=train, k=STEPS[1:]).assign(part="training"),
-        "filter_error": each(e + s, model=models, take=test, k=STEPS).assign(
-            part="test"
-        ),
-        "deviation": each(["error", "bias", *s], source=["recorded", *MODELS], k=STEPS),
-        "kinect_noise": each(
-            [*b, *pairs("r", JOINTS), "t"], take=["test_001", "none"], frame=range(6)
-        ),
-        "skeleton": each(["x", "z"], view=["initial", "extended"], node=range(4)),
-        "cloud": each(["x", "z"], view=["initial", "extended"], point=range(50)),
-        "ridges": each([], model=["gaussian"], level=[1.0], u=u).assign(
-            alpha=2 / u, excess=(u - 18.0) ** 2
-        ),
-        "sigma_b_weights": points.assign(
-            model="wishart", ratio=np.geomspace(1e-5, 0.1, 6)
-        ),
-        "noise_quantiles": each(
-            ["noise"], model=list(motion.LAWS), joint=JOINTS, normal=np.arange(-3, 4.0)
-        ),
-        "held_out_run": each(
-            ["error", "mean", "std"],
-            model=["joint_error"],
-            joint=JOINTS,
-            horizon=HORIZONS[1:],
-            t=np.linspace(0.0, 1.0, 11),
-        ).assign(recording="run_1"),
-        "joint_scores": each(
-            ["predicted_rad", "measured_rad"],
-            model=["joint_error", *joint_error.YARDSTICKS],
-            joint=JOINTS,
-            horizon=HORIZONS,
-        ).assign(samples="commanded", motion="1", block=1, count=100),
-        "takes": pd.concat(takes, ignore_index=True),
-        "take_paths": paths(train + test),
-        "wrench_errors": each(["error"], agents=[3, 10], system=range(40)).assign(
-            covariance_error_diagonal=0.1, covariance_error_full=0.1
-        ),
-        "force_density": each(["density"], **directions, fx=range(9), fy=range(10)),
-        "wrench_marginals": each(["density"], **spatial, row=["fx", "mz"], value=grid),
+        "ridges": ridges.assign(alpha=2 / u, excess=(u - 18.0) ** 2),
+        "sigma_b_weights": weights.assign(model="wishart", ratio=ratio),
+    }
+
+
+def depth_tables() -> dict[str, pd.DataFrame]:
+    """Tables of the depth camera and of the filters."""
+    e, s, b = (columns(family, JOINTS) for family in "esb")
+    models = ["none", *MODELS, "wishart_closed"]
+    noise = [*b, *pairs("r", JOINTS), "t"]
+    return {
+        "filter_error": each(e + s, model=models, take=TEST, k=STEPS),
+        "kinect_noise": each(noise, take=["test_001", "none"], frame=range(6)),
+        "skeleton": each(["x", "z"], view=VIEWS, node=range(4)),
+        "cloud": each(["x", "z"], view=VIEWS, point=range(50)),
+    }
+
+
+def wrench_tables() -> dict[str, pd.DataFrame]:
+    """Tables of the wrench study, and of forces in the plane and in space."""
+    plane = {"configuration": ["C1", "C2"], "source": SOURCES}
+    space = {"configuration": ["T3", "T4"], "source": SOURCES}
+    values = np.linspace(-4, 4, 21)
+    return {
+        "wrench_errors": each(["error"], agents=[3, 10], system=range(40)),
+        "force_density": each(["density"], **plane, fx=range(9), fy=range(10)),
+        "wrench_marginals": each(["density"], **space, row=["fx", "mz"], value=values),
     }
 
 
@@ -173,26 +189,22 @@ def test_a_figure_has_units_a_complete_legend_all_glyphs_and_the_same_bytes(
     if name in TWICE:
         save(drawn(name, tables, options), tmp_path, "two")
         for kind in ("svg", "png"):
-            one, two = (tmp_path / f"{each}.{kind}" for each in ("one", "two"))
-            assert one.read_bytes() == two.read_bytes()
+            first, second = tmp_path / f"one.{kind}", tmp_path / f"two.{kind}"
+            assert first.read_bytes() == second.read_bytes()
     assert "dc:date" not in (tmp_path / "one.svg").read_text()
     image = Image.open(tmp_path / "one.png")
-    assert (
-        np.asarray(image.convert("L"))[:, :2] == 255
-    ).all()  # no label is cut at the edge
+    edge = np.asarray(image.convert("L"))[:, :2]
+    assert (edge == 255).all()  # no label is cut
     shown = [axes for axes in figure.axes if axes.axison]
     assert bool(shown) == (name not in BARE)
     for axes in shown:
         # a strip's or a panel's quantity with its unit, but for counts
-        for label in (axes.get_xlabel(), axes.get_ylabel()):
-            assert not label or any(
-                mark in label for mark in ("(", "number of", "frames", "take:")
-            )
-    legends = [
-        *figure.legends,
-        *(axes.get_legend() for axes in shown if axes.get_legend()),
-    ]
-    entries = [text.get_text() for each in legends for text in each.get_texts()]
+        for label in filter(None, (axes.get_xlabel(), axes.get_ylabel())):
+            assert any(mark in label for mark in ("(", "number of", "frames", "take:"))
+    entries = []
+    for legend in [*figure.legends, *(axes.get_legend() for axes in shown)]:
+        if legend is not None:
+            entries += [text.get_text() for text in legend.get_texts()]
     assert len(entries) == len({*entries})
     labels = [line.get_label() for axes in shown for line in axes.lines]
     assert all(len(line.get_xdata()) for axes in shown for line in axes.lines)
@@ -205,18 +217,17 @@ def test_figures_are_drawn_with_captions_or_left_out_by_name_and_all_or_none(
     tmp_path, monkeypatch, tables, options, capsys
 ):
     monkeypatch.chdir(tmp_path)
-    kept = {"mean_error", "joint_std", "cable_robot"}  # one needs no table at all
+    drawable = {"mean_error", "joint_std", "cable_robot"}  # one needs no table at all
     Path("data/score").mkdir(parents=True)
     contracts.write(tables["deviation"], "deviation", Path("data/score"))
     draw_all(OUT, options, Compute(workers=1))
-    lines = {
-        line for line in capsys.readouterr().out.splitlines() if "left out" in line
-    }
-    assert len(lines) == len(FIGURES) - len(kept)
+    printed = capsys.readouterr().out.splitlines()
+    lines = {line for line in printed if "left out" in line}
+    assert len(lines) == len(FIGURES) - len(drawable)
     assert "figures: filter_errors left out: the dataset has no depth camera" in lines
-    assert {file.stem for file in OUT.iterdir()} == kept | {"captions"}
+    assert {file.stem for file in OUT.iterdir()} == drawable | {"captions"}
     captions = json.loads((OUT / "captions.json").read_text())
-    assert {*captions} == kept
+    assert {*captions} == drawable
     assert captions["mean_error"]["sources"] == ["data/score/deviation.parquet"]
     before = {file: file.read_bytes() for file in OUT.iterdir()}
     broken = FIGURES["joint_std"]._replace(draw=lambda deviation: 1 / 0)

@@ -50,17 +50,17 @@ def numbers(*cases: dict) -> Cases:
     )
 
 
-def mean_of(values: np.ndarray, **others: float) -> dict:
+def mean_of(values: np.ndarray, **stated: float) -> dict:
     """Mean of takes with its interval."""
     mean = paired_difference(values, np.zeros(len(values)))._asdict()
-    return mean | {"value": mean["difference"]} | others
+    return mean | {"value": mean["difference"]} | stated
 
 
 def drawn(
-    rng: np.random.Generator, centre: float, std: float, **others: float
+    rng: np.random.Generator, centre: float, std: float, **stated: float
 ) -> list[dict]:
     """The mean of 20 takes about ``centre``: 4.5 standard errors are ``std``."""
-    return [mean_of(rng.normal(centre, std, 20), **others)]
+    return [mean_of(rng.normal(centre, std, 20), **stated)]
 
 
 def noise(rng: np.random.Generator, variation: float, takes: int = 40) -> np.ndarray:
@@ -74,10 +74,10 @@ def curve(variation: float) -> np.ndarray:
 
 
 def varied(rng: np.random.Generator, true: float) -> list[dict]:
-    taken = noise(rng, true)
-    variations = [variation(column) for column in taken.std(axis=0, ddof=1).T]
+    takes = noise(rng, true)
+    variations = [variation(column) for column in takes.std(axis=0, ddof=1).T]
     cases = []
-    for value, ends in zip(variations, variation_limits(taken, rng), strict=True):
+    for value, ends in zip(variations, variation_limits(takes, rng), strict=True):
         cases.append({"value": value, "than": ends[0], "threshold": ends[1]})
     return cases
 
@@ -88,9 +88,9 @@ def varied_within(rng: np.random.Generator, ratio: float) -> list[dict]:
     """
     speeds = np.linspace(0.0, 1.0, 600)[:, None] * np.ones(2)
     scale = np.where(speeds > 0.5, ratio, 1.0)
-    taken = scale * rng.standard_normal((4, *speeds.shape))
+    takes = scale * rng.standard_normal((4, *speeds.shape))
     undecided = {"value": 0.3, "than": 0.2, "threshold": 0.4, "margin": np.log(1.25)}
-    differences = fast_against_slow(taken, speeds)
+    differences = fast_against_slow(takes, speeds)
     return [undecided | difference._asdict() for difference in differences]
 
 
@@ -110,11 +110,11 @@ def followed(rng: np.random.Generator, true: float) -> list[dict]:
     )
 
 
-def greatest(rng: np.random.Generator, centre: float, **others: float) -> list[dict]:
+def greatest(rng: np.random.Generator, centre: float, **stated: float) -> list[dict]:
     """A greatest value, and the interval of 20 repeats."""
     maxima = rng.gumbel(centre, 0.01, 20)
     low, high = percentile_interval(maxima)
-    return [{"value": maxima[0], "low": low, "high": high, **others}]
+    return [{"value": maxima[0], "low": low, "high": high, **stated}]
 
 
 def falling(rng: np.random.Generator, by: float) -> list[dict]:
@@ -163,8 +163,11 @@ def test_a_rule_passes_just_on_the_true_side_fails_just_on_the_false_and_errs_as
     repeats = 30 if rule in SLOW else REPEATS
     rates, rng = {}, np.random.default_rng(7)
     for side in (-1, 1) if rule in SHARP else (-1, 0, 1):
-        cases = [decided(rule, *DRAWN[rule](rng, side)) for _ in range(repeats)]
-        rates[side] = np.mean([(all(own), False in own) for own in cases], axis=0)
+        outcomes = []
+        for _ in range(repeats):
+            holds = decided(rule, *DRAWN[rule](rng, side))
+            outcomes.append((all(holds), False in holds))
+        rates[side] = np.mean(outcomes, axis=0)
     most = LEVEL + 3.5 * np.sqrt(LEVEL * (1 - LEVEL) / repeats)
     assert rates[1][0] > 0.8 and rates[1][1] <= most
     assert rates[-1][0] <= most
@@ -281,14 +284,14 @@ def verdict_on_spread(claim: str, std: np.ndarray, rng: np.random.Generator) -> 
     """Return the verdict on ``claim`` from 100 takes with ``std`` (STEPS, 2) over time. From fewer
     takes the case of the speed law is often not decided, and the claim then holds for it too.
     """
-    taken = std * rng.standard_normal((100, STEPS, 2))
+    takes = std * rng.standard_normal((100, STEPS, 2))
     steady = np.zeros(STEPS, dtype=bool)
     outcomes = {}
     for name, modelled in CURVES.items():
-        tests = following_tests(modelled, taken, steady, JOINTS, rng, rival=SPEED)
-        of_model = ModelledNoise(modelled**2, np.zeros(2), taken)
+        tests = following_tests(modelled, takes, steady, JOINTS, rng, rival=SPEED)
+        of_model = ModelledNoise(modelled**2, np.zeros(2), takes)
         outcomes[name] = Outcome(modelled=of_model, following=tests)
-    rows = [*noise_rows(outcomes, SimpleNamespace(noise=taken, joints=JOINTS))]
+    rows = [*noise_rows(outcomes, SimpleNamespace(noise=takes, joints=JOINTS))]
     share = "share_of_variance_between_recordings"
     rows.append(evidence_row(share, 0.0, model="recorded"))
     claims = [listed for listed in read_claims() if listed.id == claim]
