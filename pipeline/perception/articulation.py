@@ -21,22 +21,20 @@ from pipeline.core.options.analysis import ArticulationSection
 
 INFEASIBLE = 1e3  # m; above the objective of every pose within the bounds
 STEP = 0.02  # m; first extent of the simplex: motion of a node between frames at 30 Hz
-STRETCH = (
-    np.pi / 2 / STEP
-)  # 1/m; a change of λ by STEP moves a length from nominal to its bound
+# 1/m; a change of λ by STEP moves a length from nominal to its bound
+STRETCH = np.pi / 2 / STEP
 # first and last extent of the simplex in each run, m; a wide first simplex escapes local minima
 RUNS = {
     "commanded": ((STEP, 1e-3), (-STEP / 2, 1e-5)),
     "fitted": ((2 * STEP, 4e-3), (-2 * STEP, 4e-3), (STEP, 1e-4)),
 }
 MAX_STEPS = 2000  # of the simplex
-START_SPREAD = (
-    0.15  # rad; offset of the first frame's start poses from the commanded pose
-)
+# rad; offset of the first frame's start poses from the commanded pose
+START_SPREAD = 0.15
+START_TURNS = np.array([[0, 0, 0], [1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]])
 LOST = 2.0  # objective, in least objectives of the take, above which the arm counts as lost
-LOST_HEADINGS = (
-    24  # headings of the first segment from which a search for a lost arm starts
-)
+# headings of the first segment from which a search for a lost arm starts
+LOST_HEADINGS = 24
 SIGN = np.int64(-(2**63))  # sign bit of a 64-bit float
 
 
@@ -48,9 +46,8 @@ class Frame(NamedTuple):
     bounds: np.ndarray  # (3, 2) of the segments' lengths, m
     gamma1: float  # weight of the mean distance
     gamma2: float  # weight of the asymmetry
-    buffer: (
-        np.ndarray
-    )  # (5, I) signed squared distances by segment, m²; last row: distances, m
+    # (5, I) signed squared distances by segment, m²; last row: distances, m
+    buffer: np.ndarray
     bits: np.ndarray  # (5, I) ``buffer`` viewed as integers
 
 
@@ -78,41 +75,69 @@ def rank(frame: Frame, v: np.ndarray) -> float:
     nominal lengths, ψ headings; its lengths l(1 + r·sin(STRETCH·λ)) keep their bounds (James and
     Roos 1975). A point nearest to a node belongs to both segments.
     """
-    nodes, bounds, excess, pieces = frame.nodes, frame.bounds, 0.0, v.size - 1
-    for j in range(3):
-        if pieces == 4:
-            middle, half = (
-                0.5 * (bounds[j, 0] + bounds[j, 1]),
-                0.5 * (bounds[j, 1] - bounds[j, 0]),
-            )
-            stretched, _ = sine_cosine(STRETCH * v[j] if j < 2 else 0.0)
-            sine, cosine = sine_cosine(v[j + 2] / middle)
-            length = middle + half * stretched
-            nodes[j + 1, 0] = nodes[j, 0] + length * sine
-            nodes[j + 1, 1] = nodes[j, 1] + length * cosine
-        else:
-            if j < 2:
-                nodes[j + 1, 0], nodes[j + 1, 1] = v[2 * j], v[2 * j + 1]
-            ux, uz = nodes[j + 1, 0] - nodes[j, 0], nodes[j + 1, 1] - nodes[j, 1]
-            length = np.sqrt(ux**2 + uz**2)
-            excess += max(bounds[j, 0] - length, length - bounds[j, 1], 0.0)
-    if excess > 0.0:
-        return INFEASIBLE + excess
+    fitted_end = v.size == 5
+    if fitted_end:
+        _turn_nodes(frame, v)
+    else:
+        excess = _move_nodes(frame, v)
+        if excess > 0.0:
+            return INFEASIBLE + excess
     x, z, signed = frame.points[0], frame.points[1], frame.buffer
-    _assign(x, z, nodes, signed[0], signed[1], signed[2], signed[4])
-    if pieces == 4:  # points beyond the middle of the tool
-        ax, az, bx, bz = nodes[2, 0], nodes[2, 1], nodes[3, 0], nodes[3, 1]
-        for i in range(x.size):
-            aside = (x[i] - 0.5 * (ax + bx)) * (bx - ax) + (z[i] - 0.5 * (az + bz)) * (
-                bz - az
-            )
-            signed[3, i] = signed[2, i] if aside > 0.0 else 0.0
-            signed[2, i] = 0.0 if aside > 0.0 else signed[2, i]
+    _assign(x, z, frame.nodes, signed[0], signed[1], signed[2], signed[4])
+    pieces = 3
+    if fitted_end:
+        pieces = 4
+        _split_tool(frame)
     asymmetry = 0.0
     for j in range(pieces):
         above, under = _greatest(signed[j], frame.bits[j])
         asymmetry += abs(np.sqrt(above) - np.sqrt(under))
-    return frame.gamma1 * _sum(signed[4]) / x.size + frame.gamma2 * asymmetry
+    mean_distance = frame.gamma1 * _sum(signed[4]) / x.size
+    return mean_distance + frame.gamma2 * asymmetry
+
+
+@inner
+def _turn_nodes(frame, v):
+    """Set the nodes of a pose ``v`` of the fitted end from its lengths and headings."""
+    nodes, bounds = frame.nodes, frame.bounds
+    for j in range(3):
+        middle = 0.5 * (bounds[j, 0] + bounds[j, 1])
+        half = 0.5 * (bounds[j, 1] - bounds[j, 0])
+        stretched, _ = sine_cosine(STRETCH * v[j] if j < 2 else 0.0)
+        sine, cosine = sine_cosine(v[j + 2] / middle)
+        length = middle + half * stretched
+        nodes[j + 1, 0] = nodes[j, 0] + length * sine
+        nodes[j + 1, 1] = nodes[j, 1] + length * cosine
+
+
+@inner
+def _move_nodes(frame, v):
+    """Set O2 and O3 of a pose ``v`` of the commanded end; return the sum of the distances in m of
+    the segments' lengths to their bounds.
+    """
+    nodes, bounds, excess = frame.nodes, frame.bounds, 0.0
+    for j in range(3):
+        if j < 2:
+            nodes[j + 1, 0] = v[2 * j]
+            nodes[j + 1, 1] = v[2 * j + 1]
+        ux = nodes[j + 1, 0] - nodes[j, 0]
+        uz = nodes[j + 1, 1] - nodes[j, 1]
+        length = np.sqrt(ux**2 + uz**2)
+        excess += max(bounds[j, 0] - length, length - bounds[j, 1], 0.0)
+    return excess
+
+
+@inner
+def _split_tool(frame):
+    """Move the points beyond the middle of the tool to the fourth row of the buffer."""
+    x, z, signed, nodes = frame.points[0], frame.points[1], frame.buffer, frame.nodes
+    ax, az, bx, bz = nodes[2, 0], nodes[2, 1], nodes[3, 0], nodes[3, 1]
+    for i in range(x.size):
+        along_x = (x[i] - 0.5 * (ax + bx)) * (bx - ax)
+        along_z = (z[i] - 0.5 * (az + bz)) * (bz - az)
+        beyond = along_x + along_z > 0.0
+        signed[3, i] = signed[2, i] if beyond else 0.0
+        signed[2, i] = 0.0 if beyond else signed[2, i]
 
 
 @inner
@@ -120,8 +145,10 @@ def _assign(x, z, nodes, first, second, third, distance):
     """Write each point's distance to its nearest segment, and the squared distance: positive above
     the line, negative below, 0 for the other segments. The loop has no branch, so it is vectorised.
     """
-    o1, o2 = (nodes[0, 0], nodes[0, 1]), (nodes[1, 0], nodes[1, 1])
-    o3, ee = (nodes[2, 0], nodes[2, 1]), (nodes[3, 0], nodes[3, 1])
+    o1 = (nodes[0, 0], nodes[0, 1])
+    o2 = (nodes[1, 0], nodes[1, 1])
+    o3 = (nodes[2, 0], nodes[2, 1])
+    ee = (nodes[3, 0], nodes[3, 1])
     for i in range(x.size):
         to_first, side_first = _to_segment(x[i], z[i], o1, o2)
         to_second, side_second = _to_segment(x[i], z[i], o2, o3)
@@ -129,21 +156,33 @@ def _assign(x, z, nodes, first, second, third, distance):
         nearest = to_first if to_first < to_second else to_second
         nearest = nearest if nearest < to_third else to_third
         distance[i] = np.sqrt(nearest)
-        squared = nearest if to_first == nearest else 0.0
-        first[i] = squared if side_first > 0.0 else -squared
-        squared = nearest if to_second == nearest else 0.0
-        second[i] = squared if side_second > 0.0 else -squared
-        squared = nearest if to_third == nearest else 0.0
-        third[i] = squared if side_third > 0.0 else -squared
+        first[i] = _signed(nearest, to_first, side_first)
+        second[i] = _signed(nearest, to_second, side_second)
+        third[i] = _signed(nearest, to_third, side_third)
+
+
+@inner
+def _signed(nearest, to_segment, side):
+    """Return ``nearest`` with the sign of ``side`` if it is the distance to the segment, else 0."""
+    squared = nearest if to_segment == nearest else 0.0
+    return squared if side > 0.0 else -squared
 
 
 @inner
 def _to_segment(x, z, start, end):
     """Return the squared distance to the segment and the signed side of the segment's line."""
-    ux, uz = end[0] - start[0], end[1] - start[1]
-    wx, wz, ex, ez = x - start[0], z - start[1], x - end[0], z - end[1]
-    squared, along, side = ux * ux + uz * uz, wx * ux + wz * uz, wx * uz - wz * ux
-    from_start, from_end = wx * wx + wz * wz, ex * ex + ez * ez
+    # of the segment; of the point from the segment's start and from its end
+    ux = end[0] - start[0]
+    uz = end[1] - start[1]
+    wx = x - start[0]
+    wz = z - start[1]
+    ex = x - end[0]
+    ez = z - end[1]
+    squared = ux * ux + uz * uz
+    along = wx * ux + wz * uz
+    side = wx * uz - wz * ux
+    from_start = wx * wx + wz * wz
+    from_end = ex * ex + ez * ez
     inside = from_end if along >= squared else side * side * (1.0 / squared)
     return from_start if along <= 0.0 else inside, side
 
@@ -153,8 +192,9 @@ def _greatest(signed, bits):
     """Return the greatest positive and the greatest negative magnitude; overwrites ``signed``."""
     above, under = np.int64(0), SIGN
     for i in range(signed.size):  # vectorised for integers
+        flipped = bits[i] ^ SIGN
         above = bits[i] if bits[i] > above else above
-        under = bits[i] ^ SIGN if bits[i] ^ SIGN > under else under
+        under = flipped if flipped > under else under
     bits[0] = above
     greatest = signed[0]
     bits[0] = under ^ SIGN
@@ -167,12 +207,10 @@ def _sum(values):
     a = b = c = d = 0.0
     whole = values.size - values.size % 4
     for i in range(0, whole, 4):
-        a, b, c, d = (
-            a + values[i],
-            b + values[i + 1],
-            c + values[i + 2],
-            d + values[i + 3],
-        )
+        a += values[i]
+        b += values[i + 1]
+        c += values[i + 2]
+        d += values[i + 3]
     for i in range(whole, values.size):
         a += values[i]
     return (a + b) + (c + d)
@@ -183,20 +221,25 @@ def variables(frame: Frame, nodes: np.ndarray, end: str) -> np.ndarray:
     if end == "commanded":
         return nodes[:2].ravel()
     x, z = np.diff(np.vstack([frame.nodes[0], nodes]), axis=0).T
-    middle, half = frame.bounds.mean(axis=1), np.diff(frame.bounds)[:, 0] / 2
-    share = np.clip(((np.hypot(x, z) - middle) / half)[:2], -1.0, 1.0)
+    middle, half = _lengths_of(frame)
+    stretched = (np.hypot(x, z) - middle) / half
+    share = np.clip(stretched[:2], -1.0, 1.0)
     return np.concatenate([np.arcsin(share) / STRETCH, middle * np.arctan2(x, z)])
+
+
+def _lengths_of(frame: Frame) -> tuple[np.ndarray, np.ndarray]:
+    """Return the middle and half of the range (3,) in m of the segments' lengths."""
+    return frame.bounds.mean(axis=1), np.diff(frame.bounds)[:, 0] / 2
 
 
 def nodes_of(frame: Frame, v: np.ndarray) -> np.ndarray:
     """Return the nodes (3, 2) O2, O3 and EE, m, of a pose ``v`` of :func:`rank`."""
     if v.size == 4:
         return np.vstack([v.reshape(2, 2), frame.nodes[3]])
-    middle, half = frame.bounds.mean(axis=1), np.diff(frame.bounds)[:, 0] / 2
-    psi, lengths = (
-        v[2:] / middle,
-        middle + half * np.append(np.sin(STRETCH * v[:2]), 0.0),
-    )
+    middle, half = _lengths_of(frame)
+    psi = v[2:] / middle
+    stretched = np.append(np.sin(STRETCH * v[:2]), 0.0)
+    lengths = middle + half * stretched
     steps = lengths[:, None] * np.stack([np.sin(psi), np.cos(psi)], axis=-1)
     return frame.nodes[0] + np.cumsum(steps, axis=0)
 
@@ -231,14 +274,20 @@ def _simplex(frame, step, extent, corners, values):
         for j in range(n):
             middle[j] /= n
             reflected[j] = middle[j] - (corners[n, j] - middle[j])
-        at_reflected, unknown = rank(frame, reflected), n + 1
-        best, outside = at_reflected < values[0], at_reflected < values[n]
+        at_reflected = rank(frame, reflected)
+        unknown = n + 1
+        best = at_reflected < values[0]
+        outside = at_reflected < values[n]
         if not best and at_reflected < values[n - 1]:
             values[n] = at_reflected
             _set(corners, n, reflected)
             continue
-        # expansion, or contraction outside or inside
-        factor = -2.0 if best else (-0.5 if outside else 0.5)
+        if best:
+            factor = -2.0  # expansion
+        elif outside:
+            factor = -0.5  # contraction outside
+        else:
+            factor = 0.5  # contraction inside
         for j in range(n):
             tried[j] = middle[j] + factor * (corners[n, j] - middle[j])
         at_tried = rank(frame, tried)
@@ -251,9 +300,8 @@ def _simplex(frame, step, extent, corners, values):
         else:
             for i in range(1, n + 1):
                 for j in range(n):
-                    corners[i, j] = corners[0, j] + 0.5 * (
-                        corners[i, j] - corners[0, j]
-                    )
+                    away = corners[i, j] - corners[0, j]
+                    corners[i, j] = corners[0, j] + 0.5 * away
             unknown = 1
     return False
 
@@ -270,16 +318,21 @@ def _sort(corners, values):
     for last in range(1, values.size):
         i = last
         while i > 0 and values[i] < values[i - 1]:
-            values[i], values[i - 1] = values[i - 1], values[i]
+            before = i - 1
+            values[i], values[before] = values[before], values[i]
             for j in range(corners.shape[1]):
-                corners[i, j], corners[i - 1, j] = corners[i - 1, j], corners[i, j]
-            i -= 1
+                coordinate = corners[i, j]
+                corners[i, j] = corners[before, j]
+                corners[before, j] = coordinate
+            i = before
 
 
 def _fit(frame: Frame, end: str, start: np.ndarray) -> tuple[np.ndarray, float, bool]:
     """Return O2, O3, EE (3, 2) in m, the objective in m, and True if the search converged."""
-    first, ended = variables(frame, start, end), False
-    corners, values = np.tile(first, (first.size + 4, 1)), np.empty(first.size + 1)
+    first = variables(frame, start, end)
+    corners = np.tile(first, (first.size + 4, 1))
+    values = np.empty(first.size + 1)
+    ended = False
     for step, extent in RUNS[end]:
         ended = _simplex(frame, step, extent, corners, values)
     return nodes_of(frame, corners[0]), float(values[0]), ended
@@ -312,24 +365,21 @@ def fit_sequence(
     SolverError for a search that does not converge.
     """
     end, gammas = options.end_point, (options.gamma1, options.gamma2)
-    bounds = chain.lengths[:, None] * np.array(
-        [1 - options.length_range, 1 + options.length_range]
-    )
-    nodes, values = np.full((len(ee), 4, 2), np.nan), np.full(len(ee), np.nan)
-    turned = (
-        np.array([[0, 0, 0], [1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]])
-        * START_SPREAD
-    )
-    starts, last, gap, least = chain.points(q_start + turned)[:, 1:], 0, 0, np.inf
+    share = np.array([1 - options.length_range, 1 + options.length_range])
+    bounds = chain.lengths[:, None] * share
+    nodes = np.full((len(ee), 4, 2), np.nan)
+    values = np.full(len(ee), np.nan)
+
+    starts = chain.points(q_start + START_TURNS * START_SPREAD)[:, 1:]
+    last, gap, least = 0, 0, np.inf
     for frame, (cloud, goal) in enumerate(zip(clouds, ee, strict=True)):
         where = {"take": take, "frame": frame}
         gap = gap + 1 if len(cloud) < options.minimum_points else 0
         if gap > options.max_gap:
-            message = (
-                f"more than {options.max_gap} depth frames in a row have fewer than"
-            )
             raise RecordingError(
-                f"{message} {options.minimum_points} points of the arm", **where
+                f"more than {options.max_gap} depth frames in a row have fewer than "
+                f"{options.minimum_points} points of the arm",
+                **where,
             )
         if gap:
             continue
@@ -337,20 +387,19 @@ def fit_sequence(
         problem = frame_of(cloud.T, o1, goal, bounds, gammas)
         fits = [_fit(problem, end, start) for start in starts]
         if min(fit[1] for fit in fits) > LOST * least:
-            fits += [
-                _fit(problem, end, s) for s in _joining_poses(o1, goal, chain.lengths)
-            ]
+            joining = _joining_poses(o1, goal, chain.lengths)
+            fits += [_fit(problem, end, start) for start in joining]
         best, value, ended = min(fits, key=lambda fit: fit[1])
-        least = min(least, value)
         if value >= INFEASIBLE:
-            message = "no arm in length_range joins O1 and EE; check trajectory and clock offset"
             raise RecordingError(
-                message, **where, distance=f"{np.hypot(*(goal - o1)):.4f} m"
+                "no arm in length_range joins O1 and EE; check trajectory and clock offset",
+                **where,
+                distance=f"{np.hypot(*(goal - o1)):.4f} m",
             )
         if not ended:
-            raise SolverError(
-                "the fit of the arm did not converge", **where, step=MAX_STEPS
-            )
+            message = "the fit of the arm did not converge"
+            raise SolverError(message, **where, step=MAX_STEPS)
+        least = min(least, value)
         nodes[frame], values[frame] = np.vstack([o1, best]), value
         starts, last = best[None], frame
     x, z = np.moveaxis(np.diff(nodes, axis=1), -1, 0)
@@ -365,14 +414,15 @@ def _joining_poses(o1: np.ndarray, ee: np.ndarray, lengths: np.ndarray) -> np.nd
     along = (reach**2 + lengths[1] ** 2 - lengths[2] ** 2) / (2 * reach)
     joins = np.abs(along) <= lengths[1]
     o2, reach, along = o2[joins], reach[joins, None], along[joins, None]
+
     towards = (ee - o2) / reach
-    aside = np.sqrt(lengths[1] ** 2 - along**2) * np.stack(
-        [towards[:, 1], -towards[:, 0]], axis=-1
-    )
-    ends, middle = np.full_like(o2, ee), o2 + along * towards
-    return np.concatenate(
-        [np.stack([o2, middle + s, ends], axis=1) for s in (aside, -aside)]
-    )
+    across = np.stack([towards[:, 1], -towards[:, 0]], axis=-1)
+    aside = np.sqrt(lengths[1] ** 2 - along**2) * across
+    middle = o2 + along * towards
+    ends = np.full_like(o2, ee)
+    left = np.stack([o2, middle + aside, ends], axis=1)
+    right = np.stack([o2, middle - aside, ends], axis=1)
+    return np.concatenate([left, right])
 
 
 def articulate_rows(
@@ -387,16 +437,22 @@ def articulate_rows(
     """Return the rows of the table ``angles`` of one take by :func:`fit_sequence`, without gaps;
     ``rows`` are of the table ``frames``, ``start`` (3,) rad is the pose about the first frame.
     """
-    ee = [
-        np.interp(rows["t"], trajectory["t"], trajectory[f"x:{row}"])
-        for row in ("x", "z")
-    ]
-    motion = arm.chain.origin, np.stack(ee, axis=-1), arm.chain, options, start
-    fitted = fit_sequence(clouds, *motion, take=rows["take"].iloc[0])
-    names = [f"{axis}{node}" for node in ("2", "3", "e") for axis in "xz"]
-    fit = dict(zip(names, fitted.nodes[:, 1:].reshape(-1, 6).T, strict=True))
-    fit |= {"points": [len(cloud) for cloud in clouds], "objective": fitted.objective}
-    table = rows[["take", "part", "frame", "t"]].assign(
-        **spread("q", joints, fitted.q), **fit
+    x = np.interp(rows["t"], trajectory["t"], trajectory["x:x"])
+    z = np.interp(rows["t"], trajectory["t"], trajectory["x:z"])
+    fitted = fit_sequence(
+        clouds,
+        arm.chain.origin,
+        np.stack([x, z], axis=-1),
+        arm.chain,
+        options,
+        start,
+        take=rows["take"].iloc[0],
     )
+    coordinates = fitted.nodes[:, 1:].reshape(-1, 6).T
+    names = ["x2", "z2", "x3", "z3", "xe", "ze"]
+    columns = spread("q", joints, fitted.q)
+    columns |= dict(zip(names, coordinates, strict=True))
+    columns["points"] = [len(cloud) for cloud in clouds]
+    columns["objective"] = fitted.objective
+    table = rows[["take", "part", "frame", "t"]].assign(**columns)
     return table[np.isfinite(fitted.objective)]

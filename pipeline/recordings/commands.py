@@ -19,33 +19,27 @@ from pipeline.recordings.lags import REACH, lag
 OPTION = "dataset.joint_log"
 STEADY = 0.9  # least speed over the 0.9 quantile, low enough that noise leaves no gap
 UNFILLED = "???"  # placeholder for a file name
-LATEST = (
-    0.05  # s, greatest lag of a controller; a longer lag is an offset of two clocks
-)
+# s, greatest lag of a controller; a longer lag is an offset of two clocks
+LATEST = 0.05
 FASTER = 1.05  # greatest speed of a step over the joint's velocity limit
 FAST = 0.9  # least share of a joint's greatest commanded speed of a fast step
-BEYOND_STEPS = (
-    3.0  # least size of a wrong command, over the steps of the rows around it
-)
+# least size of a wrong command, over the steps of the rows around it
+BEYOND_STEPS = 3.0
 STEP_NOISE = 1e-3  # rad, greatest contribution of noise and rounding to a step
 SEARCH = 10.0  # s, greatest offset of two clocks that is searched
 QUANTILE = 0.9  # quantile of the error over rows: insensitive to a disturbed repetition
-LEAST_MOTION = (
-    0.1  # least scale of a joint's error, over the motion of the farthest joint
-)
+# least scale of a joint's error, over the motion of the farthest joint
+LEAST_MOTION = 0.1
 STANDING = 1e-3  # rad, greatest motion of a standing joint
 STILL = 0.1  # rad, least scale of an error, above the noise of encoders at rest
 SMOOTHING = 0.02  # s, over which the speed of the arm is averaged
-PEAKS, NEAR = (
-    8,
-    0.8,
-)  # number of delays tried, and their least correlation over the highest
+# number of delays tried, and their least correlation over the highest
+PEAKS, NEAR = 8, 0.8
 SAME = 0.02  # greatest relative difference of a factor from a unit conversion
 ORDER_GAIN = 0.5  # another order or sign must reduce the error below this share
 MOST = 0.25  # greatest difference of two records over the motion, far above any uncertainty
-VELOCITY = (
-    0.05  # greatest difference of integrated velocities and positions, over the motion
-)
+# greatest difference of integrated velocities and positions, over the motion
+VELOCITY = 0.05
 LEAST_TIMES = 3  # least number of readings within the take
 DEGREES = 180 / np.pi
 FACTORS = {"1": 1.0, "180/π": DEGREES, "π/180": 1 / DEGREES, "(180/π)²": DEGREES**2}
@@ -99,14 +93,16 @@ def tracking_errors(actual: np.ndarray, target: np.ndarray) -> np.ndarray:
     and ``target`` (N, n) in rad. The quantile is the greater one of rows with moving and with
     resting command. The divisor is at least STILL and LEAST_MOTION of the greatest motion.
     """
-    residual, motion = np.abs(actual - target), np.ptp(actual, axis=0)
+    residual = np.abs(actual - target)
+    motion = np.ptp(actual, axis=0)
     scale = np.maximum(motion, max(LEAST_MOTION * motion.max(), STILL))
     steps = np.abs(np.diff(target, axis=0, prepend=target[:1])).max(axis=1)
     moving = steps > LEAST_MOTION * np.quantile(steps, 0.99)
-    parts = [residual[rows] for rows in (moving, ~moving) if rows.any()]
-    return (
-        np.max([np.quantile(part, QUANTILE, axis=0) for part in parts], axis=0) / scale
-    )
+    quantiles = []
+    for rows in (moving, ~moving):
+        if rows.any():
+            quantiles.append(np.quantile(residual[rows], QUANTILE, axis=0))
+    return np.max(quantiles, axis=0) / scale
 
 
 def standing_joints(actual: np.ndarray, target: np.ndarray) -> np.ndarray:
@@ -142,16 +138,16 @@ def wrong_commands(actual: np.ndarray, target: np.ndarray) -> list[WrongCommand]
     size = inner - (before + after) / 2
     around = [after - before, before - target[:-4], target[4:] - after]
     usual = np.max(np.abs(around), axis=0)
-    back = np.sign(inner - before) == np.sign(inner - after)
-    steps = back & (np.abs(size) > np.maximum(BEYOND_STEPS * usual, STEP_NOISE))
+    steps_back = np.sign(inner - before) == np.sign(inner - after)
+    is_large = np.abs(size) > np.maximum(BEYOND_STEPS * usual, STEP_NOISE)
     bends = np.abs(actual[1:-1] - (actual[:-2] + actual[2:]) / 2)
-    found = []
-    for place, column in np.argwhere(steps).tolist():
-        distance = float(size[place, column])
-        near = bends[max(place - 1, 0) : place + 4, column]
+    faults = []
+    for row, column in np.argwhere(steps_back & is_large).tolist():
+        distance = float(size[row, column])
+        near = bends[max(row - 1, 0) : row + 4, column]
         if near.max() < abs(distance) / 2:
-            found.append(WrongCommand(place + 2, column, distance))
-    return found
+            faults.append(WrongCommand(row + 2, column, distance))
+    return faults
 
 
 def standing_arm(actual: np.ndarray, target: np.ndarray) -> str:
@@ -173,24 +169,24 @@ def find_pairing(actual: np.ndarray, target: np.ndarray, rate: float) -> Pairing
     best, standing = _plain(actual.shape[1]), standing_joints(actual, target)
     if standing.any() and not standing.all():
         follows = np.flatnonzero(~standing)
-        factor, order, delay = find_pairing(
-            actual[:, follows], target[:, follows], rate
-        )
-        best.factor[:], best.order[follows] = np.median(factor), follows[order]
-        best.factor[follows] = factor
-        return best._replace(delay=delay)
+        of_following = find_pairing(actual[:, follows], target[:, follows], rate)
+        best.order[follows] = follows[of_following.order]
+        best.factor[:] = np.median(of_following.factor)
+        best.factor[follows] = of_following.factor
+        return best._replace(delay=of_following.delay)
     if not (np.ptp(actual, axis=0).max() > REACH and np.ptp(target, axis=0).any()):
         return best
     least = best.error(actual, target)
     for delay in _delays(actual, target, rate):
         tried = _unit_and_order(*shift_rows(actual, target, delay), delay)
-        if (error := tried.error(actual, target)) < ORDER_GAIN * least:
+        error = tried.error(actual, target)
+        if error < ORDER_GAIN * least:
             best, least = tried, error
     # round the delay to a row; a delay up to LATEST is the controller's lag, not a clock offset
     measured, command = best.apply(actual, target)
     delay = best.delay + round(np.nan_to_num(lag(command, measured, rate)) * rate)
     late = best._replace(delay=delay if abs(delay) > LATEST * rate else 0)
-    # a lag beside an error of another kind is no offset
+    # a lag beside an error of another kind is not an offset
     useless = late.error(actual, target) > ORDER_GAIN * least and not best.delay
     return best if useless else late
 
@@ -207,35 +203,41 @@ def require_pair(
     rad exceed ``limit``, or the lag exceeds LATEST at ``rate`` (Hz). The message names the unit,
     order and clock for which the angles agree, with the options to set.
     """
-    if (standing := standing_joints(actual, target)).any():
+    standing = standing_joints(actual, target)
+    if standing.any():
         named = ", ".join(np.array(joints)[standing])
-        message = (
-            f"{named} stands still while its command moves; leave it out of the joints"
-        )
-        raise RecordingError(message, **where, key=OPTION)
+        message = "stands still while its command moves; leave it out of the joints"
+        raise RecordingError(f"{named} {message}", **where, key=OPTION)
     errors = tracking_errors(actual, target)
-    worst, late = (
-        int(errors.argmax()),
-        lag(target, actual, rate),
-    )  # lag NaN: command at rest
+    worst = int(errors.argmax())
+    late = lag(target, actual, rate)  # NaN: command at rest
     if errors[worst] > limit:
-        fault = f"{joints[worst]} misses its command by {errors[worst]:.2g} of its motion (0.9"
-        fault += f" quantile over the rows), more than {limit:g} (mismatch)"
+        fault = (
+            f"{joints[worst]} misses its command by {errors[worst]:.2g} of its motion "
+            f"(0.9 quantile over the rows), more than {limit:g} (mismatch)"
+        )
     elif abs(late) > LATEST:
         fault = f"the arm is {late:.2g} s behind its command, more than {LATEST:g}"
     else:
         return
-    pairing = find_pairing(actual, target, rate)
-    left = pairing.error(actual, target)
-    cause = "they agree in no other unit, order or clock: check that both are of one movement"
-    if left <= limit:
-        words = ", ".join(
-            f"the {cause} ({option.rpartition('.')[2]}: {value}; else the error is {error:.2g})"
-            for cause, option, value, error in suspects(pairing, actual, target, rate)
-        )
-        cause = f"suspected: {words}; the error is then {left:.2g}" if words else cause
+    cause = _suspected_cause(actual, target, rate, limit)
     message = f"measured and commanded angles do not agree: {fault}; {cause}"
     raise RecordingError(message, **where, key=OPTION)
+
+
+def _suspected_cause(
+    actual: np.ndarray, target: np.ndarray, rate: float, limit: float
+) -> str:
+    """Return, as text, the options with which ``actual`` and ``target`` agree within ``limit``."""
+    pairing = find_pairing(actual, target, rate)
+    left = pairing.error(actual, target)
+    words = []
+    for cause, option, value, error in suspects(pairing, actual, target, rate):
+        key = option.rpartition(".")[2]
+        words.append(f"the {cause} ({key}: {value}; else the error is {error:.2g})")
+    if left <= limit and words:
+        return f"suspected: {', '.join(words)}; the error is then {left:.2g}"
+    return "they agree in no other unit, order or clock: check that both are of one movement"
 
 
 def suspects(
@@ -243,11 +245,13 @@ def suspects(
 ) -> Iterator[tuple[str, str, str, float]]:
     """Yield name, option and value of each change of a ``pairing``, and the error without it."""
     plain, (factor, order, delay) = _plain(len(pairing.order)), pairing
-    unit = next(
-        (f", {name}" for name, known in FACTORS.items() if known == abs(factor[0])), ""
-    )
-    scale = "sign" if (np.abs(factor) == 1).all() else f"unit{unit}"
-    listed = [repr(float(each)).removesuffix(".0") for each in factor]
+    scale = "sign"
+    if np.any(np.abs(factor) != 1):
+        units = [
+            f", {name}" for name, size in FACTORS.items() if size == abs(factor[0])
+        ]
+        scale = f"unit{units[0] if units else ''}"
+    listed = [repr(float(number)).removesuffix(".0") for number in factor]
     value = listed[0] if len({*listed}) == 1 else f"[{', '.join(listed)}]"
     columns = f"the commanded columns in the order {(order + 1).tolist()}"
     for field, option, cause, stated in (
@@ -265,14 +269,14 @@ def _delays(actual: np.ndarray, target: np.ndarray, rate: float) -> list[int]:
     from scipy.signal import correlate, correlation_lags, find_peaks
 
     width = max(1, round(SMOOTHING * rate))
-    speeds = [np.linalg.norm(q[width:] - q[:-width], axis=1) for q in (actual, target)]
-    measured, commanded = (speed - speed.mean() for speed in speeds)
+    measured = np.linalg.norm(actual[width:] - actual[:-width], axis=1)
+    commanded = np.linalg.norm(target[width:] - target[:-width], axis=1)
+    measured, commanded = measured - measured.mean(), commanded - commanded.mean()
     rows = correlation_lags(len(measured), len(commanded))
     near = np.abs(rows) <= min(SEARCH * rate, len(measured) // 2)
     correlation, rows = correlate(measured, commanded)[near], rows[near]
-    correlation = correlation / (
-        len(measured) - np.abs(rows)
-    )  # number of overlapping rows
+    overlapping = len(measured) - np.abs(rows)
+    correlation = correlation / overlapping
     peak = find_peaks(correlation, height=NEAR * correlation.max())[0]
     highest = peak[np.argsort(-correlation[peak])[:PEAKS]]
     return sorted({0, *rows[highest].tolist()}, key=abs)
@@ -285,26 +289,33 @@ def _unit_and_order(actual: np.ndarray, target: np.ndarray, delay: int) -> Pairi
     n, motion = actual.shape[1], np.ptp(target, axis=0).sum()
     if not motion:
         return _plain(n, delay=delay)
-    size = np.ptp(actual, axis=0).sum() / motion
-    size = next(
-        (known for known in FACTORS.values() if abs(size / known - 1) < SAME), size
-    )
-    # (2, n, n) root mean square difference of joint i from column j, and from minus column j
-    pairs = ((actual.T[:, None] - sign * (size * target).T) for sign in (1, -1))
-    costs = np.array([np.sqrt(np.mean(pair**2, axis=-1)) for pair in pairs])
-    cost, own, same = costs.min(axis=0), np.diagonal(costs[0]), np.arange(n)
+    size = _unit_near(np.ptp(actual, axis=0).sum() / motion)
+    # (n, n) root mean square difference of joint i from column j, and from minus column j
+    commanded = (size * target).T
+    same_sign = np.sqrt(np.mean((actual.T[:, None] - commanded) ** 2, axis=-1))
+    other_sign = np.sqrt(np.mean((actual.T[:, None] + commanded) ** 2, axis=-1))
+    cost = np.minimum(same_sign, other_sign)
+    joints = np.arange(n)
+    in_place = np.diagonal(same_sign)
     order = linear_sum_assignment(cost)[1]
-    if cost[same, order].sum() > ORDER_GAIN * own.sum():
+    if cost[joints, order].sum() > ORDER_GAIN * in_place.sum():
         return _plain(n, size, delay)
-    sign = np.where(
-        costs[1, same, order] < ORDER_GAIN * costs[0, same, order], -1.0, 1.0
-    )
+    reversed_sign = other_sign[joints, order] < ORDER_GAIN * same_sign[joints, order]
+    sign = np.where(reversed_sign, -1.0, 1.0)
     # keep the place of columns whose exchange hardly reduces the cost
-    stay = own <= cost[same, order] / ORDER_GAIN
-    kept = np.where(stay, same, order)
-    if len({*kept.tolist()}) == n:
-        order, sign = kept, np.where(stay, 1.0, sign)
+    stay = in_place <= cost[joints, order] / ORDER_GAIN
+    nearer_order = np.where(stay, joints, order)
+    if len({*nearer_order.tolist()}) == n:
+        order, sign = nearer_order, np.where(stay, 1.0, sign)
     return Pairing(size * sign, order, delay)
+
+
+def _unit_near(size: float) -> float:
+    """Return the factor of a conversion of units that differs from ``size`` by less than SAME."""
+    for factor in FACTORS.values():
+        if abs(size / factor - 1) < SAME:
+            return factor
+    return size
 
 
 def named_joints(urdf: str, names: Sequence[str]) -> list[Joint | None]:
@@ -315,9 +326,8 @@ def named_joints(urdf: str, names: Sequence[str]) -> list[Joint | None]:
 
 def circular_joints(urdf: str, names: Sequence[str]) -> np.ndarray:
     """Return the mask (joints,) of the joints ``names`` that are not prismatic in ``urdf``."""
-    return np.array(
-        [(joint and joint.kind) != "prismatic" for joint in named_joints(urdf, names)]
-    )
+    joints = named_joints(urdf, names)
+    return np.array([joint is None or joint.kind != "prismatic" for joint in joints])
 
 
 def require_velocities(trajectory: pd.DataFrame, rate: float, file: Path) -> None:
@@ -325,11 +335,12 @@ def require_velocities(trajectory: pd.DataFrame, rate: float, file: Path) -> Non
     x, v = values(trajectory, "x"), values(trajectory, "v")
     # a velocity may be instantaneous, or the mean over the step before or after it
     integral = np.cumsum((v[:-1] + v[1:]) / 2, axis=0) / rate
-    fault = "the commanded velocities do not lead along the commanded positions; suspected are"
-    fault += " the velocities' unit, the order of their columns, and t"
-    _require_near(
-        x[1:] - x[0], integral, members(trajectory, "x"), VELOCITY, fault, file=file
+    fault = (
+        "the commanded velocities do not lead along the commanded positions; suspected are "
+        "the velocities' unit, the order of their columns, and t"
     )
+    names = members(trajectory, "x")
+    _require_near(x[1:] - x[0], integral, names, VELOCITY, fault, file=file)
 
 
 def require_commanded(
@@ -337,13 +348,12 @@ def require_commanded(
 ) -> None:
     """Raise RecordingError where the tip at ``q`` (M+1, n) rad is far from the commanded path."""
     tip, path = chain.coordinates(q), values(trajectory, "x")
-    fault = "the tip that the motion capture tracked is not on the commanded path; suspected are"
-    fault += (
-        " the path's unit, columns and start, and the arm's base (dataset.mocap.base)"
+    fault = (
+        "the tip that the motion capture tracked is not on the commanded path; suspected are "
+        "the path's unit, columns and start, and the arm's base (dataset.mocap.base)"
     )
-    _require_near(
-        tip, path, chain.task, MOST, fault, take=take, key="dataset.trajectory"
-    )
+    where = {"take": take, "key": "dataset.trajectory"}
+    _require_near(tip, path, chain.task, MOST, fault, **where)
 
 
 def require_encoders(
@@ -355,16 +365,18 @@ def require_encoders(
     during = readings[readings["t"].between(q["t"].min(), q["t"].max())]
     where, names = {"take": take, "key": "dataset.encoders"}, columns("q", joints)
     if len(during) < LEAST_TIMES:
-        message = f"{len(during)} of {len(readings)} readings of the encoders are within the take:"
         raise RecordingError(
-            f"{message} correct start, the start of their log", **where
+            f"{len(during)} of {len(readings)} readings of the encoders are within the take: "
+            "correct start, the start of their log",
+            **where,
         )
-    tracked = np.stack(
-        [np.interp(during["t"], q["t"], q[name]) for name in names], axis=1
+    at_readings = [np.interp(during["t"], q["t"], q[name]) for name in names]
+    tracked = np.stack(at_readings, axis=1)
+    fault = (
+        "the encoders differ from the angles that the motion capture tracked; suspected are "
+        "angle_unit, the order of the columns (actual), the start of the log (start), and "
+        "whole turns (6.283 rad: log the angle of the URDF)"
     )
-    fault = "the encoders differ from the angles that the motion capture tracked; suspected are"
-    fault += " angle_unit, the order of the columns (actual), the start of the log (start), and"
-    fault += " whole turns (6.283 rad: log the angle of the URDF)"
     _require_near(during[names].to_numpy(), tracked, joints, MOST, fault, **where)
 
 
@@ -379,9 +391,12 @@ def _require_near(
     errors = tracking_errors(a, b)
     worst = int(errors.argmax())
     if errors[worst] > most:
-        off = f"{names[worst]} is off by {errors[worst]:.2g} of the motion, more than {most:g}"
-        middle = f"{np.median(a[:, worst] - b[:, worst]):.4g}"
-        raise RecordingError(f"{off} (median difference {middle}): {fault}", **where)
+        median = np.median(a[:, worst] - b[:, worst])
+        raise RecordingError(
+            f"{names[worst]} is off by {errors[worst]:.2g} of the motion, more than {most:g} "
+            f"(median difference {median:.4g}): {fault}",
+            **where,
+        )
 
 
 def beyond_speed(
@@ -408,10 +423,11 @@ def speed_scores(
         "true_moving_steps_beyond_a_speed_limit_share": float(beyond[moving].mean())
     }
     for j, joint in enumerate(joints):
-        step, own, command = np.abs(steps[..., j]), steps[..., j], nominal[..., j]
+        step, command = steps[..., j], nominal[..., j]
         fast = np.abs(command) >= FAST * np.abs(command).max()
-        backwards = float((own * command < 0)[fast].mean())
+        backwards = float((step * command < 0)[fast].mean())
+        greatest = float(np.abs(step).max())
         scores[f"true_{joint}_speed_limit_rad_per_s"] = float(limits[j])
-        scores[f"true_{joint}_greatest_speed_rad_per_s"] = rate * float(step.max())
+        scores[f"true_{joint}_greatest_speed_rad_per_s"] = rate * greatest
         scores[f"true_{joint}_fast_steps_backwards_share"] = backwards
     return scores

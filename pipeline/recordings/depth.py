@@ -29,11 +29,14 @@ Frames = Iterator[tuple[image.RawDepth | cloud.PointCloud, dict[str, object]]]
 DepthTake = tuple[np.ndarray, Sequence[str], Intrinsics | None, Frames, Counter[str]]
 
 
-def take_paths(raw: Path, depth: Depth) -> dict[str, Path]:
+def depth_paths(raw: Path, depth: Depth) -> dict[str, Path]:
     """Return take → folder or bag; RecordingError where none matches or two share a name."""
-    wanted = {"what": "folder of depth frames and no bag", "key": f"{KEY}.takes"}
     return named_takes(
-        raw, depth.takes, wanted=lambda p: p.is_dir() or is_bag(p), **wanted
+        raw,
+        depth.takes,
+        key=f"{KEY}.takes",
+        what="folder of depth frames and no bag",
+        wanted=lambda path: path.is_dir() or is_bag(path),
     )
 
 
@@ -52,41 +55,45 @@ def frame_rows(
     time, references, camera, frames, lost = source(path, depth, raw)
     time = time - (time[0] if depth.start is None else depth.start)
     clouds, valid = zip(*_points(frames, camera, depth, arm), strict=True)
-    same = (
-        len(after) > 0 and np.array_equal(before, after)
-        for before, after in pairwise(clouds)
-    )
-    frozen, empty = np.array([False, *same]), np.full(2, np.nan)
-    kept = [points for points, still in zip(clouds, frozen, strict=True) if not still]
-    centroid = np.array(
-        [points.mean(axis=0) if len(points) else empty for points in kept]
-    )
-    rows = {"take": name, "part": "test", "frame": np.arange(len(clouds)), "t": time}
-    rows = pd.DataFrame(rows | {"file": references, "valid": valid})[~frozen]
-    rows = rows.assign(
-        points=[len(points) for points in kept], x=centroid[:, 0], z=centroid[:, 1]
-    )
-    np.save(folder / f"{name}.npy", np.concatenate(kept))
+    frozen = _frozen_clouds(clouds)
+    thawed = [points for points, still in zip(clouds, frozen, strict=True) if not still]
+    np.save(folder / f"{name}.npy", np.concatenate(thawed))
+
+    identity = {"take": name, "part": "test", "frame": np.arange(len(clouds))}
+    columns = identity | {"t": time, "file": references, "valid": valid}
+    rows = pd.DataFrame(columns)[~frozen]
+    empty = np.full(2, np.nan)
+    centroid = [points.mean(axis=0) if len(points) else empty for points in thawed]
+    rows["points"] = [len(points) for points in thawed]
+    rows[["x", "z"]] = np.array(centroid)
+
     dropped = image.dropped_frames(time)
+    share = dropped / (dropped + len(clouds))
     counts = {"dropped_frames": dropped, "frozen_frames": frozen.sum()} | lost
-    share = ("dropped_share", dropped / (dropped + len(clouds)), "share")
-    return rows, [
-        quality_row(name, "test", DEPTH_CAMERA, *row)
-        for row in (*counts.items(), share)
-    ]
+    notes = [*counts.items(), ("dropped_share", share, "share")]
+    return rows, [quality_row(name, "test", DEPTH_CAMERA, *note) for note in notes]
+
+
+def _frozen_clouds(clouds: Sequence[np.ndarray]) -> np.ndarray:
+    """Return the mask (F,) of the frames whose points equal the points of the frame before."""
+    frozen = np.zeros(len(clouds), bool)
+    for i, (before, after) in enumerate(pairwise(clouds), 1):
+        frozen[i] = len(after) > 0 and np.array_equal(before, after)
+    return frozen
 
 
 def _points(
     frames: Frames, camera: Intrinsics | None, depth: Depth, arm: Arm
 ) -> Iterator[tuple[np.ndarray, float]]:
     """Yield the arm's points (I, 2), m in the arm's plane, and the measured share per frame."""
-    pose = (
-        Rotation.from_euler("xyz", depth.camera.rpy).as_matrix(),
-        np.array(depth.camera.position),
-    )
-    scale = depth.units_per_metre, depth.saturation, depth.scale_key
+    rotation = Rotation.from_euler("xyz", depth.camera.rpy).as_matrix()
+    pose = rotation, np.array(depth.camera.position)
     encoding = image.Encoding(
-        depth.encoding, *scale, depth.disparity and tuple(depth.disparity)
+        depth.encoding,
+        depth.units_per_metre,
+        depth.saturation,
+        depth.scale_key,
+        depth.disparity and tuple(depth.disparity),
     )
     segment = partial(cut_cloud, arm, *pose, depth.workspace)
     if camera is not None:
@@ -112,24 +119,21 @@ def _of_folder(path: Path, depth: Depth, raw: Path) -> DepthTake:
     else:
         message = "a folder of frames needs an index, or frames: a glob of numbered file names"
         raise ConfigError(message, key=f"{KEY}.index")
-    files, counts = [path / name for name in listed.files], Counter(listed.counts)
-    camera = None if all(map(cloud.is_cloud, files)) else _intrinsics(path, depth, raw)
+    files = [path / name for name in listed.files]
+    counts, camera = Counter(listed.counts), None
+    if not all(cloud.is_cloud(file) for file in files):
+        camera = _intrinsics(path, depth, raw)
 
     def frames() -> Frames:
         for file in files:
             if camera is not None:
-                yield (
-                    image.read_depth(file, shape=(camera.height, camera.width)),
-                    {"file": file},
-                )
+                shape = camera.height, camera.width
+                yield image.read_depth(file, shape=shape), {"file": file}
                 continue
             points = cloud.read_cloud(file)
-            turned = (
-                {}
-                if points.viewpoint == cloud.UNTURNED
-                else {"unapplied_viewpoints": 1}
-            )
-            counts.update(points.counts | turned)
+            counts.update(points.counts)
+            if points.viewpoint != cloud.UNTURNED:
+                counts["unapplied_viewpoints"] += 1
             yield points, {}
 
     references = [os.path.relpath(file, raw) for file in files]
@@ -141,30 +145,28 @@ def _of_bag(path: Path, depth: Depth, raw: Path) -> DepthTake:
     topic = rosbag.choose_topic(path, (rosbag.IMAGE, rosbag.CLOUD), depth.topic)
     time = np.array([*rosbag.messages(path, topic, rosbag.seconds)])
     where = {"file": path, "topic": topic}
-    if (late := np.flatnonzero(np.diff(time) <= 0)).size:
-        raise RecordingError(
-            "the time does not increase", **where, number=int(late[0]) + 1
-        )
+    late = np.flatnonzero(np.diff(time) <= 0)
+    if late.size:
+        number = int(late[0]) + 1
+        raise RecordingError("the time does not increase", **where, number=number)
     pick, camera = rosbag.cloud_points, None
     if rosbag.topics(path)[topic] == rosbag.IMAGE:
         camera = _intrinsics(path, depth, raw, topic)
         pick = partial(rosbag.image_pixels, shape=(camera.height, camera.width))
 
     def frames() -> Frames:
-        for number, each in enumerate(rosbag.messages(path, topic, pick)):
-            if depth.units_per_metre != 1 and (
-                camera is None or each.dtype == np.float32
-            ):
-                message = "ROS defines float images and clouds in metres: units_per_metre must"
-                raise ConfigError(
-                    f"{message} be 1", key=f"{KEY}.units_per_metre", file=path
-                )
+        for number, message in enumerate(rosbag.messages(path, topic, pick)):
+            in_metres = camera is None or message.dtype == np.float32
+            if in_metres and depth.units_per_metre != 1:
+                fault = "ROS defines float images and clouds in metres"
+                where_stated = {"key": f"{KEY}.units_per_metre", "file": path}
+                raise ConfigError(f"{fault}: units_per_metre must be 1", **where_stated)
             evidence = where | {"number": number}
             if camera is None:
-                cloud.require_near(each, **evidence)
-                yield cloud.PointCloud.measured(each), evidence
+                cloud.require_near(message, **evidence)
+                yield cloud.PointCloud.measured(message), evidence
             else:
-                yield image.RawDepth(each), evidence
+                yield image.RawDepth(message), evidence
 
     references = [f"{path.relative_to(raw)}#{number}" for number in range(len(time))]
     return time, references, camera, frames(), Counter()
@@ -173,9 +175,8 @@ def _of_bag(path: Path, depth: Depth, raw: Path) -> DepthTake:
 def _intrinsics(path: Path, depth: Depth, raw: Path, topic: str = "") -> Intrinsics:
     """Return the intrinsics of a file, else of the bag's camera of the images in ``topic``."""
     if depth.width is None or depth.height is None:
-        raise ConfigError(
-            "depth images need the options width and height", key=f"{KEY}.width"
-        )
+        message = "depth images need the options width and height"
+        raise ConfigError(message, key=f"{KEY}.width")
     size = {"width": depth.width, "height": depth.height}
     if depth.intrinsics is not None:
         keys = {"matrix": depth.camera_matrix, "distortion": depth.distortion}
@@ -186,6 +187,10 @@ def _intrinsics(path: Path, depth: Depth, raw: Path, topic: str = "") -> Intrins
     stated = rosbag.choose_topic(path, (rosbag.CAMERA_INFO,), depth.camera_info)
     camera = next(rosbag.messages(path, stated, partial(rosbag.camera_info, **size)))
     if camera.distortion and "rect" in topic:
-        message = "the topic's name says rectified, but its camera_info has a distortion; state the"
-        raise RecordingError(f"{message} intrinsics in a file", file=path, topic=topic)
+        raise RecordingError(
+            "the topic's name says rectified, but its camera_info has a distortion; state the "
+            "intrinsics in a file",
+            file=path,
+            topic=topic,
+        )
     return camera

@@ -2,6 +2,7 @@
 the arm, and the joint angles that fit the points.
 """
 
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -25,21 +26,16 @@ from pipeline.recordings.quality import (
     residual_share,
 )
 
-MOTION, DEPTH, TRACK = (
-    Path("data/ingest/motion"),
-    Path("data/ingest/depth"),
-    Path("data/track"),
-)
+INGEST, TRACK = Path("data/ingest"), Path("data/track")
+MOTION, DEPTH = INGEST / "motion", INGEST / "depth"
 GRID = 0.005  # s, step of the coarse search, short relative to any motion of an arm
 MIN_OVERLAP = 0.5  # least share of the first signal that is within the second
 MIN_SAMPLES = 10  # least number of samples of a signal
 MIN_CORRELATION = 0.9
-MOST_BIAS = (
-    0.02  # rad: ≤ 0.006 in the laboratory; 0.025 for 2 % of fx, 0.042 or more for 5 %
-)
-REFUSED_BIAS = (
-    0.2  # rad: that of another arm or camera; mirrored images make 0.7 or more
-)
+# rad: ≤ 0.006 in the laboratory; 0.025 for 2 % of fx, 0.042 or more for 5 %
+MOST_BIAS = 0.02
+# rad: bias of another arm or camera; mirrored images make 0.7 or more
+REFUSED_BIAS = 0.2
 WITHOUT_GAPS = 0.8  # quantile of the residual
 
 
@@ -51,9 +47,47 @@ class Offset(NamedTuple):
     correlation: float
     drift: float  # s/s
     drift_standard_error: float  # s/s
-    residual: (
-        float  # of ``a`` from the affine map of ``b``, 0.8 quantile, in the unit of a
-    )
+    # of ``a`` from the affine map of ``b``, 0.8 quantile, in the unit of a
+    residual: float
+
+
+class AffineFit(NamedTuple):
+    """Least-squares fit of B·b(t + τ) + c to the rows of ``a`` at the times t within b."""
+
+    a: np.ndarray  # (F, d) rows of a
+    regressors: np.ndarray  # (F, e + 1) b(t + τ) without its mean, and 1
+    affine: np.ndarray  # (e + 1, d) B and c
+    residual: np.ndarray  # (F, d)
+
+
+class SignalPair(NamedTuple):
+    """Two signals, each with the times of one instrument's clock in s."""
+
+    t_a: np.ndarray  # (F,)
+    a: np.ndarray  # (F, d)
+    t_b: np.ndarray  # (K,)
+    centre: np.ndarray  # (e,) mean of b
+    spline: Callable  # cubic spline of b (K, e)
+
+    def inside(self, tau: float) -> np.ndarray:
+        """Return the mask (F,) of the rows of ``a`` within the times of b at the offset ``tau``."""
+        shifted = self.t_a + tau
+        return (shifted >= self.t_b[0]) & (shifted <= self.t_b[-1])
+
+    def fit(self, tau: float) -> AffineFit:
+        """Return the fit at the offset ``tau`` in s."""
+        use = self.inside(tau)
+        regressors = np.ones((use.sum(), len(self.centre) + 1))
+        regressors[:, :-1] = self.spline(self.t_a[use] + tau) - self.centre
+        affine = np.linalg.lstsq(regressors, self.a[use], rcond=None)[0]
+        residual = self.a[use] - regressors @ affine
+        return AffineFit(self.a[use], regressors, affine, residual)
+
+    def unexplained(self, tau: float) -> float:
+        """Return the unexplained share of the variance of ``a`` at the offset ``tau`` in s."""
+        fit = self.fit(tau)
+        deviation = fit.a - fit.a.mean(axis=0)
+        return float((fit.residual**2).sum() / (deviation**2).sum())
 
 
 def find_offset(
@@ -61,8 +95,8 @@ def find_offset(
     a: np.ndarray,
     t_b: np.ndarray,
     b: np.ndarray,
-    search=(-0.5, 0.5),
-    take="",
+    search: tuple[float, float] = (-0.5, 0.5),
+    take: str = "",
 ) -> Offset:
     """Return the offset τ that minimises ‖a(t) − B·b(t + τ) − c‖² over τ, matrix B and vector c. B
     and c allow for different measured points of the moving body and are eliminated for every τ
@@ -73,78 +107,90 @@ def find_offset(
     signals that are too short, constant, uncorrelated or fit best at the edge of ``search`` (s).
     """
     from scipy.interpolate import CubicSpline
-    from scipy.optimize import minimize_scalar
 
     refusal = partial(RecordingError, take=take)
     for t, signal in ((t_a, a), (t_b, b)):
         if len(t) < MIN_SAMPLES or np.any(np.diff(t) <= 0):
-            message = f"no clock offset: a signal has fewer than {MIN_SAMPLES} samples, or times"
-            raise refusal(f"{message} that do not increase")
+            fault = f"a signal has fewer than {MIN_SAMPLES} samples, or times that do not increase"
+            raise refusal(f"no clock offset: {fault}")
         if not np.ptp(signal, axis=0).any():
-            raise refusal(
+            message = (
                 "no motion to compare the clocks by: one of the signals is constant"
             )
-    spline, centre = CubicSpline(t_b, b), b.mean(axis=0)
+            raise refusal(message)
+    signals = SignalPair(t_a, a, t_b, b.mean(axis=0), CubicSpline(t_b, b))
+    tau = _least_unexplained(signals, search, refusal)
+    correlation = float(np.sqrt(max(0.0, 1.0 - signals.unexplained(tau))))
+    if correlation < MIN_CORRELATION:
+        raise refusal(
+            "the signals of the two instruments are not alike at any clock offset: no motion, "
+            "or not the same take",
+            correlation=round(correlation, 3),
+        )
+    return _offset_of(signals, tau, correlation)
 
-    def inside(tau: float) -> np.ndarray:
-        return (t_a + tau >= t_b[0]) & (t_a + tau <= t_b[-1])
 
-    def fit(tau: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Return ``a`` within the times of ``b``, the regressors, the affine map (B and c) and the
-        residuals.
-        """
-        use = inside(tau)
-        regressors = np.ones((use.sum(), b.shape[1] + 1))
-        regressors[:, :-1] = spline(t_a[use] + tau) - centre
-        affine = np.linalg.lstsq(regressors, a[use], rcond=None)[0]
-        return a[use], regressors, affine, a[use] - regressors @ affine
-
-    def unexplained(tau: float) -> float:
-        """Return the unexplained share of the variance of ``a`` within the times of ``b``."""
-        seen, *_, residual = fit(tau)
-        return float((residual**2).sum() / ((seen - seen.mean(axis=0)) ** 2).sum())
+def _least_unexplained(
+    signals: SignalPair, search: tuple[float, float], refusal: Callable
+) -> float:
+    """Return the offset in s with the least unexplained share, by a grid over ``search`` and then
+    between its neighbours on the grid; raise ``refusal`` for an offset at the edge.
+    """
+    from scipy.optimize import minimize_scalar
 
     grid = np.linspace(*search, max(3, round((search[1] - search[0]) / GRID) + 1))
-    least = max(MIN_OVERLAP * len(t_a), 2 * b.shape[1] + 4)
-    grid = grid[[inside(tau).sum() >= least for tau in grid]]
-    best = int(np.argmin([unexplained(tau) for tau in grid])) if len(grid) else 0
+    least = max(MIN_OVERLAP * len(signals.t_a), 2 * len(signals.centre) + 4)
+    overlaps = [signals.inside(tau).sum() >= least for tau in grid]
+    grid = grid[overlaps]
+    best = 0
+    if len(grid):
+        best = int(np.argmin([signals.unexplained(tau) for tau in grid]))
     if best in (0, len(grid) - 1):
         message = "the clock offset lies at the edge of the search range or of the signals' overlap"
-        raise refusal(
-            message, search=search, offset=grid[best : best + 1].round(4).tolist()
-        )
-    bounds, options = (grid[best - 1], grid[best + 1]), {"xatol": 1e-7}
-    tau = float(
-        minimize_scalar(unexplained, bounds=bounds, method="bounded", options=options).x
+        offset = grid[best : best + 1].round(4).tolist()
+        raise refusal(message, search=search, offset=offset)
+    solution = minimize_scalar(
+        signals.unexplained,
+        bounds=(grid[best - 1], grid[best + 1]),
+        method="bounded",
+        options={"xatol": 1e-7},
     )
-    correlation = float(np.sqrt(max(0.0, 1.0 - unexplained(tau))))
-    if correlation < MIN_CORRELATION:
-        message = "the signals of the two instruments are not alike at any clock offset: no motion"
-        raise refusal(
-            f"{message}, or not the same take", correlation=round(correlation, 3)
-        )
-    _, regressors, affine, residual = fit(tau)
-    time, square = t_a[inside(tau)], (residual**2).sum()
-    slope = spline.derivative()(time + tau) @ affine[:-1]
+    return float(solution.x)
+
+
+def _offset_of(signals: SignalPair, tau: float, correlation: float) -> Offset:
+    """Return the offset ``tau`` in s with its drift, standard errors and residual."""
+    fit = signals.fit(tau)
+    residual, regressors = fit.residual, fit.regressors
+    time = signals.t_a[signals.inside(tau)]
+    slope = signals.spline.derivative()(time + tau) @ fit.affine[:-1]
     # derivatives by offset and drift, without their projection on B and c
-    late, drifting = (
-        each - regressors @ np.linalg.lstsq(regressors, each, rcond=None)[0]
-        for each in (slope, (time - time.mean())[:, None] * slope)
-    )
+    late = _without_projection(slope, regressors)
+    drifting = _without_projection((time - time.mean())[:, None] * slope, regressors)
     drifting -= late * ((drifting * late).sum() / (late**2).sum())
     drift = float((drifting * residual).sum() / (drifting**2).sum())
+
     # a positive autocorrelation (AR(1)) inflates the variance; a negative one is ignored
-    lag = max((residual[1:] * residual[:-1]).sum() / square if square else 0.0, 0.0)
+    square = (residual**2).sum()
+    autocorrelation = 0.0
+    if square:
+        autocorrelation = max((residual[1:] * residual[:-1]).sum() / square, 0.0)
+    more = (1 + autocorrelation) / (1 - autocorrelation)
     freedom = len(residual) - regressors.shape[1] - 1 / residual.shape[1]
     variance = (residual**2).sum(axis=0) / freedom
-    information = [(each**2).sum(axis=0) for each in (late, drifting)]
-    more = (1 + lag) / (1 - lag)
-    errors = [
-        float(np.sqrt(more * (variance * i).sum()) / i.sum()) for i in information
-    ]
+    errors = []
+    for derivative in (late, drifting):
+        information = (derivative**2).sum(axis=0)
+        error = np.sqrt(more * (variance * information).sum()) / information.sum()
+        errors.append(float(error))
     # without the frames in a gap of b, which the spline bridges
     size = float(np.quantile(np.linalg.norm(residual, axis=1), WITHOUT_GAPS))
     return Offset(tau, errors[0], correlation, drift, errors[1], size)
+
+
+def _without_projection(signal: np.ndarray, regressors: np.ndarray) -> np.ndarray:
+    """Return ``signal`` minus its least-squares fit by the ``regressors``."""
+    return signal - regressors @ np.linalg.lstsq(regressors, signal, rcond=None)[0]
 
 
 class CameraTake(NamedTuple):
@@ -159,18 +205,16 @@ def with_markers(
     frames: pd.DataFrame, markers: pd.DataFrame, joints: pd.DataFrame
 ) -> list[CameraTake]:
     """Return the depth takes with markers and joint angles; RecordingError without markers."""
-    by_take, tracked = (
-        dict(list(table.groupby("take"))) for table in (markers, joints)
-    )
+    by_take = dict(list(markers.groupby("take")))
+    tracked = dict(list(joints.groupby("take")))
     names, takes = [*tracked], []
     for take, rows in frames.groupby("take", sort=False):
         if take not in by_take:
             message = "no motion-capture take has this name, so that the clock offset is unknown"
             raise RecordingError(message, file=rows["file"].iloc[0], take=take)
         following = [*names[names.index(take) :], *names][: OTHERS + 1]
-        takes.append(
-            CameraTake(rows, by_take[take], [tracked[name] for name in following])
-        )
+        compared = [tracked[name] for name in following]
+        takes.append(CameraTake(rows, by_take[take], compared))
     return takes
 
 
@@ -204,46 +248,60 @@ def on_motion_clock(
     points and of the labelled markers in the arm's plane, and :func:`residual_share` compares the
     :func:`camera_residuals` of the take with the residuals of other takes.
     """
-    rows, offset, errors = take.rows, depth.clock_offset, {}
+    rows, offset = take.rows, depth.clock_offset
     name = rows["take"].iloc[0]
+    quality: dict[str, tuple[float, str]] = {}
     if offset is None:
-        observed, search = rows[rows["points"] > 0], (-depth.search, depth.search)
-        if observed.empty:
-            message = "no frame shows the arm: check the unit of depth, the camera's pose and the"
-            raise RecordingError(
-                f"{message} workspace", file=rows["file"].iloc[0], take=name
-            )
-        signals = (
-            observed["t"].to_numpy(),
-            np.ascontiguousarray(observed[["x", "z"]].to_numpy()),
+        estimate, quality = _estimated_offset(take, depth, arm)
+        offset = estimate.value
+    notes = {"clock_offset": (offset, "s")} | quality
+    quality_rows = []
+    for quantity, (value, unit) in notes.items():
+        row = quality_row(name, "test", DEPTH_CAMERA, quantity, value, unit)
+        quality_rows.append(row)
+    return rows.assign(t=rows["t"] + offset), quality_rows
+
+
+def _estimated_offset(
+    take: CameraTake, depth: Depth, arm: Arm
+) -> tuple[Offset, dict[str, tuple[float, str]]]:
+    """Return the offset of the camera's clock in a ``take``, and quantity → value and unit of its
+    quality; RecordingError where no frame shows the arm.
+    """
+    rows, search = take.rows, (-depth.search, depth.search)
+    name = rows["take"].iloc[0]
+    observed = rows[rows["points"] > 0]
+    if observed.empty:
+        raise RecordingError(
+            "no frame shows the arm: check the unit of depth, the camera's pose and the "
+            "workspace",
+            file=rows["file"].iloc[0],
+            take=name,
         )
-        labelled = take.markers[take.markers.link > 0]
-        plane = arm.to_plane(labelled[["x", "y", "z"]].to_numpy())
-        seen = pd.DataFrame(
-            {"t": labelled["t"].to_numpy(), "x": plane[:, 0], "z": plane[:, 2]}
-        )
-        seen = seen.groupby("t").mean(skipna=False).dropna()
-        path = seen.index.to_numpy(), np.ascontiguousarray(seen.to_numpy())
-        found = find_offset(*signals, *path, search=search, take=name)
-        offset = found.value
-        errors = {
-            "clock_offset_standard_error": (found.standard_error, "s"),
-            "clock_drift": (found.drift, "s/s"),
-            "clock_drift_standard_error": (found.drift_standard_error, "s/s"),
-            "clock_correlation": (found.correlation, "1"),
-        }
-        if len(take.joints) > 1 and len(observed) >= FEWEST_FRAMES:
-            own, *others = camera_residuals(signals, take.joints, arm, search)
-            share = residual_share(signals[1], own, others)
-            errors |= {
-                "camera_residual": (own, "m"),
-                "camera_residual_share": (share, "share"),
-            }
-    quality = {"clock_offset": (offset, "s")} | errors
-    rows = rows.assign(t=rows["t"] + offset)
-    return rows, [
-        quality_row(name, "test", DEPTH_CAMERA, k, *row) for k, row in quality.items()
-    ]
+    centroids = np.ascontiguousarray(observed[["x", "z"]].to_numpy())
+    signal = observed["t"].to_numpy(), centroids
+    offset = find_offset(*signal, *_marker_path(take.markers, arm), search, name)
+    quality = {
+        "clock_offset_standard_error": (offset.standard_error, "s"),
+        "clock_drift": (offset.drift, "s/s"),
+        "clock_drift_standard_error": (offset.drift_standard_error, "s/s"),
+        "clock_correlation": (offset.correlation, "1"),
+    }
+    if len(take.joints) > 1 and len(observed) >= FEWEST_FRAMES:
+        residual, *of_other_takes = camera_residuals(signal, take.joints, arm, search)
+        share = residual_share(centroids, residual, of_other_takes)
+        quality["camera_residual"] = residual, "m"
+        quality["camera_residual_share"] = share, "share"
+    return offset, quality
+
+
+def _marker_path(markers: pd.DataFrame, arm: Arm) -> tuple[np.ndarray, np.ndarray]:
+    """Return times (K,) s and centroids (K, 2) m in the arm's plane of the labelled markers."""
+    labelled = markers[markers.link > 0]
+    plane = arm.to_plane(labelled[["x", "y", "z"]].to_numpy())
+    points = {"t": labelled["t"].to_numpy(), "x": plane[:, 0], "z": plane[:, 2]}
+    path = pd.DataFrame(points).groupby("t").mean(skipna=False).dropna()
+    return path.index.to_numpy(), np.ascontiguousarray(path.to_numpy())
 
 
 def arm_points(rows: pd.DataFrame, folder: Path) -> list[np.ndarray]:
@@ -255,9 +313,8 @@ def arm_points(rows: pd.DataFrame, folder: Path) -> list[np.ndarray]:
 def kept_takes() -> list[pd.DataFrame]:
     """Return the rows of the table ``frames`` of every take that the stage ``track`` kept."""
     frames, joints = contracts.read("frames", TRACK), contracts.read("joints", TRACK)
-    return [
-        rows for _, rows in frames[frames["take"].isin(joints["take"])].groupby("take")
-    ]
+    tracked = frames[frames["take"].isin(joints["take"])]
+    return [rows for _, rows in tracked.groupby("take")]
 
 
 def articulate_takes(
@@ -270,17 +327,16 @@ def articulate_takes(
     joints = contracts.read("joints", TRACK)
     first = joints[(joints.part == "training") & (joints.k == 0)]
     start = first[columns("q", robot.joints)].mean().to_numpy()
-    known = (
-        arm_of(robot),
-        robot.joints,
-        contracts.read("trajectory", MOTION),
-        options,
-        start,
+    fit = partial(
+        _articulate,
+        arm=arm_of(robot),
+        joints=robot.joints,
+        trajectory=contracts.read("trajectory", MOTION),
+        options=options,
+        start=start,
     )
-    fit, label = partial(_articulate, known=known), "articulate: takes"
-    return pd.concat(
-        run_trials(fit, takes, compute=compute, label=label), ignore_index=True
-    )
+    tables = run_trials(fit, takes, compute=compute, label="articulate: takes")
+    return pd.concat(tables, ignore_index=True)
 
 
 def bias_warning(errors: pd.DataFrame) -> str:
@@ -291,15 +347,16 @@ def bias_warning(errors: pd.DataFrame) -> str:
     worst = str(mean.abs().idxmax())
     if abs(mean[worst]) <= MOST_BIAS:
         return ""
-    message = f"{worst[2:]} in the depth images is {mean[worst]:+.3g} rad off the motion capture on"
-    message += f" average, more than {MOST_BIAS:g}: check the camera's intrinsics (fx, fy, cx, cy;"
-    message += " 5 % of fx make about 0.05 rad) and dataset.depth.camera"
+    message = (
+        f"{worst[2:]} in the depth images is {mean[worst]:+.3g} rad off the motion capture on "
+        f"average, more than {MOST_BIAS:g}: check the camera's intrinsics (fx, fy, cx, cy; "
+        "5 % of fx make about 0.05 rad) and dataset.depth.camera"
+    )
     if abs(mean[worst]) > REFUSED_BIAS:
-        raise RecordingError(
-            f"{message}; mirrored images are not this camera's: turn them back"
-        )
+        remedy = "mirrored images are not this camera's: turn them back"
+        raise RecordingError(f"{message}; {remedy}")
     return message
 
 
-def _articulate(rows: pd.DataFrame, known: tuple) -> pd.DataFrame:
-    return articulate_rows(rows, arm_points(rows, DEPTH), *known)
+def _articulate(rows: pd.DataFrame, **settings: object) -> pd.DataFrame:
+    return articulate_rows(rows, arm_points(rows, DEPTH), **settings)

@@ -22,6 +22,8 @@ SHARED = (
     "torque_unit",
     "time_unit",
     "rate",
+    "counts",
+    "topic",
 )
 MIN_SAMPLES = 10  # least number of tare samples: the bias error is a third of the noise
 CLOCK_ROUNDING = 1e-6  # s, margin that keeps loaded samples out of the tare interval
@@ -35,21 +37,22 @@ def force_rows(raw: Path, name: str, force: Force) -> tuple[pd.DataFrame, list[d
     the whole load. Raises ConfigError for an unknown format, RecordingError as :func:`remove_bias`.
     """
     log, file = force.log, raw / force.configurations[name].file
-    calibration = (
-        read_calibration(raw / log.calibration) if log.calibration is not None else None
-    )
-    stated = {key: getattr(log, key) for key in (*SHARED, "counts", "topic")}
-    formats = {one.option: one for one in formats_in(force_formats, Kind.FORCE)}
+    calibration, ratings = None, None
+    if log.calibration is not None:
+        calibration = read_calibration(raw / log.calibration)
+        ratings = calibration.full_scale
+    if log.full_scale is not None:
+        ratings = np.array(log.full_scale)
+    formats = {}
+    for force_format in formats_in(force_formats, Kind.FORCE):
+        formats[force_format.option] = force_format
     if log.format not in formats:
-        message = (
-            f"unknown format {log.format!r}; set one of {', '.join(sorted(formats))}"
-        )
+        names = ", ".join(sorted(formats))
+        message = f"unknown format {log.format!r}; set one of {names}"
         raise ConfigError(message, key="dataset.force.log.format")
-    record = formats[log.format].read(
-        file, ForceLogOptions(**stated, calibration=calibration)
-    )
-    ratings = calibration and calibration.full_scale
-    ratings = ratings if log.full_scale is None else np.array(log.full_scale)
+    stated = {key: getattr(log, key) for key in SHARED}
+    options = ForceLogOptions(**stated, calibration=calibration)
+    record = formats[log.format].read(file, options)
     sound, faults = sound_samples(
         record, ratings, log.frozen_after, log.max_faulty, file=file
     )
@@ -80,7 +83,8 @@ def remove_bias(
     Raises RecordingError for values that are not finite, a tare interval with fewer than
     MIN_SAMPLES, and a record without samples after the interval.
     """
-    if not (finite := np.isfinite(wrench).all(axis=1)).all():
+    finite = np.isfinite(wrench).all(axis=1)
+    if not finite.all():
         message = "the force record has values that are not finite"
         raise RecordingError(message, **evidence, step=int(finite.argmin()))
     if tare_seconds == 0:
@@ -88,8 +92,10 @@ def remove_bias(
     unloaded = time - time[0] < tare_seconds - CLOCK_ROUNDING
     count = int(unloaded.sum())
     if count < MIN_SAMPLES or count == len(time):
-        message = f"{count} of {len(time)} samples lie in the tare interval of {tare_seconds} s;"
-        message += f" at least {MIN_SAMPLES} are required, and further samples after the interval"
-        raise RecordingError(message, **evidence)
+        raise RecordingError(
+            f"{count} of {len(time)} samples lie in the tare interval of {tare_seconds} s; "
+            f"at least {MIN_SAMPLES} are required, and further samples after the interval",
+            **evidence,
+        )
     bias = wrench[unloaded].mean(axis=0)
     return time[~unloaded], wrench[~unloaded] - bias, bias

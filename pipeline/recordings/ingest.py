@@ -25,14 +25,14 @@ def read_part(
 
     Append all errors to ``errors``; without ``errors``, raise the first error.
     """
-    read = {
+    readers = {
         "motion": _motion,
         "depth": partial(_depth, compute=compute),
         "force": _force,
-    }[part]
+    }
     refused: list[PipelineError] = []
     raw = raw_folder(dataset.recordings)
-    quality = within(dataset.reading, read, dataset, raw, folder, refused)
+    quality = within(dataset.reading, readers[part], dataset, raw, folder, refused)
     if errors is not None:
         errors += refused
         return quality
@@ -40,9 +40,8 @@ def read_part(
         raise refused[0]
     for row in quality:
         if row["quantity"] == REPETITIONS or row["unit"] == "row":
-            print(
-                f"ingest: {row['take']}: {row['quantity'].replace('_', ' ')} {row['value']:.0f}"
-            )
+            quantity = row["quantity"].replace("_", " ")
+            print(f"ingest: {row['take']}: {quantity} {row['value']:.0f}")
     return quality
 
 
@@ -65,23 +64,19 @@ def collecting(errors: list[PipelineError]) -> Iterator[None]:
 
 def _write(takes: list[Any], name: str, folder: Path, errors: list) -> list[dict]:
     """Write the table ``name`` and return the quality rows; append an error for equal takes."""
-    if takes:
-        tables = {rows.iloc[0, 0]: rows.drop(columns="t") for rows, _ in takes}
-        parts = {
-            take: rows["part"].iloc[0]
-            for take, rows in tables.items()
-            if "part" in rows
-        }
-        samples = {
-            take: rows.select_dtypes("float").to_numpy()
-            for take, rows in tables.items()
-        }
-        with collecting(errors):
-            require_distinct(name, samples, parts)
-        contracts.write(
-            pd.concat([rows for rows, _ in takes], ignore_index=True), name, folder
-        )
-    return [row for _, rows in takes for row in rows]
+    tables, parts, samples, quality = [], {}, {}, []
+    for rows, quality_of_take in takes:
+        take = rows.iloc[0, 0]
+        if "part" in rows:
+            parts[take] = rows["part"].iloc[0]
+        samples[take] = rows.drop(columns="t").select_dtypes("float").to_numpy()
+        tables.append(rows)
+        quality += quality_of_take
+    with collecting(errors):
+        require_distinct(name, samples, parts)
+    if tables:
+        contracts.write(pd.concat(tables, ignore_index=True), name, folder)
+    return quality
 
 
 def _motion(dataset: Dataset, raw: Path, folder: Path, errors: list) -> list[dict]:
@@ -132,22 +127,23 @@ def _depth(
         errors.append(ConfigError(message, key="dataset.depth"))
         return []
     from pipeline.arm.model import arm_of
-    from pipeline.recordings.depth import frame_rows, take_paths
+    from pipeline.recordings.depth import depth_paths, frame_rows
 
     arm, results = arm_of(dataset.robot), []
-    read = partial(
-        frame_rows, depth=dataset.depth, arm=arm, raw=raw, folder=folder.resolve()
-    )
+    where = {"raw": raw, "folder": folder.resolve()}
+    read = partial(frame_rows, depth=dataset.depth, arm=arm, **where)
     # set the bounds in each worker, since workers do not inherit them
-    bounded, label = (
-        partial(attempt, within, dataset.reading, read),
-        "ingest: depth takes",
-    )
+    bounded = partial(attempt, within, dataset.reading, read)
+    label = "ingest: depth takes"
     with collecting(errors):
-        takes = list(take_paths(raw, dataset.depth).items())
-        results = list(run_trials(bounded, takes, compute=compute, label=label))
-    errors += [result for result in results if isinstance(result, PipelineError)]
-    takes = [result for result in results if not isinstance(result, PipelineError)]
+        paths = list(depth_paths(raw, dataset.depth).items())
+        results = list(run_trials(bounded, paths, compute=compute, label=label))
+    takes = []
+    for result in results:
+        if isinstance(result, PipelineError):
+            errors.append(result)
+        else:
+            takes.append(result)
     return _write(takes, "frames", folder, errors)
 
 

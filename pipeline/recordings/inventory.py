@@ -2,7 +2,6 @@
 
 import hashlib
 from collections.abc import Callable, Iterator
-from functools import reduce
 from pathlib import Path
 
 import pandas as pd
@@ -11,9 +10,8 @@ from pipeline.core.errors import RecordingError
 from pipeline.core.options.dataset import Dataset
 from pipeline.formats.format import is_literal, matching, paths_below
 
-PULLED = Path(
-    "data/recordings"
-)  # a DVC project of its own: public recordings, pinned by hash
+# a DVC project of its own: public recordings, pinned by hash
+PULLED = Path("data/recordings")
 # part → keys of the dataset with the part's files
 KEYS = {
     "motion": "trajectory mocap.training mocap.test joint_log.movements encoders.training "
@@ -47,11 +45,12 @@ def take_name(path: Path, raw: Path, pattern: str) -> str:
     parts = list(path.relative_to(raw).parts)
     if not path.is_dir():
         parts[-1] = path.stem
-    is_open = [not is_literal(part) for part in Path(pattern).parts]
-    first, behind = (
-        way.index(True) if any(way) else -1 for way in (is_open, is_open[::-1])
-    )
-    return "_".join(parts[first : len(parts) - max(behind, 0)])
+    patterns = Path(pattern).parts
+    wild = [i for i, words in enumerate(patterns) if not is_literal(words)]
+    if not wild:
+        return parts[-1]
+    after = len(patterns) - 1 - wild[-1]  # parts behind the last wildcard
+    return "_".join(parts[wild[0] : len(parts) - after])
 
 
 def named_takes(
@@ -74,10 +73,12 @@ def named_takes(
             raise RecordingError(message, file=Path(ascii(str(path))[1:-1]))
         name = take_name(path, raw, pattern)
         if name in named:
-            other = named[name].relative_to(raw).as_posix()
-            message = f"two recordings are named {name!r}, the other is {other}: rename one of them"
+            earlier = named[name].relative_to(raw).as_posix()
             raise RecordingError(
-                f"{message}, or narrow the pattern", file=path, key=key
+                f"two recordings are named {name!r}, the other is {earlier}: rename one of "
+                "them, or narrow the pattern",
+                file=path,
+                key=key,
             )
         named[name] = path
     if not named:
@@ -87,12 +88,13 @@ def named_takes(
 
 def listing(folder: Path) -> pd.DataFrame:
     """Return path, bytes and SHA-256 of all files below ``folder``; RecordingError for no file."""
-    if not (files := [*raw_files(folder)]):
-        message = "there are no recordings in this folder, or it does not exist; "
-        command = f"`dvc --cd {PULLED} pull -R {folder.name}` brings them"
-        present = (PULLED / folder.name).is_dir()
-        message += command if present else "the datasheet explains how to get them"
-        raise RecordingError(message, file=folder)
+    files = [*raw_files(folder)]
+    if not files:
+        remedy = "the datasheet explains how to get them"
+        if (PULLED / folder.name).is_dir():
+            remedy = f"`dvc --cd {PULLED} pull -R {folder.name}` brings them"
+        message = "there are no recordings in this folder, or it does not exist"
+        raise RecordingError(f"{message}; {remedy}", file=folder)
     rows = []
     for file in files:
         with file.open("rb") as data:
@@ -105,12 +107,12 @@ def by_place(files: pd.DataFrame) -> pd.DataFrame:
     """Return the table ``raw_files`` of a :func:`listing`: by file or folder of the recordings
     number of files, bytes, and SHA-256 of the paths and hashes of the files.
     """
-    files, rows = files.drop_duplicates("file").sort_values("file"), []
-    for place, of in files.groupby(files["file"].str.partition("/")[0]):
-        lines = "\n".join(of["sha256"] + " " + of["file"]).encode()
-        rows.append(
-            (place, len(of), of["bytes"].sum(), hashlib.sha256(lines).hexdigest())
-        )
+    files = files.drop_duplicates("file").sort_values("file")
+    rows = []
+    for place, below in files.groupby(files["file"].str.partition("/")[0]):
+        lines = "\n".join(below["sha256"] + " " + below["file"]).encode()
+        digest = hashlib.sha256(lines).hexdigest()
+        rows.append((place, len(below), below["bytes"].sum(), digest))
     return pd.DataFrame(rows, columns=["place", "files", "bytes", "sha256"])
 
 
@@ -124,25 +126,37 @@ def other_files(evidence: pd.DataFrame | None, inventory: Path) -> str:
         return "does not name its raw files; run the dataset again"
     present = by_place(pd.read_csv(inventory)).set_index("place")["sha256"]
     before = evidence.set_index("place")["sha256"]
-    changed = ", ".join(
-        sorted({place for place, _ in {*before.items()} ^ {*present.items()}})
-    )
-    return changed and f"was written with other files than {inventory} lists: {changed}"
+    changed = {place for place, _ in {*before.items()} ^ {*present.items()}}
+    if not changed:
+        return ""
+    names = ", ".join(sorted(changed))
+    return f"was written with other files than {inventory} lists: {names}"
 
 
 def by_part(files: pd.DataFrame, dataset: Dataset) -> dict[str, pd.DataFrame]:
     """Return part → rows of a :func:`listing`: files of the part (KEYS), and files of no part."""
-    raw, claimed = raw_folder(dataset.recordings), pd.DataFrame(index=files.index)
+    raw = raw_folder(dataset.recordings)
+    claimed = pd.DataFrame(index=files.index)
     paths = [raw / name for name in files["file"]]
-    for part, keys in KEYS.items():
+    for name, keys in KEYS.items():
         places = set()
         for key in keys.split():
-            value = reduce(
-                lambda at, name: getattr(at, name, None), key.split("."), dataset
-            )
-            if isinstance(value, dict):  # of arrangements
-                value = [one.file for one in value.values()]
-            for pattern in [value] if isinstance(value, str) else value or ():
+            for pattern in _patterns(dataset, key):
                 places |= {*matching(raw, pattern, key=f"dataset.{key}")}
-        claimed[part] = [not places.isdisjoint([file, *file.parents]) for file in paths]
-    return {part: files[claimed[part] | ~claimed.any(axis=1)] for part in KEYS}
+        claimed[name] = [not places.isdisjoint([file, *file.parents]) for file in paths]
+    unclaimed = ~claimed.any(axis=1)
+    return {name: files[claimed[name] | unclaimed] for name in KEYS}
+
+
+def _patterns(dataset: Dataset, key: str) -> list[str]:
+    """Return the patterns of file names in the option ``key`` of ``dataset``."""
+    value = dataset
+    for name in key.split("."):
+        value = getattr(value, name, None)
+    if value is None:
+        return []
+    if isinstance(value, str):
+        return [value]
+    if isinstance(value, dict):  # of arrangements of robots
+        return [configuration.file for configuration in value.values()]
+    return [*value]

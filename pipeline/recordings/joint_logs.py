@@ -1,6 +1,6 @@
 """Tables of the repetitions of one motion in a controller's logs, and of encoders' logs."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import NamedTuple
@@ -15,7 +15,7 @@ from pipeline.core.columns import spread
 from pipeline.core.errors import RecordingError
 from pipeline.core.options.dataset import Dataset
 from pipeline.formats.joints.log import OPTION, LogOptions
-from pipeline.recordings import movement, repetitions
+from pipeline.recordings import movement
 from pipeline.recordings.commands import (
     UNFILLED,
     circular_joints,
@@ -32,7 +32,12 @@ from pipeline.recordings.quality import (
     compare_takes,
     quality_row,
 )
-from pipeline.recordings.repetitions import SLACK
+from pipeline.recordings.repetitions import (
+    SLACK,
+    Excursion,
+    Repetitions,
+    find_repetitions,
+)
 
 
 class LoggedTake(NamedTuple):
@@ -57,11 +62,14 @@ def read_movements(
     """Return name → movement of all logs of the ``dataset``, each read in a context of ``guard``.
     RecordingError where there is no log.
     """
-    pattern, movements = dataset.joint_log.movements, {}
-    wanted = {"what": "folder or file of a movement", "key": f"{OPTION}.movements"}
-    for name, place in named_takes(
-        raw_folder(dataset.recordings), pattern, **wanted
-    ).items():
+    places = named_takes(
+        raw_folder(dataset.recordings),
+        dataset.joint_log.movements,
+        key=f"{OPTION}.movements",
+        what="folder or file of a movement",
+    )
+    movements = {}
+    for name, place in places.items():
         with guard():
             movements[name] = read_dataset_movement(name, place, dataset)
     return movements
@@ -256,8 +264,12 @@ def _take_rows(takes: Mapping[str, AlignedTake], dataset: Dataset) -> pd.DataFra
 
 def count_rows(name: str, counts: Mapping[str, float]) -> list[dict]:
     """Return the quality rows of the ``counts`` of the movement ``name``."""
-    notes = [(key, n, movement.UNITS.get(key, "count")) for key, n in counts.items()]
-    return [quality_row(name, "training", "joint log", *note) for note in notes]
+    rows = []
+    for quantity, count in counts.items():
+        unit = movement.UNITS.get(quantity, "count")
+        row = quality_row(name, "training", "joint log", quantity, count, unit)
+        rows.append(row)
+    return rows
 
 
 def movement_paths(
@@ -284,45 +296,67 @@ def find_takes(
 
     Raises RecordingError where a locked joint moves in a repetition.
     """
-    takes, observed, notes, options = {}, [], [], dataset.joint_log
-    rest, ends = options.rest, (options.start, options.end)
-    for name, read in movements.items():
-        own, steps = read.of(dataset.robot.joints), dataset.motion.steps - 2 * rest
-        log = own.target, read.motions, ends, steps, rest, own.circular
-        runs, left_out = repetitions.find_repetitions(*log)
-        rows_of_faults = [fault.row for fault in wrong_commands(own.actual, own.target)]
-        wrong = [
-            run
-            for run in runs
-            if any(run.first - rest <= row <= run.last + rest for row in rows_of_faults)
-        ]
-        if wrong:
-            runs = [run for run in runs if run not in wrong]
-            left_out = left_out | {"wrong_command": [run.first for run in wrong]}
+    takes, observed, notes = {}, [], []
+    rest = dataset.joint_log.rest
+    for name, movement_log in movements.items():
+        log = movement_log.of(dataset.robot.joints)
+        runs, left_out = _sound_repetitions(log, movement_log.motions, dataset)
         for number, run in enumerate(runs, 1):
-            take, rows = (
-                f"{name}_{number}",
-                slice(max(run.first - rest, 0), run.last + rest + 1),
-            )
-            _require_locked(read, rows, dataset, take)
-            takes[take] = LoggedTake(name, run.first, own.actual, own.target)
-        for run in read.motions:
-            if not (words := run.lack(len(read.target))):
-                start, end = own.target[[run.first - 1, run.last]].round(2).tolist()
-                words = f"{start} to {end} in {run.steps} steps"
-            observed.append(words)
-        counts = dict(read.counts) | {REPETITIONS: len(runs)}
-        counts |= {
-            f"{LEFT_OUT}{reason}": len(rows) for reason, rows in left_out.items()
-        }
-        notes += [
-            (name, key, n, movement.UNITS.get(key, "count"))
-            for key, n in counts.items()
-        ]
+            take = f"{name}_{number}"
+            rows = slice(max(run.first - rest, 0), run.last + rest + 1)
+            _require_locked(movement_log, rows, dataset, take)
+            takes[take] = LoggedTake(name, run.first, log.actual, log.target)
+        observed += [_description(run, log.target) for run in movement_log.motions]
+        counts = dict(movement_log.counts)
+        counts[REPETITIONS] = len(runs)
+        for reason, first_rows in left_out.items():
+            counts[f"{LEFT_OUT}{reason}"] = len(first_rows)
+        for quantity, count in counts.items():
+            unit = movement.UNITS.get(quantity, "count")
+            notes.append((name, quantity, count, unit))
         # the first row identifies a motion that is left out
-        for reason, rows in left_out.items():
-            notes += [(name, f"{reason}_from_row", row, "row") for row in rows]
+        for reason, first_rows in left_out.items():
+            for row in first_rows:
+                notes.append((name, f"{reason}_from_row", row, "row"))
     return takes, observed, notes
+
+
+def _sound_repetitions(
+    log: LoggedMovement, motions: Sequence[Excursion], dataset: Dataset
+) -> Repetitions:
+    """Return the repetitions of the dataset's motion among the ``motions`` of a movement whose rows
+    have no wrong command; ``log`` has the joints of the robot.
+    """
+    options, rest = dataset.joint_log, dataset.joint_log.rest
+    repeated = find_repetitions(
+        log.target,
+        motions,
+        (options.start, options.end),
+        dataset.motion.steps - 2 * rest,
+        rest,
+        log.circular,
+    )
+    faults = [fault.row for fault in wrong_commands(log.actual, log.target)]
+    sound, wrong = [], []
+    for run in repeated.runs:
+        first, last = run.first - rest, run.last + rest
+        if any(first <= row <= last for row in faults):
+            wrong.append(run.first)
+        else:
+            sound.append(run)
+    left_out = dict(repeated.left_out)
+    if wrong:
+        left_out["wrong_command"] = wrong
+    return Repetitions(sound, left_out)
+
+
+def _description(run: Excursion, target: np.ndarray) -> str:
+    """Return why the motion ``run`` is not whole, or its ends in rad and its duration, as text."""
+    lack = run.lack(len(target))
+    if lack:
+        return lack
+    start, end = target[[run.first - 1, run.last]].round(2).tolist()
+    return f"{start} to {end} in {run.steps} steps"
 
 
 def _require_locked(
@@ -332,41 +366,43 @@ def _require_locked(
     for joint, angle in sorted(dataset.robot.locked.items()):
         if joint not in read.joints:
             continue
-        one = read.of([joint])
-        measured = one.actual[rows]
-        if np.abs(apart(measured, angle, one.circular)).max() > REACH:
-            message = f"{joint} is locked at {angle:.4g} rad, but was logged from"
-            message += f" {measured.min():.4g} to {measured.max():.4g} rad: lock it at the logged"
-            message += " angle, or choose a motion in which it does not move"
-            where = {"file": dataset.recordings, "take": take}
-            raise RecordingError(message, **where, key=f"dataset.robot.locked.{joint}")
+        log = read.of([joint])
+        measured = log.actual[rows]
+        if np.abs(apart(measured, angle, log.circular)).max() > REACH:
+            raise RecordingError(
+                f"{joint} is locked at {angle:.4g} rad, but was logged from "
+                f"{measured.min():.4g} to {measured.max():.4g} rad: lock it at the logged "
+                "angle, or choose a motion in which it does not move",
+                file=dataset.recordings,
+                take=take,
+                key=f"dataset.robot.locked.{joint}",
+            )
 
 
 def encoder_rows(raw: Path, dataset: Dataset) -> list[tuple[pd.DataFrame, list[dict]]]:
     """Return the rows of the table ``encoders`` and the quality rows per log, training first."""
-    options, joints, urdf, result = (
-        dataset.encoders,
-        dataset.robot.joints,
-        dataset.robot.urdf,
-        [],
+    options, joints = dataset.encoders, dataset.robot.joints
+    urdf = dataset.robot.urdf
+    read = LogOptions(
+        time=options.time,
+        angle_unit=options.angle_unit,
+        time_unit=options.time_unit,
+        names=joints,
+        joints=len(joints),
+        signals={"actual": options.actual},
+        circular=circular_joints(urdf, joints),
     )
-    stated = {key: getattr(options, key) for key in ("time", "angle_unit", "time_unit")}
-    stated |= {
-        "names": joints,
-        "joints": len(joints),
-        "signals": {"actual": options.actual},
-    }
-    read = LogOptions(**stated, circular=circular_joints(urdf, joints))
-    for part in ("training", "test"):
-        pattern, key = getattr(options, part), f"dataset.encoders.{part}"
+    logs = []
+    for use, pattern in (("training", options.training), ("test", options.test)):
+        key = f"dataset.encoders.{use}"
         for name, file in named_takes(raw, pattern, key=key, what="log").items():
             log = movement.read_log(file, read)
             movement.require_speeds(log.time, log.signals, joints, urdf, file=file)
-            identity = {"take": name, "part": part, "t": log.time - options.start}
+            identity = {"take": name, "part": use, "t": log.time - options.start}
             rows = pd.DataFrame(identity | spread("q", joints, log.signals["actual"]))
-            counts = {"rows": len(rows)} | log.counts
-            quality = [
-                quality_row(name, part, "encoders", *row) for row in counts.items()
-            ]
-            result.append((rows, quality))
-    return result
+            quality = []
+            for quantity, count in ({"rows": len(rows)} | log.counts).items():
+                row = quality_row(name, use, "encoders", quantity, count)
+                quality.append(row)
+            logs.append((rows, quality))
+    return logs

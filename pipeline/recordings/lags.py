@@ -3,14 +3,11 @@
 import numpy as np
 
 REACH = 0.01  # rad, least travel of a motion, and greatest distance of equal ends
-SLOW, FAR = (
-    0.1,
-    5.0,
-)  # least share of the speed, greatest error over the median, for a lag
+# least share of the speed, greatest error over the median, for a lag
+SLOW, FAR = 0.1, 5.0
 OWN_LAG = 0.9  # a joint has its own lag if that reduces its rms error below this share
-ROUNDS = (
-    6  # rounds of least squares, each with the command at the lag of the round before
-)
+# rounds of least squares, each with the command at the lag of the round before
+ROUNDS = 6
 FURTHEST = 0.1  # s, greatest lag of a joint in a run
 
 
@@ -41,13 +38,12 @@ def joint_lags(command: np.ndarray, measured: np.ndarray, rate: float) -> np.nda
     """
     lags = np.full(command.shape[1], lag(command, measured, rate, FURTHEST))
     for j in np.flatnonzero(np.ptp(command, axis=0) > REACH):
-        pair = command[:, [j]], measured[:, [j]]
-        tried = lag(*pair, rate, FURTHEST), lags[j]
-        own, common = (
-            np.std(_errors_in_motion(*pair, late * rate)[0]) for late in tried
-        )
-        if own < OWN_LAG * common:
-            lags[j] = tried[0]
+        commanded, actual = command[:, [j]], measured[:, [j]]
+        late = lag(commanded, actual, rate, FURTHEST)
+        error, _ = _errors_in_motion(commanded, actual, late * rate)
+        common_error, _ = _errors_in_motion(commanded, actual, lags[j] * rate)
+        if np.std(error) < OWN_LAG * np.std(common_error):
+            lags[j] = late
     return lags
 
 
@@ -58,8 +54,10 @@ def _errors_in_motion(
     whose error is below FAR times the median.
     """
     shifted, cut = delayed(command, np.full(command.shape[1], late))
-    error, step = shifted - measured[cut], np.gradient(shifted, axis=0)
-    speed, size = np.abs(step).max(axis=1), np.linalg.norm(error, axis=1)
+    error = shifted - measured[cut]
+    step = np.gradient(shifted, axis=0)
+    speed = np.abs(step).max(axis=1)
+    size = np.linalg.norm(error, axis=1)
     moving = speed > SLOW * speed.max()
     used = moving & (size <= FAR * np.median(size[moving]))
     return error[used], step[used]
@@ -71,14 +69,16 @@ def delayed(command: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, slice]:
     """
     from scipy.interpolate import CubicSpline
 
-    before, after = (max(int(np.ceil((s * rows).max())), 0) for s in (1, -1))
-    cut, at = slice(before, len(command) - after), np.arange(len(command))
+    before = max(int(np.ceil(rows.max())), 0)
+    after = max(int(np.ceil((-rows).max())), 0)
+    cut = slice(before, len(command) - after)
     if not rows.any():
         return command, cut
-    each = zip(command.T, rows, strict=True)
-    return np.stack(
-        [CubicSpline(at, c)(at[cut] - late) for c, late in each], axis=1
-    ), cut
+    clock = np.arange(len(command))
+    joints = []
+    for joint, late in zip(command.T, rows, strict=True):
+        joints.append(CubicSpline(clock, joint)(clock[cut] - late))
+    return np.stack(joints, axis=1), cut
 
 
 def stretch(angles: np.ndarray, place: float, length: int) -> np.ndarray:
@@ -101,7 +101,7 @@ def in_phase(
     least squares: a ``whole`` row, or a place between rows.
     """
     late = lag(reference, angles[first : first + len(reference)], 1.0, most)
-    place = first + (0.0 if np.isnan(late) else late)
-    return float(
-        np.clip(round(place) if whole else place, 0, len(angles) - len(reference))
-    )
+    place = first + np.nan_to_num(late)
+    if whole:
+        place = round(place)
+    return float(np.clip(place, 0, len(angles) - len(reference)))

@@ -34,61 +34,57 @@ def trajectory_rows(file: Path, dataset: Dataset) -> pd.DataFrame:
     # times may be rounded to microseconds: 1/120 s is written as 0.008333
     rated = abs(duration - motion.steps / motion.rate) < STEP_TOLERANCE
     if len(table) != motion.steps + 1 or not rated:
-        message = (
-            f"the trajectory has {len(table)} rows in {duration:.6f} s; dataset.motion"
+        raise RecordingError(
+            f"the trajectory has {len(table)} rows in {duration:.6f} s; dataset.motion "
+            f"requires {motion.steps + 1} in {motion.steps / motion.rate:.6f} s, at "
+            f"{motion.rate:g} per second",
+            file=file,
         )
-        message += (
-            f" requires {motion.steps + 1} in {motion.steps / motion.rate:.6f} s, at"
-        )
-        message += f" {motion.rate:g} per second"
-        raise RecordingError(message, file=file)
-    chain, names, task = (
-        chain_of(dataset.robot),
-        members(table, "q"),
-        members(table, "x"),
-    )
+    chain = chain_of(dataset.robot)
+    names, task = members(table, "q"), members(table, "x")
     if chain.task == task:
         table.insert(0, "k", np.arange(len(table)))
         require_velocities(table, motion.rate, file)
         return table.drop(columns=columns("q", names))
     if sorted(names) != sorted(joints):
-        message = (
-            f"the trajectory has the joints {', '.join(names) or 'none'} and the task"
+        raise RecordingError(
+            f"the trajectory has the joints {', '.join(names) or 'none'} and the task "
+            f"{', '.join(task) or 'none'}; the arm has the joints {', '.join(joints)} and "
+            f"the task {', '.join(chain.task)}: export t and one q:JOINT per joint",
+            file=file,
+            key="dataset.robot.joints",
         )
-        message += f" {', '.join(task) or 'none'}; the arm has the joints {', '.join(joints)} and"
-        message += (
-            f" the task {', '.join(chain.task)}: export t and one q:JOINT per joint"
-        )
-        raise RecordingError(message, file=file, key="dataset.robot.joints")
     q = table[columns("q", joints)].to_numpy()
-    require_speeds(
-        table["t"].to_numpy(), {"target": q}, joints, dataset.robot.urdf, file=file
-    )
+    time, urdf = table["t"].to_numpy(), dataset.robot.urdf
+    require_speeds(time, {"target": q}, joints, urdf, file=file)
     return trajectory_table(chain, q, motion.rate, joints)
 
 
 def find_takes(raw: Path, mocap: Mocap) -> list[tuple[str, Path, str]]:
     """Return name, file and part of every take; RecordingError for no take, or two of one name."""
     takes: dict[str, tuple[Path, str]] = {}
-    for part in ("training", "test"):
-        key, pattern = f"dataset.mocap.{part}", getattr(mocap, part)
-        files = (
-            named_takes(raw, pattern, key=key, what=f"{part} take") if pattern else {}
-        )
-        for name in files.keys() & takes.keys():
-            message = f"the training take {takes[name][0]} has the same name {name!r}; rename one"
-            raise RecordingError(message, file=files[name], key=key)
-        takes |= {name: (file, part) for name, file in files.items()}
+    for use, pattern in (("training", mocap.training), ("test", mocap.test)):
+        if not pattern:
+            continue
+        key = f"dataset.mocap.{use}"
+        files = named_takes(raw, pattern, key=key, what=f"{use} take")
+        for name, file in files.items():
+            if name in takes:
+                same = f"the training take {takes[name][0]} has the same name {name!r}"
+                raise RecordingError(f"{same}; rename one", file=file, key=key)
+            takes[name] = file, use
     return [(name, *take) for name, take in takes.items()]
 
 
 def read_take(file: Path, unit: str | None) -> MotionTake:
     """Return the take in ``file`` by its format; ``unit`` of lengths if the file states none."""
     formats = formats_in(motion_formats, Kind.MOTION)
-    if chosen := format_of(file, formats):
-        return chosen.read(file, unit)
-    known = " or ".join(one.name for one in formats)
-    raise RecordingError(f"this is no take of motion capture in {known}", file=file)
+    chosen = format_of(file, formats)
+    if chosen is None:
+        names = " or ".join(motion_format.name for motion_format in formats)
+        message = f"this is no take of motion capture in {names}"
+        raise RecordingError(message, file=file)
+    return chosen.read(file, unit)
 
 
 def marker_rows(
@@ -106,42 +102,52 @@ def marker_rows(
     take = read_take(file, mocap.unit)
     frames = take.frame - take.frame[0]
     if not np.isclose(take.rate, motion.rate) or frames[-1] != motion.steps:
-        message = (
-            f"the take spans {frames[-1] + 1} frames at {take.rate} Hz; the motion has"
+        raise RecordingError(
+            f"the take spans {frames[-1] + 1} frames at {take.rate} Hz; the motion has "
+            f"{motion.steps + 1} at {motion.rate} Hz (dataset.motion): export all frames",
+            file=file,
         )
-        message += f" {motion.steps + 1} at {motion.rate} Hz (dataset.motion): export all frames"
-        raise RecordingError(message, file=file)
     tracks, stray = _tracks(take, mocap, file)
     _require_size(tracks, mocap, take.unit, file)
     positions = np.stack([*tracks.values(), *stray], axis=1)
-    known = positions[:, : len(tracks)]
-    gone = np.isnan(known)
-    same = ((known[1:] == known[:-1]) | (gone[1:] & gone[:-1])).all(axis=(1, 2))
-    frozen = np.append(False, same & ~gone[1:].all(axis=(1, 2)))
+    frozen = _frozen_frames(positions[:, : len(tracks)])
     positions[frozen] = np.nan
+
     rotation = Rotation.from_euler("xyz", mocap.base.rpy).as_matrix()
-    k, rows, missing = np.arange(motion.steps + 1), [], 0
+    origin = np.array(mocap.base.position)
+    k = np.arange(motion.steps + 1)
+    tables, missing = [], 0
     identities = [*tracks, *((0, i) for i in range(1, len(stray) + 1))]
     for (link, marker), track in zip(identities, positions.swapaxes(0, 1), strict=True):
         xyz = np.full((len(k), 3), np.nan)
-        xyz[frames] = (
-            np.ascontiguousarray(track) - np.array(mocap.base.position)
-        ) @ rotation
-        missing += int(np.isnan(xyz[:, 0]).sum()) if link else 0
+        xyz[frames] = (np.ascontiguousarray(track) - origin) @ rotation
+        if link:
+            missing += int(np.isnan(xyz[:, 0]).sum())
         row = {"take": name, "part": part, "k": k, "t": k / motion.rate}
         row |= {"link": link, "marker": marker}
-        rows.append(pd.DataFrame(row | dict(zip("xyz", xyz.T, strict=True))))
-    counts = take.counts | {
-        "missing_samples": missing,
-        "unlabelled_markers": len(stray),
-    }
-    counts |= {"frozen_frames": int(frozen.sum())}
+        tables.append(pd.DataFrame(row | dict(zip("xyz", xyz.T, strict=True))))
+
+    counts = dict(take.counts)
+    counts["missing_samples"] = missing
+    counts["unlabelled_markers"] = len(stray)
+    counts["frozen_frames"] = int(frozen.sum())
     if not _is_named_by(take.name, file):
         counts["named_otherwise"] = 1
-    quality = [
-        quality_row(name, part, "motion capture", *count) for count in counts.items()
-    ]
-    return pd.concat(rows, ignore_index=True), quality
+    quality = []
+    for quantity, number in counts.items():
+        row = quality_row(name, part, "motion capture", quantity, number)
+        quality.append(row)
+    return pd.concat(tables, ignore_index=True), quality
+
+
+def _frozen_frames(positions: np.ndarray) -> np.ndarray:
+    """Return the mask (N,) of the frames with markers whose ``positions`` (N, P, 3) m all equal the
+    positions in the frame before.
+    """
+    gone = np.isnan(positions)
+    equal = positions[1:] == positions[:-1]
+    same = (equal | (gone[1:] & gone[:-1])).all(axis=(1, 2))
+    return np.append(False, same & ~gone[1:].all(axis=(1, 2)))
 
 
 def _is_named_by(stated: str, file: Path) -> bool:
@@ -156,13 +162,13 @@ def _is_named_by(stated: str, file: Path) -> bool:
         return True
     beside = {plain(path.stem) for path in file.parent.glob(f"*{file.suffix}")}
     if plain(stated) in beside:
-        message = f"the take is {stated!r} by its header, and another file has this name: restore "
         raise RecordingError(
-            f"{message}the files' names, or export both again", file=file
+            f"the take is {stated!r} by its header, and another file has this name: restore "
+            "the files' names, or export both again",
+            file=file,
         )
-    print(
-        f"ingest: {file.name}: the take is {stated!r} by its header; the file's name is used"
-    )
+    header = f"the take is {stated!r} by its header"
+    print(f"ingest: {file.name}: {header}; the file's name is used")
     return False
 
 
@@ -170,48 +176,62 @@ def _tracks(
     take: MotionTake, mocap: Mocap, file: Path
 ) -> tuple[dict[tuple[int, int], np.ndarray], list[np.ndarray]]:
     """Return (link, marker) → positions (N, 3) m in the world frame, and other markers'."""
-    if unknown := sorted(set(mocap.bodies) - set(mocap.markers)):
+    unknown = sorted({*mocap.bodies} - {*mocap.markers})
+    if unknown:
         message = f"no link {', '.join(unknown)}; there are {', '.join(mocap.markers)}"
         raise ConfigError(message, key="dataset.mocap.bodies")
+    wanted = []
+    for link, places in mocap.markers.items():
+        if link not in mocap.bodies:
+            wanted += places
+    bodies = [body.name for body in mocap.bodies.values()]
+    where = {"file": file, "key": "dataset.mocap.markers"}
+    markers = _full_names("marker", wanted, take.markers, **where)
+    where["key"] = "dataset.mocap.bodies"
+    rigid_bodies = _full_names("rigid body", bodies, take.bodies, **where)
 
-    def find(
-        kind: str, names: Iterable[str], recorded: Iterable[str], key: str
-    ) -> dict[str, str]:
-        fits = {
-            n: [r for r in recorded if n in (r, r.rpartition(":")[2])] for n in names
-        }
-        fits = {n: [n] if n in own else own for n, own in fits.items()}
-        several = (
-            f"{n!r} may be {' or '.join(own)}"
-            for n, own in fits.items()
-            if len(own) > 1
-        )
-        fault = "; ".join(f"{words}: write the full name" for words in several)
-        if missing := [name for name, own in fits.items() if not own]:
-            there = ", ".join(sorted(recorded)) or "none"
-            fault = f"no {kind} named {', '.join(missing)} in the take; it has {there}"
-        if fault:
-            raise RecordingError(fault, file=file, key=f"dataset.mocap.{key}")
-        return {name: own for name, (own,) in fits.items()}
-
-    free = [at for link, at in mocap.markers.items() if link not in mocap.bodies]
-    marker = find(
-        "marker", [name for at in free for name in at], take.markers, "markers"
-    )
-    named = find(
-        "rigid body", [b.name for b in mocap.bodies.values()], take.bodies, "bodies"
-    )
     tracks = {}
     for number, (link, places) in enumerate(mocap.markers.items(), 1):
-        if body := mocap.bodies.get(link):
-            pose = take.bodies[named[body.name]]
+        body = mocap.bodies.get(link)
+        if body:
+            pose = take.bodies[rigid_bodies[body.name]]
             positions = _carry(pose, body.mount, np.array([*places.values()]))
         else:
-            positions = [take.markers[marker[name]] for name in places]
-        tracks |= {(number, i): track for i, track in enumerate(positions, 1)}
-    used = {*marker.values()}
-    others = [name for name in take.markers if name not in used and not mocap.bodies]
-    return tracks, [take.markers[name] for name in others]
+            positions = [take.markers[markers[name]] for name in places]
+        for i, track in enumerate(positions, 1):
+            tracks[number, i] = track
+    stray = []
+    if not mocap.bodies:
+        used = {*markers.values()}
+        stray = [track for name, track in take.markers.items() if name not in used]
+    return tracks, stray
+
+
+def _full_names(
+    kind: str, names: Iterable[str], recorded: Iterable[str], **where: object
+) -> dict[str, str]:
+    """Return name → name in the take of each marker or body, which may have its asset's name and a
+    colon before it; RecordingError for a missing or ambiguous one.
+    """
+    full_names, missing, ambiguous = {}, [], []
+    for name in names:
+        fits = [full for full in recorded if name in (full, full.rpartition(":")[2])]
+        if name in fits:
+            fits = [name]
+        if len(fits) > 1:
+            may_be = f"{name!r} may be {' or '.join(fits)}"
+            ambiguous.append(f"{may_be}: write the full name")
+        elif fits:
+            full_names[name] = fits[0]
+        else:
+            missing.append(name)
+    if missing:
+        there = ", ".join(sorted(recorded)) or "none"
+        message = f"no {kind} named {', '.join(missing)} in the take; it has {there}"
+        raise RecordingError(message, **where)
+    if ambiguous:
+        raise RecordingError("; ".join(ambiguous), **where)
+    return full_names
 
 
 def _require_size(
@@ -229,26 +249,23 @@ def _require_size(
         middle = sizes[np.isfinite(sizes).sum() // 2]  # NaN if no row has all
         size = middle / np.linalg.norm(np.std([*places.values()], axis=0))
         if size >= ANOTHER_UNIT or size <= 1 / ANOTHER_UNIT:
-            message = f"the markers of {link} are {size:.3g} times as far apart as in the template:"
-            message += (
-                f" are lengths in {unit}, the template's in m? Export in the right unit"
-            )
             raise RecordingError(
-                message, file=file, key=f"dataset.mocap.markers.{link}"
+                f"the markers of {link} are {size:.3g} times as far apart as in the template: "
+                f"are lengths in {unit}, the template's in m? Export in the right unit",
+                file=file,
+                key=f"dataset.mocap.markers.{link}",
             )
 
 
 def _carry(pose: RigidBody, mounted: Pose, places: np.ndarray) -> np.ndarray:
     """Return the positions (P, N, 3) m of ``places`` (P, 3) m on a link by a body's ``pose``."""
-    tracked = np.isfinite(pose.position).all(axis=-1) & np.isfinite(
-        pose.quaternion
-    ).all(axis=-1)
+    has_position = np.isfinite(pose.position).all(axis=-1)
+    tracked = has_position & np.isfinite(pose.quaternion).all(axis=-1)
     mount = Rotation.from_euler("xyz", mounted.rpy).as_matrix()
     local = (places - np.array(mounted.position)) @ mount
     carried = np.full((len(places), len(tracked), 3), np.nan)
     if tracked.any():
         turn = Rotation.from_quat(pose.quaternion[tracked]).as_matrix()
-        carried[:, tracked] = pose.position[tracked] + np.einsum(
-            "nab,mb->mna", turn, local
-        )
+        turned = np.einsum("nab,mb->mna", turn, local)
+        carried[:, tracked] = pose.position[tracked] + turned
     return carried

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.ndimage import median_filter, uniform_filter1d
 
+from pipeline.arm.urdf import Joint
 from pipeline.core.angles import MOST_TURNS, TURN, unwrap, whole_turns
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.dataset import SIGNALS, JointLogSection
@@ -24,21 +25,16 @@ from pipeline.recordings import commands
 from pipeline.recordings.lags import REACH
 from pipeline.recordings.repetitions import Excursion, excursions
 
-UNITS = {
-    "clock_jitter": "s",
-    "command_delay": "s",
-}  # units of quality rows that are no counts
+# units of quality rows that are not counts
+UNITS = {"clock_jitter": "s", "command_delay": "s"}
 CLOCK_TOLERANCE = 0.1  # greatest deviation of an even row, in steps
 JITTER = 0.5  # greatest deviation of a step; beyond, and if it lasts, rows are missing or too close
 LASTING = 41  # rows of the medians before and after a deviation that lasts
 RATE_TOLERANCE = 0.01  # greatest relative error of the mean rate of the rows
 UNWRAPPED = "unwrapped_jumps"  # count of removed jumps of whole turns
 DAMAGED = 5  # rows of the median that omits damaged cells
-PACE, MOVING, HELD = (
-    0.1,
-    0.1,
-    0.3,
-)  # s; share of the greatest pace; greatest share of held rows
+# s; share of the greatest pace; greatest share of held rows
+PACE, MOVING, HELD = 0.1, 0.1, 0.3
 
 
 def read_movement(
@@ -54,8 +50,10 @@ def read_movement(
     from scipy.interpolate import CubicSpline
 
     logs = {file: read_log(file, options) for file, options in files.items()}
-    length, first = min(len(log.time) for log in logs.values()), next(iter(logs))
-    time, counts, signals = logs[first].time[:length], Counter(), {}
+    length = min(len(log.time) for log in logs.values())
+    first = next(iter(logs))
+    time = logs[first].time[:length]
+    counts, signals = Counter(), {}
     uneven = _uneven_rows(time, rate, first)
     for file, log in logs.items():
         if (np.abs(log.time[:length] - time) * rate > CLOCK_TOLERANCE).any():
@@ -68,21 +66,19 @@ def read_movement(
     jitter = float(np.diff(time).std())
     if clock is None:
         smoother = smoothness_by_rows(time, np.hstack([*signals.values()]), rate)
-        message = f"the times of {uneven} rows are uneven; the jitter is {1e3 * jitter:.3g} ms. Set"
-        message += (
-            " clock to rows if rows were measured at the rate, or to times. With rows"
+        raise RecordingError(
+            f"the times of {uneven} rows are uneven; the jitter is {1e3 * jitter:.3g} ms. "
+            "Set clock to rows if rows were measured at the rate, or to times. With rows the "
+            f"angles are {smoother:.3g} times as smooth",
+            file=first,
+            key=f"{OPTION}.clock",
         )
-        message += f" the angles are {smoother:.3g} times as smooth"
-        raise RecordingError(message, file=first, key=f"{OPTION}.clock")
     counts.update({"uneven_rows": uneven, "clock_jitter": jitter})
     if clock == "times":
-        grid = (
-            time[0]
-            + np.arange(int((time[-1] - time[0]) * rate + CLOCK_TOLERANCE) + 1) / rate
-        )
-        signals = {
-            name: CubicSpline(time, rows)(grid) for name, rows in signals.items()
-        }
+        steps = int((time[-1] - time[0]) * rate + CLOCK_TOLERANCE)
+        grid = time[0] + np.arange(steps + 1) / rate
+        for name, rows in signals.items():
+            signals[name] = CubicSpline(time, rows)(grid)
         counts["resampled_rows"] = len(grid)
     return signals, dict(counts)
 
@@ -91,10 +87,12 @@ def smoothness_by_rows(time: np.ndarray, angles: np.ndarray, rate: float) -> flo
     """Return the third derivative of ``angles`` over ``time``, relative to even rows."""
     from scipy.interpolate import CubicSpline
 
-    clocks = time, np.arange(len(time)) / rate
-    derivatives = (CubicSpline(clock, angles)(clock[:-1], 3) for clock in clocks)
-    by_time, by_rows = (np.median((each**2).sum(axis=1)) for each in derivatives)
-    return float(np.sqrt(by_time / by_rows)) if by_rows else np.inf
+    def roughness(clock: np.ndarray) -> float:
+        derivatives = CubicSpline(clock, angles)(clock[:-1], 3)
+        return np.median((derivatives**2).sum(axis=1))
+
+    by_rows = roughness(np.arange(len(time)) / rate)
+    return float(np.sqrt(roughness(time) / by_rows)) if by_rows else np.inf
 
 
 def _uneven_rows(time: np.ndarray, rate: float, file: Path) -> int:
@@ -102,23 +100,28 @@ def _uneven_rows(time: np.ndarray, rate: float, file: Path) -> int:
     steps = np.diff(time)
     if not len(steps):
         return 0
-    off, mean, key = np.abs(steps * rate - 1), (time[-1] - time[0]) / len(steps), None
-    another = abs(mean * rate - 1) > RATE_TOLERANCE
+    off = np.abs(steps * rate - 1)
+    mean = (time[-1] - time[0]) / len(steps)
+    is_other_rate = abs(mean * rate - 1) > RATE_TOLERANCE
     # a loaded computer's clock is late, and then on time again; missing rows shift it for good
     shift = median_filter(time * rate - np.arange(len(time)), LASTING, mode="nearest")
     rows, half = np.arange(len(steps)), LASTING // 2
     after, before = np.minimum(rows + half + 1, len(steps)), np.maximum(rows - half, 0)
-    beyond = (off > JITTER) & (np.abs(shift[after] - shift[before]) > JITTER)
-    if beyond.any() and not (another and np.median(off) > JITTER):
+    lasts = np.abs(shift[after] - shift[before]) > JITTER
+    beyond = (off > JITTER) & lasts
+    if beyond.any() and not (is_other_rate and np.median(off) > JITTER):
         row = int(np.argmax(beyond))
-        found = f"{steps[row]:.6g} s at {time[row] - time[0]:.6g} s from the start"
-        cause = f"rows are {'missing' if steps[row] * rate > 1 else 'too close'}; resample the log"
-    elif another:
-        found, key = f"{mean:.6g} s on average", "dataset.motion.rate"
+        key = None
+        stated = f"{steps[row]:.6g} s at {time[row] - time[0]:.6g} s from the start"
+        fault = "missing" if steps[row] * rate > 1 else "too close"
+        cause = f"rows are {fault}; resample the log"
+    elif is_other_rate:
+        key = "dataset.motion.rate"
+        stated = f"{mean:.6g} s on average"
         cause = f"set the rate to {1 / mean:.6g}, or correct time_unit"
     else:
         return int((off > CLOCK_TOLERANCE).sum())
-    message = f"the time step of the log is {found}, not 1/{rate:g} s: {cause}"
+    message = f"the time step of the log is {stated}, not 1/{rate:g} s: {cause}"
     raise RecordingError(message, file=file, key=key)
 
 
@@ -130,33 +133,30 @@ def read_log(file: Path, options: LogOptions) -> JointLog:
     chosen = format_of(file, formats_in(joint_formats, Kind.JOINTS)) or TABLE
     log = chosen.read(file, options)
     names, signals, jumps = options.names or log.joints, {}, 0
+    key = f"{OPTION}.joints"
     stated = match_joints(log.joints, options.names) if log.joints else []
     if {*stated} == {*options.names} and stated != [*options.names]:
         message = f"the joints of the log are {', '.join(log.joints)}"
-        raise RecordingError(message, file=file, key=f"{OPTION}.joints")
-    for name in (
-        name for name in log.signals if name in (options.signals or log.signals)
-    ):
-        rows = log.signals[name] * np.asarray(options.factors.get(name, 1.0))
+        raise RecordingError(message, file=file, key=key)
+    for name, logged in log.signals.items():
+        if options.signals and name not in options.signals:
+            continue
+        rows = logged * np.asarray(options.factors.get(name, 1.0))
         if rows.shape[1] != options.joints:
             message = f"the log holds {rows.shape[1]} joints, not {options.joints}"
-            raise RecordingError(message, file=file, key=f"{OPTION}.joints")
+            raise RecordingError(message, file=file, key=key)
+        where = {"signal": name, "lines": log.lines, "file": file}
+        circular, unit = options.circular, options.angle_unit
         if name in SIGNALS:
-            if options.angle_unit == "deg":
-                rows = np.where(options.circular, rows, np.degrees(rows))
-            where = {"signal": name, "lines": log.lines, "file": file}
-            require_plausible(
-                rows, log.time, names, options.circular, options.angle_unit, **where
-            )
+            if unit == "deg":
+                rows = np.where(circular, rows, np.degrees(rows))
+            require_plausible(rows, log.time, names, circular, unit, **where)
         if name in SIGNALS[:2]:
-            rows, removed = unwrap(
-                rows, log.time, names, circular=options.circular, **where
-            )
+            rows, removed = unwrap(rows, log.time, names, circular=circular, **where)
             jumps += removed
         signals[name] = rows
-    return replace(
-        log, signals=signals, counts=log.counts | ({UNWRAPPED: jumps} if jumps else {})
-    )
+    counts = log.counts | {UNWRAPPED: jumps} if jumps else log.counts
+    return replace(log, signals=signals, counts=counts)
 
 
 def without_damage(angles: np.ndarray) -> np.ndarray:
@@ -182,19 +182,22 @@ def require_plausible(
     the line if it is a damaged cell, else with the option of the ``unit``.
     """
     limit, sizes = MOST_TURNS * TURN, np.where(circular, np.abs(angles), 0.0)
-    if not (beyond := sizes > limit).any():
+    beyond = sizes > limit
+    if not beyond.any():
         return
     row, joint = np.argwhere(beyond)[0].tolist()
     name = names[joint] if len(names) == angles.shape[1] else f"joint {joint + 1}"
-    message = f"{name} ({signal}) is {angles[row, joint]:.6g} rad, or rad/s, at "
-    message += (
+    fault = (
+        f"{name} ({signal}) is {angles[row, joint]:.6g} rad, or rad/s, at "
         f"{time[row] - time[0]:.6g} s from the start: beyond four turns, which is not "
+        "plausible"
     )
     if (without_damage(sizes) > limit).any():
-        message += f"plausible: check that the angle_unit is {unit}"
+        message = f"{fault}: check that the angle_unit is {unit}"
         raise RecordingError(message, **where, key=f"{OPTION}.angle_unit")
-    where |= {"line": lines[row]} if len(lines) else {}
-    message += "plausible and no angle: correct the cell, or leave the row out"
+    if len(lines):
+        where["line"] = lines[row]
+    message = f"{fault} and no angle: correct the cell, or leave the row out"
     raise RecordingError(message, **where)
 
 
@@ -213,9 +216,12 @@ def require_fresh(
     changed = moving[moving > 0]
     share = 1 - len(changed) / max(len(moving), 1)
     if share > HELD and np.median(changed) > 2 * changed.min():
-        message = f"{share:.0%} of the rows in motion repeat the angles of the row before, at other"
-        message += f" times: the values change {rate * (1 - share):.4g} times a second; write each"
-        raise RecordingError(f"{message} sample once, with its own time", **where)
+        raise RecordingError(
+            f"{share:.0%} of the rows in motion repeat the angles of the row before, at other "
+            f"times: the values change {rate * (1 - share):.4g} times a second; write each "
+            "sample once, with its own time",
+            **where,
+        )
 
 
 def require_speeds(
@@ -226,26 +232,35 @@ def require_speeds(
     **where,
 ) -> None:
     """Raise RecordingError where ``angles`` (N, joints) exceed a velocity limit in ``urdf``."""
-    known, seconds = commands.named_joints(urdf, names), np.diff(time)[:, None]
-    limits = [
-        ((joint and joint.limits) or {}).get("velocity") or np.inf for joint in known
-    ]
+    joints = commands.named_joints(urdf, names)
+    seconds = np.diff(time)[:, None]
+    limits = np.array([_velocity_limit(joint) for joint in joints])
     for signal, rows in angles.items():
         steps = np.abs(np.diff(rows, axis=0))
-        for row, column in np.argwhere(
-            commands.beyond_speed(steps, np.array(limits), seconds)
-        ):
-            unit = "m" if known[column].kind == "prismatic" else "rad"
-            at, step = round(float(time[row + 1] - time[0]), 6), steps[row, column]
-            message = f"{names[column]} ({signal}) steps by {step:.4g} {unit} at {at:g} s from the"
-            message += (
-                f" start: {step / seconds[row, 0]:.4g} {unit}/s, where the robot's URDF"
-            )
-            message += f" allows {limits[column]:.4g} {unit}/s; check the unit of this joint, leave"
-            message += (
-                " this part of the log out, or correct the velocity limit in the URDF"
-            )
-            raise RecordingError(message, **where, joint=names[column], time=at)
+        beyond = commands.beyond_speed(steps, limits, seconds)
+        if not beyond.any():
+            continue
+        row, column = np.argwhere(beyond)[0]
+        unit = "m" if joints[column].kind == "prismatic" else "rad"
+        at = round(float(time[row + 1] - time[0]), 6)
+        step = steps[row, column]
+        speed = step / seconds[row, 0]
+        raise RecordingError(
+            f"{names[column]} ({signal}) steps by {step:.4g} {unit} at {at:g} s from the "
+            f"start: {speed:.4g} {unit}/s, where the robot's URDF allows "
+            f"{limits[column]:.4g} {unit}/s; check the unit of this joint, leave this part "
+            "of the log out, or correct the velocity limit in the URDF",
+            **where,
+            joint=names[column],
+            time=at,
+        )
+
+
+def _velocity_limit(joint: Joint | None) -> float:
+    """Return the limit of the ``joint``'s URDF in rad/s or m/s; infinite where none is stated."""
+    if joint is None or not joint.limits:
+        return np.inf
+    return joint.limits.get("velocity") or np.inf
 
 
 class LoggedMovement(NamedTuple):
@@ -261,17 +276,13 @@ class LoggedMovement(NamedTuple):
     def of(self, joints: Sequence[str]) -> Self:
         """Return the movement of the ``joints`` alone, in their order, with motions of theirs."""
         places = [self.joints.index(joint) for joint in joints]
-        actual, target, circular = (
-            self.actual[:, places],
-            self.target[:, places],
-            self.circular,
-        )
-        spans = [target[max(run.first - 1, 0) : run.last + 1] for run in self.motions]
-        far = [np.ptp(span, axis=0).max(initial=0.0) > REACH for span in spans]
-        motions = [run for run, moves in zip(self.motions, far, strict=True) if moves]
-        return LoggedMovement(
-            joints, actual, target, motions, self.counts, circular[places]
-        )
+        actual, target = self.actual[:, places], self.target[:, places]
+        circular, motions = self.circular[places], []
+        for run in self.motions:
+            span = target[max(run.first - 1, 0) : run.last + 1]
+            if np.ptp(span, axis=0).max(initial=0.0) > REACH:
+                motions.append(run)
+        return LoggedMovement(joints, actual, target, motions, self.counts, circular)
 
 
 def read_logged_movement(
@@ -288,31 +299,24 @@ def read_logged_movement(
     beyond the velocity limits in ``urdf``; ConfigError where options name no columns or delay.
     """
     joints, circular = options.joints, commands.circular_joints(urdf, options.joints)
-    keys = ("time", "separator", "decimal", "angle_unit", "time_unit")
-    common = {key: getattr(options, key) for key in keys}
-    common |= {
+    common = {
+        "time": options.time,
+        "separator": options.separator,
+        "decimal": options.decimal,
+        "angle_unit": options.angle_unit,
+        "time_unit": options.time_unit,
         "rate": rate,
         "circular": circular,
         "joints": len(joints),
         "names": joints,
+        "factors": dict.fromkeys(SIGNALS[1:], options.target_factor),
     }
-    common["factors"] = dict.fromkeys(SIGNALS[1:], options.target_factor)
     files = _files_of_signals(movement, options, common)
-    single = [*files] == [movement]
-    signals, counts = read_movement(files, rate, options.clock) if files else ({}, {})
-    if missing := [signal for signal in SIGNALS[:2] if signal not in signals]:
-        where = "signals" if single else " and ".join(missing)
-        message = f"no option names the {' and '.join(missing)} angles of {name}"
-        if is_bag(movement):
-            unread = rosbag.summary(movement).passed_over
-            message += "".join(f"; {topic}: {why}" for topic, why in unread.items())
-        raise ConfigError(message, key=f"{OPTION}.{where}")
-    delay = options.target_delay
-    delays = delay if isinstance(delay, Mapping) else {name: delay}
-    if name not in delays:
-        message = f"no delay for the movement {name}, only for {', '.join(delays)}"
-        raise ConfigError(message, key=f"{OPTION}.target_delay")
-    early = round(delays[name] * rate)
+    signals, counts = {}, {}
+    if files:
+        signals, counts = read_movement(files, rate, options.clock)
+    _require_angles(signals, name, movement, files)
+    early = _delay_of(name, options, rate)
     actual, target = commands.shift_rows(signals["actual"], signals["target"], early)
     if early:
         counts |= {"command_delay": early / rate, "rows_beside_the_delay": abs(early)}
@@ -323,19 +327,53 @@ def read_logged_movement(
         counts |= {"joints_moved_by_whole_turns": np.count_nonzero(turns)}
     speed = rate
     if "speed" in signals:
-        speed = commands.shift_rows(signals["actual"], signals["speed"], early)[1]
+        _, speed = commands.shift_rows(signals["actual"], signals["speed"], early)
     else:
         counts |= {"speed_from_angles": 1}
-    read = LoggedMovement(joints, actual, target, [], counts, circular)
-    if fault := commands.standing_arm(actual, target):
+    fault = commands.standing_arm(actual, target)
+    if fault:
         raise RecordingError(fault, file=movement)
-    standing = commands.standing_joints(actual, target)
-    follow = read.of(np.array(joints)[~standing].tolist())
-    pair = follow.actual, follow.target, rate, options.mismatch, follow.joints
-    commands.require_pair(*pair, file=movement)
+    follow = ~commands.standing_joints(actual, target)
+    commands.require_pair(
+        actual[:, follow],
+        target[:, follow],
+        rate,
+        options.mismatch,
+        np.array(joints)[follow].tolist(),
+        file=movement,
+    )
     angles = {"actual": actual, "target": target}
     require_speeds(np.arange(len(actual)) / rate, angles, joints, urdf, file=movement)
-    return read._replace(motions=excursions(target, speed, options.rest_speed))
+    motions = excursions(target, speed, options.rest_speed)
+    return LoggedMovement(joints, actual, target, motions, counts, circular)
+
+
+def _require_angles(
+    signals: Mapping[str, np.ndarray],
+    name: str,
+    movement: Path,
+    files: Mapping[Path, LogOptions],
+) -> None:
+    """Raise ConfigError where no option names the measured or the commanded angles."""
+    missing = [signal for signal in SIGNALS[:2] if signal not in signals]
+    if not missing:
+        return
+    option = "signals" if [*files] == [movement] else " and ".join(missing)
+    message = f"no option names the {' and '.join(missing)} angles of {name}"
+    if is_bag(movement):
+        unread = rosbag.summary(movement).passed_over
+        message += "".join(f"; {topic}: {why}" for topic, why in unread.items())
+    raise ConfigError(message, key=f"{OPTION}.{option}")
+
+
+def _delay_of(name: str, options: JointLogSection, rate: float) -> int:
+    """Return the rows by which the command of the movement ``name`` is early."""
+    delay = options.target_delay
+    delays = delay if isinstance(delay, Mapping) else {name: delay}
+    if name not in delays:
+        message = f"no delay for the movement {name}, only for {', '.join(delays)}"
+        raise ConfigError(message, key=f"{OPTION}.target_delay")
+    return round(delays[name] * rate)
 
 
 def _files_of_signals(
@@ -346,9 +384,9 @@ def _files_of_signals(
     """
     if (movement.is_file() or is_bag(movement)) and options.actual is None:
         return {movement: LogOptions(**common, signals={**options.signals})}
-    names = {name: getattr(options, name) for name in (*SIGNALS, "time")}
     places = {}
-    for name, text in names.items():
+    for name in (*SIGNALS, "time"):
+        text = getattr(options, name)
         if isinstance(text, str):
             places[name] = _place_of(movement, str(options.actual), text)
     if "time" in places and places["time"].is_file():
@@ -359,9 +397,10 @@ def _files_of_signals(
         if signal in places:
             columns = options.signals.get(signal)
             wanted.setdefault(places[signal], {})[signal] = columns
-    return {
-        file: LogOptions(**common, signals=signals) for file, signals in wanted.items()
-    }
+    read = {}
+    for file, signals in wanted.items():
+        read[file] = LogOptions(**common, signals=signals)
+    return read
 
 
 def _place_of(movement: Path, actual: str, text: str) -> Path:

@@ -32,10 +32,8 @@ SAME_SAMPLES = 2e-6  # m, rad or N: rounding to six decimals, below any noise
 DECIMALS = 9  # values that differ by less are one value, converted twice
 # likeness: rows over which noise averages out, and least number of such blocks in a take
 BLOCK, LEAST_BLOCKS = 10, 20
-DIFFERENCES, NOISE_GAIN = (
-    6,
-    924,
-)  # order of differences, and their variance of white noise of 1
+# order of differences, and their variance of white noise of 1
+DIFFERENCES, NOISE_GAIN = 6, 924
 WITHIN = 1.5  # noise, greatest distance of equal takes: 1 for white noise, 1.3 with heavy tails
 # a group of more than half of the takes is equal by copying only if so many takes are not in it:
 # else the arm repeats within the noise, and the few takes outside are disturbed
@@ -66,16 +64,14 @@ def quality_row(
 
 def summarise(quality: pd.DataFrame) -> pd.DataFrame:
     """Return, by instrument and quantity, total (of counts), mean (of others) and extremes."""
-    summed = quality[quality["unit"] != "row"].groupby(
-        ["instrument", "quantity", "unit"]
-    )["value"]
-    table = summed.agg(
-        total="sum", mean="mean", least="min", greatest="max"
-    ).reset_index()
+    measured = quality[quality["unit"] != "row"]
+    values = measured.groupby(["instrument", "quantity", "unit"])["value"]
+    table = values.agg(total="sum", mean="mean", least="min", greatest="max")
+    table = table.reset_index()
     counted = table["unit"] == "count"
-    return table.assign(
-        total=table["total"].where(counted), mean=table["mean"].where(~counted)
-    )
+    table["total"] = table["total"].where(counted)
+    table["mean"] = table["mean"].where(~counted)
+    return table
 
 
 def are_equal(
@@ -114,15 +110,17 @@ def require_distinct(
     greater of their ``tolerances``; ``parts`` of the names are printed with them.
     """
     for first, second in combinations(samples, 2):
-        of_pair = [tolerances.get(name, SAME_SAMPLES) for name in (first, second)]
-        tolerance = np.maximum(*of_pair)
+        tolerance = np.maximum(
+            tolerances.get(first, SAME_SAMPLES), tolerances.get(second, SAME_SAMPLES)
+        )
         if are_equal(samples[first], samples[second], tolerance):
             names = sorted((first, second))
-            pair = " and ".join(
-                f"{parts.get(name, '')} {name}".strip() for name in names
+            named = [f"{parts.get(name, '')} {name}".strip() for name in names]
+            raise RecordingError(
+                f"the {what} {' and '.join(named)} have equal samples: one is a copy of the "
+                "other; take it out, or record it again",
+                take=second,
             )
-            message = f"the {what} {pair} have equal samples: one is a copy of the other; take it"
-            raise RecordingError(f"{message} out, or record it again", take=second)
 
 
 def compare_takes(
@@ -136,33 +134,42 @@ def compare_takes(
     beyond the ``limit`` of the likeness, one take counts in the median that others deviate from.
     """
     alike = likeness(angles)
-    copies = alike.ratio > (np.inf if limit is None else limit)
-    later = np.array([label in alike.group[:i] for i, label in enumerate(alike.group)])
+    distinct = _distinct_takes(alike, limit)
     usual = np.nanmedian(residuals, axis=0)
     residuals = np.where(np.isnan(residuals), usual, residuals)
-    distinct = ~(copies & later)
+    scores = disturbances(residuals, rate, distinct)
+    distances = beside_others(residuals, distinct)
+    lags = lags_beside_others(angles, rate)
     return {
         "likeness": (alike.ratio, "1"),
         "alike_takes": (alike.size, "takes"),
         "nearest_take": (alike.nearest, "noise"),
-        "disturbance": (
-            disturbances(residuals, rate, distinct),
-            "robust standard deviations",
-        ),
-        "residual_beside_others": (beside_others(residuals, distinct), "rad"),
-        "lag_beside_others": (lags_beside_others(angles, rate), "s"),
+        "disturbance": (scores, "robust standard deviations"),
+        "residual_beside_others": (distances, "rad"),
+        "lag_beside_others": (lags, "s"),
     }
 
 
 class Likeness(NamedTuple):
     """Groups of takes that are equal within the noise; arrays (takes,)."""
 
-    ratio: (
-        np.ndarray
-    )  # distance of the group to the nearest take outside, in noise; 1 without
+    ratio: np.ndarray  # distance of the group to the next take, in noise; 1 without
     size: np.ndarray  # number of takes in the group; 1 without
     group: np.ndarray  # first take of the group, the take itself without
     nearest: np.ndarray  # distance to the nearest take, in noise; NaN for a single take
+
+
+def _distinct_takes(alike: Likeness, limit: float | None) -> np.ndarray:
+    """Return the mask (takes,) of takes that are no copies of an earlier take: their likeness is
+    within the ``limit``, or they are the first of their group.
+    """
+    distinct = np.ones(len(alike.group), bool)
+    if limit is None:
+        return distinct
+    for take, first_of_group in enumerate(alike.group):
+        is_copy = alike.ratio[take] > limit
+        distinct[take] = not (is_copy and first_of_group in alike.group[:take])
+    return distinct
 
 
 def likeness(angles: np.ndarray) -> Likeness:
@@ -187,6 +194,7 @@ def likeness(angles: np.ndarray) -> Likeness:
         few_outside = outside < LEAST_OUTSIDE or outside <= SHARE_OUTSIDE * number
         if len(members) <= number / 2 or not few_outside:
             groups.append((members, distance))
+
     for joint in by_joint:
         for members, distance in _equal_takes(joint):
             if len(members) <= number / 2:
@@ -211,17 +219,18 @@ def noise_distances(angles: np.ndarray) -> np.ndarray:
     angles = np.where(np.isnan(angles), usual, angles)[:, :, moves]
     rows = max(min(BLOCK, angles.shape[1] // LEAST_BLOCKS), 1)
     jumps = np.abs(np.diff(angles, DIFFERENCES, axis=1))
-    noise = (
-        1.4826 * np.median(jumps, axis=1).T / np.sqrt(NOISE_GAIN * rows)
-    )  # (n, takes)
+    gain = np.sqrt(NOISE_GAIN * rows)
+    noise = 1.4826 * np.median(jumps, axis=1).T / gain  # (n, takes)
+
     speed = np.gradient(angles, axis=1)
-    speeding = np.gradient(speed, axis=1)
-    takes, speed, speeding = (_block_means(x, rows) for x in (angles, speed, speeding))
+    takes = _block_means(angles, rows)
+    acceleration = _block_means(np.gradient(speed, axis=1), rows)
+    speed = _block_means(speed, rows)
     constant = np.ones_like(takes[:, 0])
     time = np.cumsum(constant, axis=1)
     distances = np.zeros((len(takes), len(angles), len(angles)))
     for i in range(len(angles)):
-        fitted = constant, time, takes[:, i], speed[:, i], speeding[:, i]
+        fitted = constant, time, takes[:, i], speed[:, i], acceleration[:, i]
         basis = np.linalg.qr(np.stack(fitted, axis=-1))[0]  # (n, blocks, 5)
         apart = takes - takes[:, [i]]
         apart = apart - apart @ basis @ np.swapaxes(basis, 1, 2)
@@ -247,9 +256,9 @@ def _equal_takes(distances: np.ndarray) -> Iterator[tuple[np.ndarray, float]]:
     """
     from scipy.cluster.hierarchy import linkage
 
-    number = len(distances)
-    members = [np.array([take]) for take in range(number)]
-    within = [np.inf] * number  # greatest link in the cluster
+    # a cluster of scipy has the number of takes plus the row of its link
+    members = [np.array([take]) for take in range(len(distances))]
+    within = [np.inf] * len(distances)  # greatest link in the cluster
     for first, second, distance, _ in linkage(squareform(distances), "single"):
         children = int(first), int(second)
         for child in children:
@@ -306,16 +315,18 @@ def _greatest_in_windows(
     signal: np.ndarray, rate: float, distinct: np.ndarray
 ) -> np.ndarray:
     """Return the greatest relative distance (takes,) from the median in a joint and window."""
-    beside, length = signal - np.median(signal[distinct], axis=0), signal.shape[1]
+    distance = signal - np.median(signal[distinct], axis=0)
+    length = signal.shape[1]
     rows = min(max(round(WINDOW * rate), 1), length)
     starts = np.arange(0, length - rows + 1, max(rows // OVERLAP, 1))
-    sums = np.cumsum(beside, axis=1)
+    sums = np.cumsum(distance, axis=1)
     sums = np.concatenate([np.zeros_like(sums[:, :1]), sums], axis=1)
     means = np.abs(sums[:, starts + rows] - sums[:, starts]) / rows
-    in_window, of_joint, of_all = (
-        np.median(means[distinct], axes, keepdims=True) for axes in (0, (0, 1), None)
-    )
-    usual = np.maximum(in_window, np.maximum(of_joint, LEAST_OF_JOINT * of_all))
+
+    of_window = np.median(means[distinct], axis=0, keepdims=True)
+    of_joint = np.median(means[distinct], axis=(0, 1), keepdims=True)
+    of_all = np.median(means[distinct], keepdims=True)
+    usual = np.maximum(of_window, np.maximum(of_joint, LEAST_OF_JOINT * of_all))
     ratios = np.divide(means, usual, out=np.ones_like(means), where=usual > 0)
     return ratios.max(axis=(1, 2))
 
@@ -330,15 +341,20 @@ def _scores(distance: np.ndarray, distinct: np.ndarray, least: float) -> np.ndar
     return (distance - median) / scale if scale > 0 else np.zeros_like(distance)
 
 
-def residual_share(seen: np.ndarray, residual: float, others: list[float]) -> float:
+def residual_share(
+    seen: np.ndarray, residual: float, foreign_residuals: list[float]
+) -> float:
     """Return the ``residual`` of a take's centroids ``seen`` (F, d) in m beside its joints, over
-    the median of the residuals beside ``others``: 1 for the images of another take. Takes that
-    differ by less than the noise of ``seen`` cannot be told apart; their share is below 1.
+    the median of the ``foreign_residuals`` beside the joints of other takes.
+
+    The share is 1 for the images of another take. Takes that differ by less than the noise of
+    ``seen`` cannot be told apart; their share is below 1.
     """
     # mostly at rest: the motion adds to a few
     jumps = np.abs(np.diff(seen, DIFFERENCES, axis=0))
     noise = 1.4826 * np.median(jumps) / np.sqrt(NOISE_GAIN)
-    return float(residual / max(float(np.median(others)), NOISE_MARGIN * noise))
+    usual = float(np.median(foreign_residuals))
+    return float(residual / max(usual, NOISE_MARGIN * noise))
 
 
 def beside_limits(
@@ -347,11 +363,11 @@ def beside_limits(
     """Return the table ``takes`` from the table ``quality``: measures, their limits (in the unit of
     the measure; None: no limit), and whether a take is left out; training takes first.
     """
-    takes = quality[quality["quantity"].isin(MEASURES)].rename(
-        columns={"quantity": "measure"}
-    )
-    takes = takes.assign(limit=takes["measure"].map(limits).astype(float))
-    size = takes["value"].abs().where(takes["measure"].isin(TWO_SIDED), takes["value"])
+    measured = quality[quality["quantity"].isin(MEASURES)]
+    takes = measured.rename(columns={"quantity": "measure"})
+    takes["limit"] = takes["measure"].map(limits).astype(float)
+    two_sided = takes["measure"].isin(TWO_SIDED)
+    size = takes["value"].abs().where(two_sided, takes["value"])
     takes["beyond"] = size > takes["limit"]
     takes["left_out"] = takes["beyond"].groupby(takes["take"]).transform("any")
     takes["place"] = takes["measure"].map(MEASURES.index)
@@ -370,8 +386,8 @@ def reasons_by_take(takes: pd.DataFrame) -> pd.Series:
         if row.measure == "likeness":
             reason += f", {sizes[row.take]:g} takes are copies of one"
         words.append(reason)
-    words = pd.Series(words, beyond["take"], dtype="str")
-    return words.groupby(level=0, sort=False).agg(", ".join)
+    by_row = pd.Series(words, beyond["take"], dtype="str")
+    return by_row.groupby(level=0, sort=False).agg(", ".join)
 
 
 def reasons(takes: pd.DataFrame) -> list[str]:
@@ -381,59 +397,63 @@ def reasons(takes: pd.DataFrame) -> list[str]:
 
 def side_by_side(takes: pd.DataFrame) -> pd.DataFrame:
     """Return one row per take of the table ``takes``: measures, whether and why it is left out."""
-    unit = takes["unit"].map(
-        lambda unit: "" if unit in ("count", "share") else f" ({unit})"
-    )
+    in_brackets = " (" + takes["unit"] + ")"
+    unit = in_brackets.mask(takes["unit"].isin(("count", "share")), "")
     column = takes["measure"] + unit
-    wide = takes.assign(column=column).pivot(
-        index="take", columns="column", values="value"
-    )
-    order = takes.drop_duplicates("take").set_index("take")[["part", "left_out"]]
-    table = order[["part"]].join(wide[list(dict.fromkeys(column))])
-    return table.assign(
-        left_out=order["left_out"], reason=reasons_by_take(takes)
-    ).reset_index()
+    named = takes.assign(column=column)
+    wide = named.pivot(index="take", columns="column", values="value")
+    order = takes.drop_duplicates("take").set_index("take")
+    table = order[["part"]].join(wide[list(column.unique())])
+    table["left_out"] = order["left_out"]
+    table["reason"] = reasons_by_take(takes)
+    return table.reset_index()
 
 
 def require_enough(takes: pd.DataFrame) -> None:
     """Raise RecordingError where the limits leave fewer than FEWEST takes of a part."""
-    for part, rows in takes.groupby("part", sort=False):
+    for part_name, rows in takes.groupby("part", sort=False):
         left = rows.loc[~rows["left_out"], "take"].nunique()
-        beyond = rows.loc[rows["beyond"], "measure"].unique()
-        if len(beyond) and left < FEWEST:
-            message = f"the limits leave {left} {part} take(s), {FEWEST} are required; takes beyond"
-            message += f" the limits: {'; '.join(reasons(rows))}; record these takes again, or set"
-            keys = ", ".join(f"dataset.limits.{measure}" for measure in beyond)
-            raise RecordingError(f"{message} other limits", key=keys)
+        measures = rows.loc[rows["beyond"], "measure"].unique()
+        if len(measures) and left < FEWEST:
+            raise RecordingError(
+                f"the limits leave {left} {part_name} take(s), {FEWEST} are required; takes "
+                f"beyond the limits: {'; '.join(reasons(rows))}; record these takes again, or "
+                "set other limits",
+                key=", ".join(f"dataset.limits.{measure}" for measure in measures),
+            )
 
 
 def account(
     files: Iterable[pd.DataFrame], quality: pd.DataFrame, takes: pd.DataFrame
 ) -> pd.DataFrame:
     """Return one row per step and recording: numbers found and kept, and what is left out."""
-    names = [set(table["file"]) for table in files]
-    present, unread = (
-        set().union(*names),
-        set.intersection(*names),
-    )  # unnamed: listed by each part
-    places = Counter(name.partition("/")[0] for name in unread)
-    words = ", ".join(
-        f"{place} ({n})" if n > 1 else place for place, n in sorted(places.items())
-    )
-    rows = [("files", "all", len(present), len(present - unread), words)]
+    rows = [_account_of_files([set(table["file"]) for table in files])]
     counts = quality[quality["quantity"].str.startswith((REPETITIONS, LEFT_OUT))]
     for movement, of_movement in counts.groupby("take"):
         number = of_movement.set_index("quantity")["value"].astype(int)
         lost = number[(number > 0) & (number.index != REPETITIONS)]
-        reason = lost.index.str.removeprefix(LEFT_OUT).str.replace("_", " ")
-        words = ", ".join(
-            f"{name} {count}" for name, count in zip(reason, lost, strict=True)
-        )
-        rows.append(("motions", movement, number.sum(), number[REPETITIONS], words))
-    for part, of_part in takes.groupby("part", sort=False):
-        found = of_part["take"].nunique()
-        gone = of_part.loc[of_part["left_out"], "take"].nunique()
-        rows.append(("takes", part, found, found - gone, "; ".join(reasons(of_part))))
-    return pd.DataFrame(
-        rows, columns=["step", "recording", "found", "kept", "left_out"]
-    )
+        words = []
+        for quantity, count in lost.items():
+            reason = quantity.removeprefix(LEFT_OUT).replace("_", " ")
+            words.append(f"{reason} {count}")
+        total, repetitions = number.sum(), number[REPETITIONS]
+        rows.append(("motions", movement, total, repetitions, ", ".join(words)))
+    for part_name, of_part in takes.groupby("part", sort=False):
+        number = of_part["take"].nunique()
+        left = of_part.loc[~of_part["left_out"], "take"].nunique()
+        rows.append(("takes", part_name, number, left, "; ".join(reasons(of_part))))
+    columns = ["step", "recording", "found", "kept", "left_out"]
+    return pd.DataFrame(rows, columns=columns)
+
+
+def _account_of_files(files_by_part: list[set[str]]) -> tuple[str, str, int, int, str]:
+    """Return the row of :func:`account` for the files: the files that no option names, which are
+    listed by each part, are left out.
+    """
+    files = set().union(*files_by_part)
+    unread = set.intersection(*files_by_part)
+    places = Counter(name.partition("/")[0] for name in unread)
+    words = []
+    for place, number in sorted(places.items()):
+        words.append(f"{place} ({number})" if number > 1 else place)
+    return "files", "all", len(files), len(files - unread), ", ".join(words)

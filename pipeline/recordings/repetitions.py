@@ -8,9 +8,8 @@ import numpy as np
 from pipeline.core.angles import apart
 from pipeline.recordings.lags import REACH
 
-REST_SPEED = (
-    1e-4  # rad/s: less than a microradian per sample, below the resolution of encoders
-)
+# rad/s: less than a microradian per sample, below the resolution of encoders
+REST_SPEED = 1e-4
 SLACK = 2  # rows by which a log may have the same command earlier, later or longer
 
 
@@ -59,16 +58,20 @@ def excursions(
     """
     if np.ndim(speeds) == 0:
         speeds = np.diff(angles, axis=0, prepend=angles[:1]) * speeds
-    fast = _runs(np.any(np.abs(speeds) > rest_speed, axis=1))
-    travels = [np.ptp(angles[max(a - 1, 0) : b + 1], axis=0).max() for a, b in fast]
-    moved = [run for run, travel in zip(fast, travels, strict=True) if travel > REACH]
-    pauses = np.diff([0, *(row for run in moved for row in run), len(angles)])[
-        ::2
-    ].tolist()
-    return [
-        Excursion(first, last, 0 < first and last < len(angles), min(pauses[i : i + 2]))
-        for i, (first, last) in enumerate(moved)
-    ]
+    moved = []
+    for first, last in _runs(np.any(np.abs(speeds) > rest_speed, axis=1)):
+        travel = np.ptp(angles[max(first - 1, 0) : last + 1], axis=0).max()
+        if travel > REACH:
+            moved.append((first, last))
+    starts = [first for first, _ in moved]
+    stops = [last for _, last in moved]
+    motions = []
+    for i, (first, last) in enumerate(moved):
+        before = first - (stops[i - 1] if i else 0)
+        after = (starts[i + 1] if i + 1 < len(moved) else len(angles)) - last
+        whole = first > 0 and last < len(angles)
+        motions.append(Excursion(first, last, whole, min(before, after)))
+    return motions
 
 
 def find_repetitions(
@@ -86,19 +89,20 @@ def find_repetitions(
     """
     if not rest:
         return _find_passes(angles, ends, steps, circular)
-    by_reason = {
-        reason: [] for reason in ("", "cut_off", "other_motion", "too_little_rest")
-    }
+    runs: list[Excursion] = []
+    left_out = {"cut_off": [], "other_motion": [], "too_little_rest": []}
     for run in motions:
         reached = angles[[max(run.first - 1, 0), min(run.last, len(angles) - 1)]]
         away = np.abs(apart(reached, np.stack(ends), circular)).max()
-        other = "other_motion" if away > REACH or abs(run.steps - steps) > SLACK else ""
-        short = "too_little_rest" if run.pause < rest + 2 * SLACK + 1 else ""
-        by_reason[(other or short) if run.whole else "cut_off"].append(run)
-    runs = by_reason.pop("")
-    return Repetitions(
-        runs, {why: [run.first for run in own] for why, own in by_reason.items()}
-    )
+        if not run.whole:
+            left_out["cut_off"].append(run.first)
+        elif away > REACH or abs(run.steps - steps) > SLACK:
+            left_out["other_motion"].append(run.first)
+        elif run.pause < rest + 2 * SLACK + 1:
+            left_out["too_little_rest"].append(run.first)
+        else:
+            runs.append(run)
+    return Repetitions(runs, left_out)
 
 
 def _find_passes(
@@ -107,7 +111,8 @@ def _find_passes(
     steps: int,
     circular: np.ndarray | bool,
 ) -> Repetitions:
-    runs, overlapping, number = [], [], max(len(angles) - steps, 0)
+    runs, overlapping = [], []
+    number = max(len(angles) - steps, 0)
     passing = np.stack([angles[:number], angles[steps:][:number]], axis=1)
     away = np.abs(apart(passing, np.array(ends), circular)).max(axis=(1, 2))
     for begin, stop in _runs(away <= REACH):

@@ -21,10 +21,12 @@ def training_steps(robot: Robot, motion: Motion) -> Recorded:
     _, q = contracts.stacked(joints[joints.part == "training"], "q")
     v = commanded_steps(contracts.read("trajectory", MOTION), motion.rate)
     _, noise = contracts.stacked(contracts.read("process_noise", TRACK), "w")
-    stated = motion.pose_noise
-    known = None if stated is None else 2 * stated**2 * np.eye(len(robot.joints))
-    motions = q[:, :-1], v, noise
-    return Recorded(chain_of(robot), *motions, tuple(robot.joints), known, motion.rate)
+    measurement = None
+    if motion.pose_noise is not None:
+        measurement = 2 * motion.pose_noise**2 * np.eye(len(robot.joints))
+    joints_of_arm = tuple(robot.joints)
+    steps = q[:, :-1], v, noise
+    return Recorded(chain_of(robot), *steps, joints_of_arm, measurement, motion.rate)
 
 
 def fitted_ranges(recorded: Recorded, rate: float) -> pd.DataFrame:
@@ -33,23 +35,21 @@ def fitted_ranges(recorded: Recorded, rate: float) -> pd.DataFrame:
     """
     chain, joints, v = recorded.chain, recorded.joints, recorded.v
     speeds = rate * chain.nominal_step(recorded.q, v)
-    command, turning = [*chain.task, *joints][: v.shape[-1]], ["rad/s"] * len(joints)
-    units = [
-        "m/s" if name in ("x", "y", "z") else "rad/s" for name in chain.task
-    ] + turning
     norms = frobenius(chain.inverse_jacobian(recorded.q))[..., None]
-    rows = [
-        (quantity, name, unit, float(column.min()), float(column.max()))
-        for quantity, names, units, array in (
-            ("pose", joints, ["rad"] * len(joints), recorded.poses),
-            ("joint speed", joints, turning, speeds),
-            ("speed", command, units[: len(command)], rate * v),
-            ("condition", ["‖J⁺‖"], ["1/m and 1"], norms),
-        )
-        for name, unit, column in zip(
-            names, units, np.moveaxis(array, -1, 0), strict=True
-        )
-    ]
+    command = [*chain.task, *joints][: v.shape[-1]]
+    translations = ("x", "y", "z")
+    units = ["m/s" if name in translations else "rad/s" for name in command]
+    rows = []
+    for quantity, names, units_of_names, array in (
+        ("pose", joints, ["rad"] * len(joints), recorded.poses),
+        ("joint speed", joints, ["rad/s"] * len(joints), speeds),
+        ("speed", command, units, rate * v),
+        ("condition", ["‖J⁺‖"], ["1/m and 1"], norms),
+    ):
+        columns = np.moveaxis(array, -1, 0)
+        for name, unit, column in zip(names, units_of_names, columns, strict=True):
+            least, greatest = float(column.min()), float(column.max())
+            rows.append((quantity, name, unit, least, greatest))
     return pd.DataFrame(rows, columns=["quantity", "name", "unit", "least", "greatest"])
 
 

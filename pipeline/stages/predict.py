@@ -22,7 +22,8 @@ from pipeline.models.model import MotionModel
 from pipeline.models.other_motions import matrix_scores
 from pipeline.models.prediction import Steps, groups_by_speed, normal_steps, score_take
 from pipeline.models.steps import Options, Recorded
-from pipeline.recordings.runs import logged_motions, runs_of_dataset
+from pipeline.recordings.motions import logged_motions
+from pipeline.recordings.runs import runs_of_dataset
 from pipeline.recordings.steps import fitted_ranges, training_steps
 from pipeline.statistics.scores import (
     log_score_differences,

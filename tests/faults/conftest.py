@@ -187,7 +187,7 @@ def depth_bench(folder: Path, dataset: Dataset, arm: Arm, motion) -> Bench:
 
     def recover(raw: Path) -> Recovered:
         trajectory = motion_capture.trajectory_rows(raw / dataset.trajectory, dataset)
-        take = next(iter(depth.take_paths(raw, dataset.depth).items()))
+        take = next(iter(depth.depth_paths(raw, dataset.depth).items()))
         frames, quality = depth.frame_rows(take, dataset.depth, arm, raw, raw)
         clouds = arm_points(frames, raw)
         frames, clock = on_motion_clock(

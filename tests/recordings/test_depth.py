@@ -16,7 +16,7 @@ from pipeline.core.errors import PipelineError, RecordingError
 from pipeline.core.options.dataset import Depth, Pose, Workspace
 from pipeline.formats.depth.image import write_depth, write_index
 from pipeline.formats.depth.intrinsics import Intrinsics, write_intrinsics
-from pipeline.recordings.depth import frame_rows, take_paths
+from pipeline.recordings.depth import depth_paths, frame_rows
 from pipeline.recordings.depth_takes import (
     CameraTake,
     arm_points,
@@ -142,7 +142,7 @@ def test_a_bag_of_images_gives_the_points_of_the_images(tmp_path, form):
         tmp_path / "bags", form, {"/depth/image": images, "/depth/camera_info": info}
     )
     recorded = replace(depth, takes="bags/*", index=None, intrinsics=None, start=None)
-    assert take_paths(tmp_path, recorded) == {"take": bag}
+    assert depth_paths(tmp_path, recorded) == {"take": bag}
     rows, of_bag, _ = read(bag, recorded, tmp_path)
     np.testing.assert_allclose(rows["t"], [0.0, 0.033, 0.069], atol=1e-6)
     assert rows["file"].tolist() == [f"bags/{bag.name}#{number}" for number in range(3)]

@@ -13,9 +13,10 @@ from source_code import ROOT
 from pipeline.core.errors import RecordingError
 from pipeline.core.options.dataset import Robot
 from pipeline.recordings.lags import joint_lags
+from pipeline.recordings.motions import find_motions
 from pipeline.recordings.movement import LoggedMovement
 from pipeline.recordings.repetitions import excursions
-from pipeline.recordings.runs import find_motions, find_quantum, joint_runs
+from pipeline.recordings.runs import find_quantum, joint_runs
 from pipeline.tools.characterize.logs import folder_logs
 
 RATE, N = 200.0, 1600

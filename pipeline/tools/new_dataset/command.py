@@ -25,7 +25,7 @@ from pipeline.core.typed_yaml import parse_yaml
 from pipeline.core.validation import validated
 from pipeline.recordings.joint_logs import read_movements
 from pipeline.recordings.lags import REACH
-from pipeline.recordings.runs import NEARLY, FoundMotion, find_motions
+from pipeline.recordings.motions import NEARLY, FoundMotion, find_motions
 from pipeline.tools.check.command import value_faults
 from pipeline.tools.inspect.command import inspect
 from pipeline.tools.inspect.finding import printable_path
