@@ -22,18 +22,16 @@ from pipeline.perception.posture import (
 
 NEIGHBOURS = 5  # solved frames in the linear prediction of a frame's joint angles
 BLOCK = 16  # frames of an arm in space that are solved at once, from the frame before the block
-UNDETERMINED = (
-    0.1  # share of a joint in undetermined motions above which an error names the joint
-)
+# share of a joint in undetermined motions above which an error names the joint
+UNDETERMINED = 0.1
 
 
 class JointTrack(NamedTuple):
     """Joint angles of one take."""
 
     q: np.ndarray  # (N, n) rad, m of prismatic joints, continuous in time
-    residual: (
-        np.ndarray
-    )  # (N,) m, rms distance of the markers to the arm; NaN where filled in
+    # (N,) m, rms distance of the markers to the arm; NaN where filled in
+    residual: np.ndarray
     counts: dict[str, int]  # losses and repairs, named in :func:`track`
     samples: int  # number of the markers' samples, missing ones included
 
@@ -49,9 +47,8 @@ def follower(robot: Robot, mocap: Mocap) -> Callable[..., JointTrack]:
     def follow(rows: pd.DataFrame, *, take: str) -> JointTrack:
         rows = rows.sort_values(["link", "marker", "k"], kind="stable")
         frames = rows["k"].nunique()
-        positions = (
-            rows[["x", "y", "z"]].to_numpy().reshape(-1, frames, 3).transpose(1, 0, 2)
-        )
+        by_marker = rows[["x", "y", "z"]].to_numpy().reshape(-1, frames, 3)
+        positions = by_marker.transpose(1, 0, 2)
         unlabelled = np.count_nonzero(rows["link"] == 0) // frames  # moved to the end
         positions = np.roll(positions, -unlabelled, axis=1)
         return track(positions, points, max_gap=mocap.max_gap, take=take)
@@ -81,39 +78,37 @@ def track(
     markers, moved = _correct_labels(positions, q, residual, points, take)
     solved = np.isfinite(residual)
     present = ~np.isnan(markers[solved][..., 0])
-    pairs = sum(
-        (present[:, mine].sum(axis=1) == 2).sum() for mine in points.link_masks()
-    )
+    pairs = 0
+    for on_link in points.link_masks():
+        pairs += int((present[:, on_link].sum(axis=1) == 2).sum())
     q, filled = fill_gaps(q, solved, points.sliding, max_gap, take)
-    counts = (
-        {"missing": int(missing.sum())}
-        | moved
-        | {"two_marker_fits": int(pairs)}
-        | filled
-    )
+    counts = {"missing": int(missing.sum())} | moved
+    counts |= {"two_marker_fits": pairs} | filled
     return JointTrack(q, residual, counts, missing.size)
 
 
 def _heading_angles(positions: np.ndarray, points: MarkedArm) -> np.ndarray:
     """Return the joint angles (N, n) in rad of a planar arm from the headings of its links."""
     frames, psi = np.arange(len(positions)), []
-    for mine in points.link_masks():
-        measured, template = positions[:, mine], points.places[mine]
+    for on_link in points.link_masks():
+        measured, template = positions[:, on_link], points.places[on_link]
         present = np.isfinite(measured).all(axis=-1)
-        weight = (present / np.maximum(present.sum(axis=-1), 1)[..., None])[..., None]
-        measured = np.where(present[..., None], points.arm.to_plane(measured), 0.0)
-        measured = (
-            measured - (weight * measured).sum(axis=-2, keepdims=True)
-        ) * present[..., None]
+        number = present.sum(axis=-1)
+        weight = (present / np.maximum(number, 1)[..., None])[..., None]
+        is_present = present[..., None]
+        measured = np.where(is_present, points.arm.to_plane(measured), 0.0)
+        centre = (weight * measured).sum(axis=-2, keepdims=True)
+        measured = (measured - centre) * is_present
         turn = np.swapaxes(measured, -1, -2) @ template
-        heading = np.arctan2(
-            turn[..., 0, 2] - turn[..., 2, 0], turn[..., 0, 0] + turn[..., 2, 2]
-        )
-        known = present.sum(axis=-1) >= 2
-        turned = np.unwrap(heading[known])
-        heading[~known] = (
-            np.interp(frames[~known], frames[known], turned) if known.any() else 0.0
-        )
+        sine = turn[..., 0, 2] - turn[..., 2, 0]
+        cosine = turn[..., 0, 0] + turn[..., 2, 2]
+        heading = np.arctan2(sine, cosine)
+        seen = number >= 2
+        filled = 0.0
+        if seen.any():
+            turned = np.unwrap(heading[seen])
+            filled = np.interp(frames[~seen], frames[seen], turned)
+        heading[~seen] = filled
         psi.append(heading)
     return points.arm.chain.joints_from_segments(np.stack(psi, axis=-1))
 
@@ -124,14 +119,17 @@ def _solve_blocks(
     """Return joint angles (N, n) and residuals (N,) m, solved both ways from the start frame."""
     frames = len(positions)
     first, start = _start_frame(positions, points, take)
-    q, residual = np.full((frames, len(start)), np.nan), np.full(frames, np.nan)
+    q = np.full((frames, len(start)), np.nan)
+    residual = np.full(frames, np.nan)
     for way in (np.arange(first, frames), np.arange(first)[::-1]):
         last = start
         for begin in range(0, len(way), BLOCK):
             block = way[begin : begin + BLOCK]
             starts = np.broadcast_to(last, (len(block), len(start)))
             q[block], residual[block], *_ = points.solve(positions[block], starts)
-            last = next((q[k] for k in block[::-1] if np.isfinite(residual[k])), last)
+            solved = block[np.isfinite(residual[block])]
+            if len(solved):
+                last = q[solved[-1]]
     return q, residual
 
 
@@ -139,29 +137,29 @@ def _start_frame(
     positions: np.ndarray, points: MarkedArm, take: str
 ) -> tuple[int, np.ndarray]:
     """Return the first frame that exactly one posture fits, and the posture; or RecordingError."""
-    key, message = (
-        "markers",
-        "no posture of the arm has all markers and bodies of a frame within",
-    )
-    message += (
-        f" {points.gate:g} m: check their places and mounts, the base, and the gate"
+    key = "markers"
+    message = (
+        "no posture of the arm has all markers and bodies of a frame within "
+        f"{points.gate:g} m: check their places and mounts, the base, and the gate"
     )
     for k in np.flatnonzero(np.isfinite(positions[..., 0]).any(axis=1)):
         postures = points.postures(positions[k])
-        if undecided := [one for one in postures if not one.decided]:
+        undecided = [posture for posture in postures if not posture.decided]
+        if undecided:
             values, vectors = np.linalg.eigh(undecided[0].normal)
             share = (vectors[:, values < LEAST_LEVER**2] ** 2).sum(axis=1)
-            left = ", ".join(np.array(points.joints)[share > UNDETERMINED])
-            key, message = "markers", f"the markers and bodies do not determine {left}"
-            message += ": track another link"
+            joints = ", ".join(np.array(points.joints)[share > UNDETERMINED])
+            key = "markers"
+            fault = f"the markers and bodies do not determine {joints}"
+            message = f"{fault}: track another link"
         elif len(postures) == 1:
             return k, postures[0].q
         elif postures:
-            key, message = (
-                "posture",
-                f"{len(postures)} postures of the arm fit the markers and",
+            key = "posture"
+            message = (
+                f"{len(postures)} postures of the arm fit the markers and bodies: track "
+                "another link, or state the posture at the start of a take"
             )
-            message += " bodies: track another link, or state the posture at the start of a take"
     raise RecordingError(message, take=take, key=f"dataset.mocap.{key}")
 
 
@@ -181,22 +179,27 @@ def _correct_labels(
     from scipy.optimize import linear_sum_assignment
 
     labels, moved = len(points.owner), {"relabelled": 0, "adopted": 0, "rejected": 0}
-    there, markers = np.isfinite(positions).all(axis=-1), positions[:, :labels].copy()
+    there = np.isfinite(positions).all(axis=-1)
+    markers = positions[:, :labels].copy()
     incomplete = ~there[:, :labels].all(axis=-1) & there[:, labels:].any(axis=-1)
     doubtful = np.isnan(residual) | incomplete
     if not doubtful.any():
         return markers, moved
     if np.isnan(residual).all():
-        message = "no frame has markers that fit the arm: check the template, the labels, the base"
-        raise RecordingError(f"{message} frame, the units and the gate", take=take)
-    start, most = int(np.argmax(np.isfinite(residual))), points.gate**2
+        raise RecordingError(
+            "no frame has markers that fit the arm: check the template, the labels, the base "
+            "frame, the units and the gate",
+            take=take,
+        )
     # outwards from the first solved frame, so that each frame has a solved neighbour
-    for k in [
-        *np.flatnonzero(doubtful[start:]) + start,
-        *np.flatnonzero(doubtful[:start])[::-1],
-    ]:
+    start = int(np.argmax(np.isfinite(residual)))
+    after = np.flatnonzero(doubtful[start:]) + start
+    before = np.flatnonzero(doubtful[:start])[::-1]
+    most = points.gate**2
+    for k in (*after, *before):
         expected = _predict(q, np.flatnonzero(np.isfinite(residual)), k)[None]
-        square = ((points.carry(expected)[0][:, None] - positions[k]) ** 2).sum(axis=-1)
+        modelled = points.carry(expected)[0][:, None]
+        square = ((modelled - positions[k]) ** 2).sum(axis=-1)
         square[np.isnan(square)] = np.inf
         label, sample = linear_sum_assignment(np.minimum(square, most))
         close = square[label, sample] <= most
@@ -213,11 +216,13 @@ def _correct_labels(
 
 def _predict(q: np.ndarray, solved: np.ndarray, k: int) -> np.ndarray:
     """Return the joint angles at frame ``k`` on a line fitted to the nearest ``solved`` frames."""
-    frames = solved[np.argsort(np.abs(solved - k), kind="stable")[:NEIGHBOURS]]
-    time = frames - frames.mean()
+    by_distance = np.argsort(np.abs(solved - k), kind="stable")
+    frames = solved[by_distance[:NEIGHBOURS]]
+    middle = frames.mean()
+    time = frames - middle
     near = np.unwrap(q[frames], axis=0)
     slope = time @ near / max(time @ time, 1.0)
-    return near.mean(axis=0) + slope * (k - frames.mean())
+    return near.mean(axis=0) + slope * (k - middle)
 
 
 def fill_gaps(
@@ -230,17 +235,17 @@ def fill_gaps(
     frames = np.flatnonzero(solved)
     edges = np.concatenate([[-1], frames, [len(q)]])
     longest = int(np.argmax(np.diff(edges)))
-    if edges[longest + 1] - edges[longest] - 1 > max_gap or not len(frames):
-        message = (
-            f"markers give no joint angles for longer than {max_gap} frames: repair the"
-        )
-        where = {"frames": f"{edges[longest] + 1} to {edges[longest + 1] - 1}"}
+    first, last = edges[longest] + 1, edges[longest + 1] - 1
+    if last - first + 1 > max_gap or not len(frames):
         raise RecordingError(
-            f"{message} labels, or leave the take out", take=take, **where
+            f"markers give no joint angles for longer than {max_gap} frames: repair the "
+            "labels, or leave the take out",
+            take=take,
+            frames=f"{first} to {last}",
         )
-    known = np.where(sliding, q[frames], np.unwrap(q[frames], axis=0))
-    q = np.stack(
-        [np.interp(np.arange(len(q)), frames, joint) for joint in known.T], axis=1
-    )
+    continuous = np.where(sliding, q[frames], np.unwrap(q[frames], axis=0))
+    k = np.arange(len(q))
+    joints = [np.interp(k, frames, joint) for joint in continuous.T]
     held = int(frames[0] + len(q) - 1 - frames[-1])
-    return q, {"interpolated": len(q) - len(frames) - held, "held": held}
+    interpolated = len(q) - len(frames) - held
+    return np.stack(joints, axis=1), {"interpolated": interpolated, "held": held}

@@ -13,26 +13,22 @@ from pipeline.core.options.dataset import Mocap, Robot
 
 STEPS = 100  # greatest number; a far start needs about 20, the previous frame's posture 2 or 3
 LEAST_STEP = 1e-10  # rad, or m of a prismatic joint; a smaller step ends the search
-LEAST_LEVER = (
-    0.01  # m/rad, or 1; a joint motion that moves the points by less is undetermined
-)
+# m/rad, or 1; a joint motion that moves the points by less is undetermined
+LEAST_LEVER = 0.01
 STARTS = 64  # start postures of a search over the joint ranges
 SAME_POSTURE = 0.05  # rad, or m; postures that differ by less count as one
-MIN_LEVER = (
-    0.01  # m; least distance in the plane between two markers of a planar arm's link
-)
+# m; least distance in the plane between two markers of a planar arm's link
+MIN_LEVER = 0.01
 
 
 class Solution(NamedTuple):
     """Joint angles and their fit to the points; in a batch every array has one more first axis."""
 
     q: np.ndarray  # (n,) rad, or m
-    residual: (
-        np.ndarray
-    )  # m, rms distance; NaN if undetermined or a point is beyond the gate
-    distances: (
-        np.ndarray
-    )  # (P,) m, from measured to modelled points; 0 for missing points
+    # m, rms distance; NaN if undetermined or a point is beyond the gate
+    residual: np.ndarray
+    # (P,) m, from measured to modelled points; 0 for missing points
+    distances: np.ndarray
     normal: np.ndarray  # (n, n) JᵀJ of the points
     decided: np.ndarray  # True if the points determine every joint
 
@@ -41,9 +37,8 @@ class Solution(NamedTuple):
 class MarkedArm:
     """P points on L links of an arm of n joints."""
 
-    chains: list[
-        SerialChain
-    ]  # (L,) from the base to each link; task: whole pose in m and rad
+    # (L,) from the base to each link; task: whole pose in m and rad
+    chains: list[SerialChain]
     sliding: np.ndarray  # (n,) True for prismatic joints
     lower: np.ndarray  # (n,) joint limits, rad or m; infinite where a joint has none
     upper: np.ndarray  # (n,)
@@ -60,11 +55,11 @@ class MarkedArm:
 
     def carry(self, q: np.ndarray) -> np.ndarray:
         """Return the points of the arm at ``q`` (S, n), (S, P, 3) m in the base's frame."""
-        result = np.empty((len(q), *self.places.shape))
-        for link, mine in enumerate(self.link_masks()):
+        carried = np.empty((len(q), *self.places.shape))
+        for link, on_link in enumerate(self.link_masks()):
             position, lever = self._levers(link, q)
-            result[:, mine] = position[:, None] + lever
-        return result
+            carried[:, on_link] = position[:, None] + lever
+        return carried
 
     def _levers(self, link: int, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return a link's position (S, 3) and its points relative to it (S, points, 3) in m."""
@@ -78,7 +73,8 @@ class MarkedArm:
         along undetermined directions.
         """
         q = np.array(starts, dtype=float)
-        normal, gradient, distances = self._equations(q, measured)
+        state = self._equations(q, measured)  # overwritten where a step is accepted
+        normal, gradient, distances = state
         damping, moving = np.zeros(len(q)), np.arange(len(q))
         for _ in range(STEPS):
             values, vectors = np.linalg.eigh(normal[moving])
@@ -89,47 +85,45 @@ class MarkedArm:
             moving, step, greatest = moving[far], step[far], values[far, -1]
             if not len(moving):
                 break
-            equations = self._equations(q[moving] + step, measured[moving])
-            nearer = (equations[2] ** 2).sum(axis=1) <= (distances[moving] ** 2).sum(
-                axis=1
-            )
-            taken, now = moving[nearer], damping[moving]
-            q[taken] += step[nearer]
-            for kept, new in zip((normal, gradient, distances), equations, strict=True):
-                kept[taken] = new[nearer]
+
+            stepped = self._equations(q[moving] + step, measured[moving])
+            before = (distances[moving] ** 2).sum(axis=1)
+            nearer = (stepped[2] ** 2).sum(axis=1) <= before
+            accepted = moving[nearer]
+            q[accepted] += step[nearer]
+            for array, new in zip(state, stepped, strict=True):
+                array[accepted] = new[nearer]
+            now = damping[moving]
             less = np.where(now > 1e-9 * greatest, 0.1 * now, 0.0)
-            damping[moving] = np.where(
-                nearer, less, np.maximum(10.0 * now, 1e-3 * greatest)
-            )
+            more = np.maximum(10.0 * now, 1e-3 * greatest)
+            damping[moving] = np.where(nearer, less, more)
+
         decided = np.linalg.eigvalsh(normal)[:, 0] >= LEAST_LEVER**2
         number = np.maximum((~np.isnan(measured[..., 0])).sum(axis=-1), 1)
+        rms = np.sqrt((distances**2).sum(axis=-1) / number)
         fits = decided & (distances <= self.gate).all(axis=-1)
-        residual = np.where(fits, np.sqrt((distances**2).sum(axis=-1) / number), np.nan)
+        residual = np.where(fits, rms, np.nan)
         return Solution(q, residual, distances, normal, decided)
 
-    def _equations(self, q: np.ndarray, measured: np.ndarray) -> tuple[np.ndarray, ...]:
+    def _equations(
+        self, q: np.ndarray, measured: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return JᵀJ (S, n, n), Jᵀr (S, n), ‖r‖ (S, P) in m; r is ``measured`` minus modelled."""
         starts, n = q.shape
         normal, gradient = np.zeros((starts, n, n)), np.zeros((starts, n))
         distances = np.zeros(measured.shape[:2])
-        for link, mine in enumerate(self.link_masks()):
+        for link, on_link in enumerate(self.link_masks()):
             m = len(self.chains[link].lower)
             position, lever = self._levers(link, q)
-            jacobian = self.chains[link].jacobian(q[:, :m])
-            way = measured[:, mine] - position[:, None] - lever
+            way = measured[:, on_link] - position[:, None] - lever
             seen = ~np.isnan(way[..., :1])
             way = np.where(seen, way, 0.0)
-            # (S, points, 3, m): v + ω × lever of each joint
-            wx, wy, wz = jacobian[:, 3:, None].swapaxes(0, 1)
-            x, y, z = lever.T[..., None].swapaxes(1, 2)
-            turning = np.stack(
-                [wy * z - wz * y, wz * x - wx * z, wx * y - wy * x], axis=2
-            )
-            moved = (jacobian[:, None, :3] + turning) * seen[..., None]
+            jacobian = self.chains[link].jacobian(q[:, :m])
+            moved = _point_jacobian(jacobian, lever) * seen[..., None]
             moved = moved.reshape(starts, -1, m)
             normal[:, :m, :m] += np.swapaxes(moved, -1, -2) @ moved
             gradient[:, :m] += np.vecmat(way.reshape(starts, -1), moved)
-            distances[:, mine] = np.linalg.norm(way, axis=-1)
+            distances[:, on_link] = np.linalg.norm(way, axis=-1)
         return normal, gradient, distances
 
     def postures(self, measured: np.ndarray) -> list[Solution]:
@@ -143,25 +137,35 @@ class MarkedArm:
         centre = np.where(finite, self.lower + self.upper, 0.0) / 2
         if self.posture is None:
             reach = np.minimum(np.where(finite, self.upper - centre, np.pi), np.pi)
-            shares = (
-                qmc.Sobol(len(centre), scramble=False).fast_forward(1).random(STARTS)
-            )
+            sequence = qmc.Sobol(len(centre), scramble=False).fast_forward(1)
+            shares = sequence.random(STARTS)
             starts = centre + (2 * shares - 1) * reach
         else:
             centre, starts = self.posture, self.posture[None]
-        points, result = np.broadcast_to(measured, (len(starts), *measured.shape)), []
-        for one in map(Solution._make, zip(*self.solve(points, starts), strict=True)):
-            turns = np.round((one.q - centre) / (2 * np.pi))
-            q = one.q - 2 * np.pi * np.where(self.sliding, 0.0, turns)
-            fits = one.distances.max() <= self.gate
-            fits &= np.all(
-                (q >= self.lower - SAME_POSTURE) & (q <= self.upper + SAME_POSTURE)
-            )
-            if fits and all(
-                np.abs(q - other.q).max() > SAME_POSTURE for other in result
-            ):
-                result.append(one._replace(q=q))
-        return result
+        points = np.broadcast_to(measured, (len(starts), *measured.shape))
+        lower, upper = self.lower - SAME_POSTURE, self.upper + SAME_POSTURE
+        postures: list[Solution] = []
+        for arrays in zip(*self.solve(points, starts), strict=True):
+            solution = Solution(*arrays)
+            turns = np.round((solution.q - centre) / (2 * np.pi))
+            q = solution.q - 2 * np.pi * np.where(self.sliding, 0.0, turns)
+            in_limits = np.all((q >= lower) & (q <= upper))
+            if solution.distances.max() > self.gate or not in_limits:
+                continue
+            differences = [np.abs(q - posture.q).max() for posture in postures]
+            if all(difference > SAME_POSTURE for difference in differences):
+                postures.append(solution._replace(q=q))
+        return postures
+
+
+def _point_jacobian(jacobian: np.ndarray, lever: np.ndarray) -> np.ndarray:
+    """Return the Jacobian (S, points, 3, m) of points: v + ω × ``lever`` of each joint, from the
+    ``jacobian`` (S, 6, m) of their link and the ``lever`` (S, points, 3) in m.
+    """
+    wx, wy, wz = jacobian[:, 3:, None].swapaxes(0, 1)
+    x, y, z = lever.T[..., None].swapaxes(1, 2)
+    turning = np.stack([wy * z - wz * y, wz * x - wx * z, wx * y - wy * x], axis=2)
+    return jacobian[:, None, :3] + turning
 
 
 def points_in_space(robot: Robot, mocap: Mocap) -> MarkedArm:
@@ -170,24 +174,30 @@ def points_in_space(robot: Robot, mocap: Mocap) -> MarkedArm:
     """
     key = "dataset.mocap.markers"
     chain, chains = chain_of(robot), link_chains(robot, mocap.markers, key)
-    if empty := [link for link, points in mocap.markers.items() if not points]:
-        raise ConfigError(
-            f"{empty[0]} needs markers with the position x, y, z", key=key
-        )
-    posture = None if mocap.posture is None else np.array(mocap.posture)
-    if posture is not None and len(posture) != len(chain.lower):
-        message = f"{len(posture)} angles for an arm of {len(chain.lower)} joints"
-        raise ConfigError(message, key="dataset.mocap.posture")
-    owner = np.repeat(
-        np.arange(len(chains)), [len(points) for points in mocap.markers.values()]
-    )
-    places = np.array(
-        [place for points in mocap.markers.values() for place in points.values()]
-    )
-    limits = np.asarray(chain.sliding, bool), chain.lower, chain.upper
-    joints = tuple(robot.joints)
+    numbers = [len(points) for points in mocap.markers.values()]
+    for link, number in zip(mocap.markers, numbers, strict=True):
+        if not number:
+            message = f"{link} needs markers with the position x, y, z"
+            raise ConfigError(message, key=key)
+    posture = None
+    if mocap.posture is not None:
+        posture = np.array(mocap.posture)
+        if len(posture) != len(chain.lower):
+            message = f"{len(posture)} angles for an arm of {len(chain.lower)} joints"
+            raise ConfigError(message, key="dataset.mocap.posture")
+    places = []
+    for points in mocap.markers.values():
+        places += points.values()
     return MarkedArm(
-        [*chains.values()], *limits, owner, places, mocap.gate, posture, joints
+        chains=[*chains.values()],
+        sliding=np.asarray(chain.sliding, bool),
+        lower=chain.lower,
+        upper=chain.upper,
+        owner=np.repeat(np.arange(len(chains)), numbers),
+        places=np.array(places),
+        gate=mocap.gate,
+        posture=posture,
+        joints=tuple(robot.joints),
     )
 
 
@@ -200,14 +210,28 @@ def points_in_plane(arm: Arm, template: np.ndarray, gate: float) -> MarkedArm:
         message = "each of the three segments of a planar arm needs three markers with x, y, z"
         raise ConfigError(message, key=key, shape=np.shape(template))
     for link, corners in enumerate(template, start=1):
-        width = np.linalg.svd(corners - corners.mean(axis=0), compute_uv=False)[1]
-        sides = np.linalg.norm(
-            (corners - np.roll(corners, 1, axis=0))[:, [0, 2]], axis=1
-        )
+        _, width, _ = np.linalg.svd(corners - corners.mean(axis=0), compute_uv=False)
+        edges = corners - np.roll(corners, 1, axis=0)
+        sides = np.linalg.norm(edges[:, [0, 2]], axis=1)
         if width < MIN_LEVER / 2 or sides.min() < MIN_LEVER:
             message = "the markers of a link are in line, or two of them are too close in the plane"
             raise ConfigError(f"{message} of the arm", key=key, link=link)
     chain, links = arm.chain, len(template)
+    return MarkedArm(
+        chains=_chains_in_space(arm),
+        sliding=chain.sliding,
+        lower=chain.lower,
+        upper=chain.upper,
+        owner=np.repeat(np.arange(links), 3),
+        places=template.reshape(-1, 3),
+        gate=gate,
+        arm=arm,
+    )
+
+
+def _chains_in_space(arm: Arm) -> list[SerialChain]:
+    """Return the chain from the base to each segment of a planar ``arm``, with the whole pose."""
+    chain, links = arm.chain, len(arm.chain.signs)
     origin = arm.to_base(chain.placements[0, 9:])
     base = arm.rotation @ chain.placements[0, :9].reshape(3, 3)
     placements = [np.append(base, origin), *chain.placements[1:-1]]
@@ -216,9 +240,14 @@ def points_in_plane(arm: Arm, template: np.ndarray, gate: float) -> MarkedArm:
     for j in range(links):
         end = joint_axes(chain.signs[j]).T @ segments[j]
         to_link = np.array([*placements[: j + 1], np.append(end, np.zeros(3))])
-        limits = chain.lower, chain.upper, chain.max_speed
-        sliding_and_limits = (values[: j + 1] for values in (chain.sliding, *limits))
-        chains.append(SerialChain(SPACE, 1.0, to_link, *sliding_and_limits))
-    owner, places = np.repeat(np.arange(links), 3), template.reshape(-1, 3)
-    limits = chain.sliding, chain.lower, chain.upper
-    return MarkedArm(chains, *limits, owner, places, gate, arm=arm)
+        to_segment = SerialChain(
+            SPACE,
+            1.0,
+            to_link,
+            chain.sliding[: j + 1],
+            chain.lower[: j + 1],
+            chain.upper[: j + 1],
+            chain.max_speed[: j + 1],
+        )
+        chains.append(to_segment)
+    return chains

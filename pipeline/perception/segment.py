@@ -13,9 +13,8 @@ from pipeline.formats.depth.intrinsics import Intrinsics
 # exact to about 1e-9 of the focal length; OpenCV's default stops after five steps
 UNDISTORTION = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-10)
 LINK = 0.03  # m; greatest distance of neighbours in a cluster; above the spacing of thinned clouds
-NEIGHBOURS = (
-    4  # least number of points within LINK of a surface point, which counts itself
-)
+# least number of points within LINK of a surface point, which counts itself
+NEIGHBOURS = 4
 
 
 class ArmSegmenter:
@@ -32,44 +31,30 @@ class ArmSegmenter:
         translation: ndarray,
         crop: Workspace,
     ) -> None:
-        self.crop, self.arm, origin = crop, arm, arm.chain.origin
-        reach = arm.chain.lengths.sum() + crop.girth
-        self.camera, shape = arm.to_plane(translation), (camera.height, camera.width)
-        grid = np.meshgrid(*(np.arange(size, dtype=float) for size in shape[::-1]))
-        pixels = np.stack([axis.ravel() for axis in grid], axis=-1)[:, None]
-        # without distortion, None saves OpenCV's iterations
-        bend = np.array(camera.distortion) if np.any(camera.distortion) else None
-        lens = np.array(
-            [[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1.0]]
-        )
-        ideal = cv2.undistortPoints(pixels, lens, bend, None, None, None, UNDISTORTION)[
-            :, 0
-        ]
-        rays = (
-            np.concatenate([ideal, np.ones((len(ideal), 1))], axis=1)
-            @ rotation.T
-            @ arm.rotation
-        )
+        self.crop, self.arm = crop, arm
+        self.camera = arm.to_plane(translation)
+        shape = camera.height, camera.width
+        rays = _rays(camera) @ rotation.T @ arm.rotation
         rays = np.ascontiguousarray(rays.T).reshape(3, *shape)
+        x0, z0 = arm.chain.origin
+        reach = arm.chain.lengths.sum() + crop.girth
         sees = np.zeros(shape, dtype=bool)
         # the slab is thin: a ray through the workspace is in reach at one face of the slab
         for face in (-crop.half_depth, crop.half_depth):
             with np.errstate(divide="ignore", invalid="ignore"):
                 depth = (face - self.camera[1]) / rays[1]
-                away = (
-                    self.camera[i] + depth * rays[i] - origin[i // 2] for i in (0, 2)
-                )
-                distance = np.hypot(*away)
+                x = self.camera[0] + depth * rays[0] - x0
+                z = self.camera[2] + depth * rays[2] - z0
+                distance = np.hypot(x, z)
             sees |= (depth > 0) & (distance <= reach)
         if not sees.any():
-            message = "no pixel of the depth camera sees the arm: check the camera's pose, its"
             raise ConfigError(
-                f"{message} intrinsics and the crop", key="dataset.depth.camera"
+                "no pixel of the depth camera sees the arm: check the camera's pose, its "
+                "intrinsics and the crop",
+                key="dataset.depth.camera",
             )
-        across, down = (
-            np.flatnonzero(sees.any(axis=0)),
-            np.flatnonzero(sees.any(axis=1)),
-        )
+        across = np.flatnonzero(sees.any(axis=0))
+        down = np.flatnonzero(sees.any(axis=1))
         self.window = (slice(down[0], down[-1] + 1), slice(across[0], across[-1] + 1))
         self.across_plane = rays[1][self.window].copy()
         self.in_plane = [rays[i][self.window].ravel() for i in (0, 2)]
@@ -83,11 +68,11 @@ class ArmSegmenter:
         with np.errstate(invalid="ignore"):
             across = depth * self.across_plane
             across += self.camera[1]
-            on_plane = (np.abs(across, out=across) <= self.crop.half_depth) & (
-                depth > 0
-            )
+            in_slab = np.abs(across, out=across) <= self.crop.half_depth
+            on_plane = in_slab & (depth > 0)
         pixels, depths = np.flatnonzero(on_plane), depth[on_plane]
-        x, z = (self.camera[2 * i] + depths * self.in_plane[i][pixels] for i in (0, 1))
+        x = self.camera[0] + depths * self.in_plane[0][pixels]
+        z = self.camera[2] + depths * self.in_plane[1][pixels]
         near = _near_arm(x, z, self.arm, self.crop)
         pixels, x, z = pixels[near], x[near], z[near]
         if not len(pixels):
@@ -98,11 +83,25 @@ class ArmSegmenter:
         mask = np.zeros((last - first + 1, width), dtype=np.uint8)
         inside = pixels - first * width
         mask.ravel()[inside] = 1
-        patch = cv2.connectedComponents(mask, connectivity=8)[1].ravel()[inside]
-        kept = _thin(
-            np.flatnonzero(np.bincount(patch)[patch] >= self.crop.min_pixels), self.crop
-        )
-        return np.stack([x[kept], z[kept]], axis=-1)
+        _, patches = cv2.connectedComponents(mask, connectivity=8)
+        patch = patches.ravel()[inside]
+        is_large = np.bincount(patch)[patch] >= self.crop.min_pixels
+        chosen = _thin(np.flatnonzero(is_large), self.crop)
+        return np.stack([x[chosen], z[chosen]], axis=-1)
+
+
+def _rays(camera: Intrinsics) -> ndarray:
+    """Return the points (rows·columns, 3) of the pixels' rays at a depth of 1, in the camera's
+    frame.
+    """
+    sizes = camera.width, camera.height
+    grid = np.meshgrid(*(np.arange(size, dtype=float) for size in sizes))
+    pixels = np.stack([axis.ravel() for axis in grid], axis=-1)[:, None]
+    # without distortion, None saves OpenCV's iterations
+    bend = np.array(camera.distortion) if np.any(camera.distortion) else None
+    lens = np.array([[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1.0]])
+    ideal = cv2.undistortPoints(pixels, lens, bend, None, None, None, UNDISTORTION)
+    return np.concatenate([ideal[:, 0], np.ones((len(pixels), 1))], axis=1)
 
 
 def cut_cloud(
@@ -120,20 +119,21 @@ def cut_cloud(
     points = points.crop(open3d.geometry.AxisAlignedBoundingBox(-slab, slab))
     x, _, z = np.asarray(points.points).T
     points = points.select_by_index(np.flatnonzero(_near_arm(x, z, arm, crop)))
-    points = points.remove_radius_outlier(NEIGHBOURS, LINK)[0]
+    points, _ = points.remove_radius_outlier(NEIGHBOURS, LINK)
     cluster = np.asarray(points.cluster_dbscan(LINK, 1), dtype=int)
-    kept = np.asarray(points.points)[np.bincount(cluster)[cluster] >= crop.min_pixels]
-    return _thin(kept[:, [0, 2]], crop)
+    is_large = np.bincount(cluster)[cluster] >= crop.min_pixels
+    on_arm = np.asarray(points.points)[is_large]
+    return _thin(on_arm[:, [0, 2]], crop)
 
 
 def _near_arm(x: ndarray, z: ndarray, arm: Arm, crop: Workspace) -> ndarray:
     """Return True for points in reach that are neither on the turntable nor on the floor."""
     x0, z0 = arm.chain.origin
-    in_reach = (x - x0) ** 2 + (z - z0) ** 2 <= (
-        arm.chain.lengths.sum() + crop.girth
-    ) ** 2
-    beside = np.abs(x - x0) > crop.column_half_width
-    return in_reach & (beside | (z - z0 > crop.column_top)) & (z > crop.floor)
+    right, up = x - x0, z - z0
+    reach = arm.chain.lengths.sum() + crop.girth
+    in_reach = right**2 + up**2 <= reach**2
+    off_column = (np.abs(right) > crop.column_half_width) | (up > crop.column_top)
+    return in_reach & off_column & (z > crop.floor)
 
 
 def _thin(points: ndarray, crop: Workspace) -> ndarray:
