@@ -85,26 +85,21 @@ def desired_joints(t: np.ndarray, motion: Commanded) -> tuple[np.ndarray, np.nda
     back = np.minimum(s, moving - s)
     inside = np.minimum(back, ramp)
     speed = peak * (1 - np.cos(np.pi * inside / ramp)) / 2
-    way = peak * (
-        (inside - ramp / np.pi * np.sin(np.pi * inside / ramp)) / 2 + back - inside
-    )
-    progress, rate = (
-        np.where(s <= moving / 2, way, 1.0 - way),
-        np.where(t <= half, speed, -speed),
-    )
-    folded, extended = np.asarray(motion.folded), np.asarray(motion.extended)
-    return folded + progress[..., None] * (extended - folded), rate[..., None] * (
-        extended - folded
-    )
+    accelerated = (inside - ramp / np.pi * np.sin(np.pi * inside / ramp)) / 2
+    way = peak * (accelerated + back - inside)
+    progress = np.where(s <= moving / 2, way, 1.0 - way)
+    rate = np.where(t <= half, speed, -speed)
+    folded = np.asarray(motion.folded)
+    stroke = np.asarray(motion.extended) - folded
+    return folded + progress[..., None] * stroke, rate[..., None] * stroke
 
 
 def desired_path(chain: Chain, options: TrajectoryOptions) -> np.ndarray:
     """Return commanded angles (M+1, n) in rad; ConfigError for angles beyond the joints' limits."""
     key = "laboratory.trajectory"
     if len(options.folded) != len(chain.lower):
-        raise ConfigError(
-            f"{key}: folded and extended must have {len(chain.lower)} angles each"
-        )
+        message = f"folded and extended must have {len(chain.lower)} angles each"
+        raise ConfigError(f"{key}: {message}")
     grid = np.arange(round(options.duration * options.rate) + 1) / options.rate
     q, speed = desired_joints(grid, options)
     _require_followable(chain, q, speed, f"{key}: the motion")
@@ -123,33 +118,35 @@ def lagged_noise(
     from scipy.signal import lfilter
 
     denominator = np.poly(np.full(LAGS, np.exp(-1.0 / steps_per_lag)))
-    response = lfilter(
-        [1.0], denominator, np.eye(1, int(np.ceil(SETTLED * steps_per_lag)))[0]
-    )
-    noise = rng.standard_normal((*shape[:-1], len(response) + shape[-1]))
-    passed_on = lfilter([1.0], denominator, noise, axis=-1)[..., len(response) :]
-    return passed_on / np.linalg.norm(response)
+    settled = int(np.ceil(SETTLED * steps_per_lag))
+    response = lfilter([1.0], denominator, np.eye(1, settled)[0])
+    noise = rng.standard_normal((*shape[:-1], settled + shape[-1]))
+    passed_on = lfilter([1.0], denominator, noise, axis=-1)
+    return passed_on[..., settled:] / np.linalg.norm(response)
 
 
 def servo_times(motion: Commanded, options: DynamicsOptions) -> np.ndarray:
     """Return the servo's times (N,) in s, from 50 servo steps before to 50 after the motion."""
-    return np.arange(-50, round(motion.duration * options.rate) + 51) * (
-        1.0 / options.rate
-    )
+    steps = round(motion.duration * options.rate)
+    return np.arange(-50, steps + 51) * (1.0 / options.rate)
 
 
 def true_chain(nominal: Chain, options: DynamicsOptions, rng: Generator) -> Chain:
     """Draw the true arm, with errors of link lengths; ConfigError for options of another arm."""
-    rows, number = ", ".join(nominal.task), len(nominal.lower)
+    number = len(nominal.lower)
     if len(options.sway_std) != len(nominal.task) or options.play_joint > number:
-        message = f"sway_std must have an entry for each of {rows}, got {options.sway_std}, and"
-        message += (
-            f" play_joint must lie between 1 and {number}, got {options.play_joint}"
+        raise ConfigError(
+            f"sway_std must have an entry for each of {', '.join(nominal.task)}, got "
+            f"{options.sway_std}, and play_joint must lie between 1 and {number}, got "
+            f"{options.play_joint}",
+            key="laboratory.dynamics",
         )
-        raise ConfigError(message, key="laboratory.dynamics")
     planar = isinstance(nominal, PlanarChain)
-    links = nominal.links if planar else nominal.placements[1:, 9:]
-    lengths = nominal.lengths if planar else np.linalg.norm(links, axis=1)
+    if planar:
+        links, lengths = nominal.links, nominal.lengths
+    else:
+        links = nominal.placements[1:, 9:]
+        lengths = np.linalg.norm(links, axis=1)
     built = lengths + options.length_std * rng.standard_normal(len(links))
     # links of length 0 (between intersecting axes) keep their length
     ratio = np.divide(built, lengths, out=np.ones_like(lengths), where=lengths > 0)
@@ -174,12 +171,13 @@ def draw(
     chain: Chain, motion: Commanded, options: DynamicsOptions, rng: Generator
 ) -> Chance:
     """Draw the variates of one take, which depend on ``motion`` only by its duration."""
-    n, steps, rate = len(chain.lower), len(servo_times(motion, options)), options.rate
+    n, m, rate = len(chain.lower), len(chain.task), options.rate
+    steps = len(servo_times(motion, options))
     return Chance(
         gain=lagged_noise((n, steps), options.speed_error_time * rate, rng).T,
         phase=rng.uniform(0, 2 * np.pi, n),
         start=rng.standard_normal(n),
-        sway=lagged_noise((len(chain.task), steps), options.sway_time * rate, rng).T,
+        sway=lagged_noise((m, steps), options.sway_time * rate, rng).T,
         play=lagged_noise((steps,), options.clearance_time * rate, rng),
     )
 
@@ -189,9 +187,8 @@ class Swing(NamedTuple):
 
     t: np.ndarray  # (N,) s on the motion clock
     q: np.ndarray  # (..., N, n) rad, true joint angles
-    servo: (
-        np.ndarray
-    )  # (..., N, n) rad, angles at the motors, before gears and encoder errors
+    # (..., N, n) rad, angles at the motors, before gears and encoder errors
+    servo: np.ndarray
 
 
 def swing(
@@ -202,27 +199,44 @@ def swing(
     chance: Chance,
 ) -> Swing:
     """Return the takes of ``motion`` by the true ``chain`` with the variates ``chance``."""
-    dt, t = 1.0 / options.rate, servo_times(motion, options)
+    t = servo_times(motion, options)
     goal, speed = desired_joints(np.clip(t, 0.0, motion.duration), motion)
-    gain = 1 + options.speed_error_std * chance.gain
-    ripple = options.encoder_ripple * np.sin(goal + chance.phase[..., None, :])
-    servo = np.empty_like(gain)
-    servo[..., 0, :] = goal[0] + options.start_std * chance.start
-    for i in range(t.size - 1):
-        now = servo[..., i, :]
-        wanted = speed[i] + options.servo_gain * (goal[i] - now)
-        turned = np.clip(gain[..., i, :] * wanted, -chain.max_speed, chain.max_speed)
-        servo[..., i + 1, :] = now + dt * turned
+    servo = _servo_angles(chain, goal, speed, options, chance)
     pace = np.linalg.norm(speed, axis=1) / np.linalg.norm(chain.max_speed)
     share = options.sway_rest + (1 - options.sway_rest) * pace**options.speed_exponent
     sway = chance.sway * options.sway_std
     sway *= share[:, None]
     inverse = chain.inverse_jacobian(servo, what="time of the laboratory")
+    ripple = options.encoder_ripple * np.sin(goal + chance.phase[..., None, :])
     q = servo + offset + ripple + np.einsum("...ij,...j->...i", inverse, sway)
+
     play, joint = 2 * ndtr(chance.play) - 1, options.play_joint - 1
-    filled = np.abs(speed[:, joint] / options.rattle_speed) ** options.speed_exponent
-    q[..., joint] += options.clearance * play * np.minimum(1.0, filled)
+    rattle = np.abs(speed[:, joint] / options.rattle_speed)
+    filled = np.minimum(1.0, rattle**options.speed_exponent)
+    q[..., joint] += options.clearance * play * filled
     return Swing(t, q, servo)
+
+
+def _servo_angles(
+    chain: Chain,
+    goal: np.ndarray,
+    speed: np.ndarray,
+    options: DynamicsOptions,
+    chance: Chance,
+) -> np.ndarray:
+    """Return the angles (..., N, n) rad at the motors of a proportional servo with feed-forward
+    that follows ``goal`` (N, n) rad and ``speed`` (N, n) rad/s.
+    """
+    dt = 1.0 / options.rate
+    gain = 1 + options.speed_error_std * chance.gain
+    servo = np.empty_like(gain)
+    servo[..., 0, :] = goal[0] + options.start_std * chance.start
+    for i in range(len(goal) - 1):
+        now = servo[..., i, :]
+        wanted = speed[i] + options.servo_gain * (goal[i] - now)
+        turned = np.clip(gain[..., i, :] * wanted, -chain.max_speed, chain.max_speed)
+        servo[..., i + 1, :] = now + dt * turned
+    return servo
 
 
 def expose(
@@ -233,10 +247,8 @@ def expose(
     rng: Generator,
 ) -> np.ndarray:
     """Return true joint angles (K, n) rad at the times ``at`` (K,) s plus random jitter."""
-    instants = np.clip(
-        at + options.jitter_std * rng.standard_normal(at.shape), t[0], t[-1]
-    )
-    return joints_at(instants, t, q)
+    jitter = options.jitter_std * rng.standard_normal(at.shape)
+    return joints_at(np.clip(at + jitter, t[0], t[-1]), t, q)
 
 
 def joints_at(instants: np.ndarray, t: np.ndarray, q: np.ndarray) -> np.ndarray:
@@ -254,9 +266,8 @@ class Session(NamedTuple):
 def open_session(nominal: Chain, options: DynamicsOptions, rng: Generator) -> Session:
     """Draw the arm and the encoders' zeros; ConfigError for options of another arm."""
     built = true_chain(nominal, options, rng)
-    return Session(
-        built, options.encoder_offset_std * rng.standard_normal(len(nominal.lower))
-    )
+    zeros = options.encoder_offset_std * rng.standard_normal(len(nominal.lower))
+    return Session(built, zeros)
 
 
 class PerformedMotion(NamedTuple):
@@ -295,9 +306,8 @@ def depth_frames(
 ) -> DepthFrames:
     """Draw the frames of a take of ``duration`` s."""
     frames = np.arange(int(duration * clock.rate) + 1) / clock.rate
-    exposed = np.clip(
-        frames + clock.jitter_std * rng.standard_normal(frames.shape), 0.0, duration
-    )
+    jitter = clock.jitter_std * rng.standard_normal(frames.shape)
+    exposed = np.clip(frames + jitter, 0.0, duration)
     offset = clock.offset + clock.offset_std * rng.standard_normal()
     times = exposed * (1 + clock.drift) + offset
     return DepthFrames(exposed, times, joints_at(exposed, take.t, take.q), offset)
@@ -311,6 +321,7 @@ def log_joints(
     without errors of the zeros and motion behind the gears.
     """
     t = np.arange(int(trajectory.duration * encoders.rate) + 1) / encoders.rate
+    target, _ = desired_joints(t, trajectory)
     motors = joints_at(t, take.t, take.servo)
-    actual = np.round(motors / encoders.resolution) * encoders.resolution
-    return t, {"target": desired_joints(t, trajectory)[0], "actual": actual}
+    counts = np.round(motors / encoders.resolution)
+    return t, {"target": target, "actual": counts * encoders.resolution}

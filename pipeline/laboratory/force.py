@@ -21,9 +21,8 @@ class RiggedForce(NamedTuple):
     force: np.ndarray  # (N, 3) N, with bias, drift and noise
     torque: np.ndarray  # (N, 3) N·m, with bias, drift and noise
     tension: np.ndarray  # (N, m) N, true; 0 in the tare interval
-    direction: (
-        np.ndarray
-    )  # (N, m, 3) true unit vectors from the platform along the cables
+    # (N, m, 3) true unit vectors from the platform along the cables
+    direction: np.ndarray
 
 
 def _autoregressive(
@@ -40,8 +39,10 @@ def wander(
 ) -> np.ndarray:
     """Draw exact Ornstein–Uhlenbeck paths (samples, m) of standard deviation ``sd`` (m,)."""
     decay = np.exp(-1 / (rate * correlation_time))
-    innovation = rng.standard_normal((samples, len(sd))) * sd * np.sqrt(1 - decay**2)
-    return _autoregressive(innovation, decay, rng.standard_normal(len(sd)) * sd)
+    variates = rng.standard_normal((samples, len(sd)))
+    innovation = variates * sd * np.sqrt(1 - decay**2)
+    start = rng.standard_normal(len(sd)) * sd
+    return _autoregressive(innovation, decay, start)
 
 
 def slipping(
@@ -55,13 +56,11 @@ def slipping(
     nu, fade = robots.slip_rate * robots.slip_recovery, rate * robots.slip_recovery
     lost = np.zeros((samples, len(sd)))
     for robot in range(len(sd)):
-        step = np.repeat(
-            np.arange(samples), rng.poisson(robots.slip_rate / rate, samples)
-        )
-        decayed = rng.exponential(size=len(step)) * np.exp(
-            -rng.uniform(size=len(step)) / fade
-        )
-        lost[:, robot] = np.bincount(step, decayed, samples)
+        slips = rng.poisson(robots.slip_rate / rate, samples)
+        step = np.repeat(np.arange(samples), slips)
+        loss = rng.exponential(size=len(step))
+        since = rng.uniform(size=len(step))  # part of a sample from the slip to its end
+        lost[:, robot] = np.bincount(step, loss * np.exp(-since / fade), samples)
     paths = _autoregressive(lost, np.exp(-1 / fade), rng.gamma(nu, size=len(sd)))
     return sd / np.sqrt(nu) * (nu - paths)
 
@@ -76,25 +75,24 @@ def directions(
     space, two angles rotate the cable up and sideways. The resulting angle has a Rayleigh law, with
     E[cos] = 1 − √2·s·D(s/√2) = coth κ − 1/κ and Dawson's function D.
     """
-    azimuth, wander_time = np.asarray(cables.direction, dtype=float), robots.wander_time
+    azimuth = np.asarray(cables.direction, dtype=float)
     concentration = np.asarray(robots.concentration)
     if cables.elevation is None:
         sd = np.sqrt(-2 * np.log(i1e(concentration) / i0e(concentration)))
-        angle = azimuth + wander(sd, wander_time, samples, rate, rng)
+        angle = azimuth + wander(sd, robots.wander_time, samples, rate, rng)
         return np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=-1)
     sd = np.array([_angle_in_space(kappa) for kappa in concentration])
-    up, aside = (
-        wander(sd, wander_time, samples, rate, rng)[..., None] for _ in range(2)
-    )
-    ca, sa, elevation = np.cos(azimuth), np.sin(azimuth), np.asarray(cables.elevation)
+    up = wander(sd, robots.wander_time, samples, rate, rng)[..., None]
+    aside = wander(sd, robots.wander_time, samples, rate, rng)[..., None]
+    elevation = np.asarray(cables.elevation)
+    ca, sa = np.cos(azimuth), np.sin(azimuth)
     ce, se = np.cos(elevation), np.sin(elevation)
     mean = np.stack([ce * ca, ce * sa, se], axis=-1)
     upwards = np.stack([-se * ca, -se * sa, ce], axis=-1)
     sideways = np.stack([-sa, ca, np.zeros_like(sa)], axis=-1)
     size = np.hypot(up, aside)
-    return np.cos(size) * mean + np.sinc(size / np.pi) * (
-        up * upwards + aside * sideways
-    )
+    turned = up * upwards + aside * sideways
+    return np.cos(size) * mean + np.sinc(size / np.pi) * turned
 
 
 def _angle_in_space(kappa: float) -> float:
@@ -102,9 +100,11 @@ def _angle_in_space(kappa: float) -> float:
     from scipy.optimize import brentq
 
     length = 1 / np.tanh(kappa) - 1 / kappa
-    return brentq(
-        lambda s: 1 - np.sqrt(2) * s * dawsn(s / np.sqrt(2)) - length, 1e-9, 1.5
-    )
+
+    def excess(s: float) -> float:
+        return 1 - np.sqrt(2) * s * dawsn(s / np.sqrt(2)) - length
+
+    return brentq(excess, 1e-9, 1.5)
 
 
 def record_force(
@@ -113,20 +113,20 @@ def record_force(
     transducer: Transducer,
     tare: float,
     duration: float,
-    rng,
+    rng: Generator,
 ) -> RiggedForce:
     """Draw a record of ``tare`` s without load and ``duration`` s with load; ConfigError for
     unequal numbers of robots and cables.
     """
     tension, sd = np.asarray(cables.tension, dtype=float), np.asarray(robots.tension_sd)
     if len(sd) != len(tension):
-        message = (
-            f"{len(sd)} robots and {len(tension)} cables: the numbers must be equal"
-        )
+        numbers = f"{len(sd)} robots and {len(tension)} cables"
+        message = f"{numbers}: the numbers must be equal"
         raise ConfigError(message, key="laboratory.robots")
     rate = transducer.rate
     samples = round((tare + duration) * rate)
-    time, e = np.arange(samples) / rate, directions(cables, robots, samples, rate, rng)
+    time = np.arange(samples) / rate
+    e = directions(cables, robots, samples, rate, rng)
     pull = tension + slipping(sd, robots, samples, rate, rng)
     pull[time < tare] = 0.0
     pull = np.maximum(pull, 0.0)  # a cable never pushes
@@ -137,11 +137,10 @@ def record_force(
         places = np.zeros((len(tension), 3))
         places[:, : len(cables.attachment[0])] = cables.attachment
         torque = torque + np.sum(np.cross(places, pulls), axis=1)
-    measured = [
-        true
-        + rng.normal(0.0, transducer.bias[i], 3)
-        + rng.normal(0.0, transducer.drift[i], 3) * time[:, None]
-        + rng.normal(0.0, transducer.noise[i], true.shape)
-        for i, true in enumerate((force, torque))
-    ]
+    measured = []
+    for i, true in enumerate((force, torque)):
+        bias = rng.normal(0.0, transducer.bias[i], 3)
+        drift = rng.normal(0.0, transducer.drift[i], 3) * time[:, None]
+        noise = rng.normal(0.0, transducer.noise[i], true.shape)
+        measured.append(true + bias + drift + noise)
     return RiggedForce(time, *measured, pull, e)

@@ -39,13 +39,15 @@ def place_solid(
 def _faces(ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return outward unit normals n (F, 3) and distances d (F,) m of the face planes n · p = d."""
     first, second = ends
-    n = len(first)
     # use distant corners, to reduce the effect of rounding on the normal
-    end = np.cross(first[n // 3] - first[0], first[2 * n // 3] - first[0])
+    n = len(first)
+    to_third, to_two_thirds = first[n // 3] - first[0], first[2 * n // 3] - first[0]
+    end = np.cross(to_third, to_two_thirds)
     sides = np.cross(second - first, np.roll(first, -1, axis=0) - first)
     normal = np.concatenate([sides, [end, -end]])
     normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
-    return normal, (normal * np.concatenate([first, ends[:, 0]])).sum(axis=-1)
+    corner = np.concatenate([first, ends[:, 0]])
+    return normal, (normal * corner).sum(axis=-1)
 
 
 def prism(outline: np.ndarray, low: float, high: float) -> np.ndarray:
@@ -76,11 +78,8 @@ def _rounded_bar(bottom: float, top: float, width: float) -> np.ndarray:
 def _static_solids(chain: PlanarChain, options: SceneOptions) -> list[np.ndarray]:
     """Return turntable, neck, stand, floor and wall, in the plane's frame."""
     (x, z), far, wall = chain.origin, 20.0, options.wall_distance
-    half, stand, floor = (
-        options.base_width / 2,
-        options.stand_width / 2,
-        options.floor_height,
-    )
+    half, stand = options.base_width / 2, options.stand_width / 2
+    floor = options.floor_height
     gap = z - options.base_gap
     return [
         prism(_rectangle(x - half, x + half, 0.0, gap), -half, half),
@@ -96,17 +95,20 @@ def _arm_solids(
     chain: PlanarChain, options: SceneOptions
 ) -> list[tuple[int, np.ndarray]]:
     """Return (index of the link, solid in the link's segment frame) of all solids of the arm."""
-    o, (first, second, third), finger = options, chain.lengths, options.finger_width / 2
-    hand = o.hand_share * third - o.tool_width / 2
-    solids = (
-        (0, _rounded_bar(0.0, first, o.link_width), o.link_depths[0]),
-        (1, _rounded_bar(0.0, second, o.link_width), o.link_depths[1]),
-        (2, _rounded_bar(0.0, hand, o.tool_width), o.link_depths[2]),
-        (2, _rectangle(-finger, finger, 0.0, third), o.finger_depth),
+    first, second, third = chain.lengths
+    finger = options.finger_width / 2
+    hand = options.hand_share * third - options.tool_width / 2
+    width, (depth_1, depth_2, depth_3) = options.link_width, options.link_depths
+    outlines = (
+        (0, _rounded_bar(0.0, first, width), depth_1),
+        (1, _rounded_bar(0.0, second, width), depth_2),
+        (2, _rounded_bar(0.0, hand, options.tool_width), depth_3),
+        (2, _rectangle(-finger, finger, 0.0, third), options.finger_depth),
     )
-    return [
-        (link, prism(outline, -depth / 2, depth / 2)) for link, outline, depth in solids
-    ]
+    solids = []
+    for link, outline, depth in outlines:
+        solids.append((link, prism(outline, -depth / 2, depth / 2)))
+    return solids
 
 
 def _arccos(cosine: np.ndarray) -> np.ndarray:
@@ -115,9 +117,8 @@ def _arccos(cosine: np.ndarray) -> np.ndarray:
     for _ in range(3):  # of 1/4, 1/8 and 1/16 of the angle
         tangent = tangent / (1 + np.sqrt(1 + tangent * tangent))
     square, series = tangent * tangent, 0.0
-    for power in range(
-        17, 0, -2
-    ):  # the next term of the arc tangent is at most 0.1¹⁹/19
+    # the next term of the arc tangent is at most 0.1¹⁹/19
+    for power in range(17, 0, -2):
         series = 1 / power - square * series
     return 16 * tangent * series
 
@@ -129,9 +130,8 @@ def cast(
     (h, w) in rad of the rays (x, y, 1), ``x`` (w,), ``y`` (h,), in the camera's frame. Raises
     ConfigError for a camera inside the solid.
     """
-    enter, leave, distance = (
-        np.full((len(y), len(x)), value) for value in (np.inf, 0.0, 0.0)
-    )
+    shape = len(y), len(x)
+    enter, leave, distance = np.full(shape, np.inf), np.zeros(shape), np.zeros(shape)
     normals, distances = _faces(solid)
     distances[distances == 0] = THROUGH
     _pass(normals / distances[:, None], distances, x, y, enter, leave, distance)
@@ -139,10 +139,12 @@ def cast(
         message = "the camera is inside a solid of the scene; move it"
         raise ConfigError(message, key="laboratory.kinect")
     met = enter > leave
-    depth, grazing = np.full(met.shape, np.inf), np.zeros(met.shape)
-    enter, range_ = enter[met], np.sqrt(x * x + (y * y + 1)[:, None])[met]
+    depth, grazing = np.full(shape, np.inf), np.zeros(shape)
+    enter = enter[met]
+    ray_length = np.sqrt(x * x + (y * y + 1)[:, None])[met]
+    cosine = distance[met] * enter / ray_length
     depth[met] = 1.0 / enter
-    grazing[met] = _arccos(np.minimum(distance[met] * enter / range_, 1.0))
+    grazing[met] = _arccos(np.minimum(cosine, 1.0))
     return depth, grazing
 
 
@@ -166,17 +168,17 @@ def _pass(slope, distance, x, y, enter, leave, entered):
             else:
                 for column in range(x.size):
                     inverse = across * x[column] + down
-                    farthest[column] = (
-                        inverse if inverse > farthest[column] else farthest[column]
-                    )
+                    farther = inverse > farthest[column]
+                    farthest[column] = inverse if farther else farthest[column]
 
 
 def _about(axis: int, angle: float) -> np.ndarray:
     """Return the rotation (3, 3) by ``angle`` (rad) about a coordinate axis."""
     i, j = (axis + 1) % 3, (axis + 2) % 3
+    cosine, sine = np.cos(angle), np.sin(angle)
     rotation = np.eye(3)
-    rotation[[i, j], [i, j]] = np.cos(angle)
-    rotation[i, j], rotation[j, i] = -np.sin(angle), np.sin(angle)
+    rotation[i, i] = rotation[j, j] = cosine
+    rotation[i, j], rotation[j, i] = -sine, sine
     return rotation
 
 
@@ -187,26 +189,21 @@ class DepthCamera:
         self.options, self._bias, self._chain = options, bias, arm.chain
         # columns are the camera's axes in the plane's frame
         facing = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
-        turn = (
-            _about(1, options.yaw) @ _about(0, options.pitch) @ _about(2, options.roll)
-        )
-        self._rotation = facing @ turn
+        yaw, pitch = _about(1, options.yaw), _about(0, options.pitch)
+        self._rotation = facing @ (yaw @ pitch @ _about(2, options.roll))
         aim = np.array([options.aim[0], 0.0, options.aim[1]])
         self._position = aim - options.distance * self._rotation[:, 2]
-        self.rotation, self.translation = (
-            arm.rotation @ self._rotation,
-            arm.to_base(self._position),
-        )
+        self.rotation = arm.rotation @ self._rotation
+        self.translation = arm.to_base(self._position)
         self._x = (np.arange(options.width) - options.cx) / options.fx
         self._y = (np.arange(options.height) - options.cy) / options.fy
         self._arm = _arm_solids(arm.chain, options.scene)
         # images without the arm; the depth is infinite if a ray misses all solids
         depth = np.full((options.height, options.width), np.inf, dtype=np.float32)
         self._background = depth, np.zeros_like(depth)
+        whole = slice(None), slice(None)
         for solid in _static_solids(arm.chain, options.scene):
-            self._draw(
-                self._in_camera(solid), (slice(None), slice(None)), *self._background
-            )
+            self._draw(self._in_camera(solid), whole, *self._background)
 
     def _in_camera(self, solid: np.ndarray) -> np.ndarray:
         return place_solid(solid, self._rotation.T, -self._rotation.T @ self._position)
@@ -222,18 +219,19 @@ class DepthCamera:
 
     def _window(self, solid: np.ndarray) -> Window:
         """Return the rows and columns that a solid covers; ConfigError if it is not in view."""
-        o, (x, y, z) = self.options, np.moveaxis(solid, -1, 0)
+        camera, (x, y, z) = self.options, np.moveaxis(solid, -1, 0)
         if np.all(z > 0):
-            sides = (o.fy * y / z + o.cy, o.height), (o.fx * x / z + o.cx, o.width)
-            if all(p.min() >= 0 and p.max() <= size - 1 for p, size in sides):
-                ends = (
-                    (int(np.floor(p.min())), int(np.ceil(p.max())) + 1)
-                    for p, _ in sides
-                )
-                return tuple(slice(*pair) for pair in ends)
-        message = f"the arm is not wholly in the image at distance {o.distance} m and aim {o.aim}; "
-        message += "move the camera away or change aim"
-        raise ConfigError(message, key="laboratory.kinect")
+            row = camera.fy * y / z + camera.cy
+            column = camera.fx * x / z + camera.cx
+            rows_in_view = row.min() >= 0 and row.max() <= camera.height - 1
+            columns_in_view = column.min() >= 0 and column.max() <= camera.width - 1
+            if rows_in_view and columns_in_view:
+                return _pixels_over(row), _pixels_over(column)
+        raise ConfigError(
+            f"the arm is not wholly in the image at distance {camera.distance} m and aim "
+            f"{camera.aim}; move the camera away or change aim",
+            key="laboratory.kinect",
+        )
 
     def render(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return exact depth (h, w) in m (0: none) and grazing angle in rad at ``q`` (3,) rad."""
@@ -250,14 +248,18 @@ class DepthCamera:
         return read_depth(*self.render(q), self._bias, self.options, rng)
 
 
+def _pixels_over(coordinate: np.ndarray) -> slice:
+    """Return the pixels that cover the least to the greatest ``coordinate`` in px."""
+    return slice(int(np.floor(coordinate.min())), int(np.ceil(coordinate.max())) + 1)
+
+
 def draw_bias(options: KinectOptions, rng: Generator) -> np.ndarray:
     """Draw the session's systematic depth error (K,) in m at the depths 0, 1 mm, 2 mm, …"""
     depth = np.arange(0.0, options.range[1] + BIAS_STEP, BIAS_STEP)
     phase = rng.uniform(0, 2 * np.pi)
     offset = options.bias_offset_std * rng.standard_normal()
-    bias = offset + options.bias_wiggle * np.sin(
-        2 * np.pi * depth / options.bias_period + phase
-    )
+    angle = 2 * np.pi * depth / options.bias_period + phase
+    bias = offset + options.bias_wiggle * np.sin(angle)
     # round, since the last bit of the sine depends on the processor
     return np.round(bias, 7).astype(np.float32)
 
@@ -266,10 +268,8 @@ def lateral_deviation(grazing: np.ndarray, options: KinectOptions) -> np.ndarray
     """Return σ_L in px per axis (Nguyen et al. 2012) at the ``grazing`` angle in rad, which is
     clipped at the grazing limit.
     """
-    angle, (a, b) = (
-        np.minimum(grazing, np.float32(options.grazing_limit)),
-        options.lateral,
-    )
+    a, b = options.lateral
+    angle = np.minimum(grazing, np.float32(options.grazing_limit))
     return np.float32(a) + np.float32(b) * (angle / (QUARTER_TURN - angle))
 
 
@@ -286,15 +286,15 @@ def _measure(
     border,
     near,
     far,
-    kept,
+    thresholds,
     fate,
 ):
     """Return the image (N,) in mm, uint16, from standard normal ``noise`` (N,), float32, which it
     overwrites. Pixel p shows pixel ``source[p]`` of exact ``depth`` (N,) in m and ``grazing`` angle
     (N,) in rad, none beyond its ``limit``; σ_z by the factors ``axial`` (4,) of Fankhauser et al.
     2015. A pixel of an edge, at the index ``border`` (B,), is lost where ``fate[0]`` is below
-    ``kept[0]``, and below ``kept[1]`` a mixture of ``near`` and ``far`` (N,) m with the weight
-    ``fate[1]``. Depths beyond the ``ends`` (2,) in m are lost.
+    ``thresholds[0]``, and below ``thresholds[1]`` a mixture of ``near`` and ``far`` (N,) m with the
+    weight ``fate[1]``. Depths beyond the ``ends`` (2,) in m are lost.
     """
     image, (a, b, c, d) = np.zeros(noise.size, np.uint16), axial
     for pixel in range(noise.size):
@@ -307,9 +307,9 @@ def _measure(
             noise[pixel] = 0.0
     for k in range(border.size):
         pixel = border[k]
-        if fate[0, k] < kept[0]:
+        if fate[0, k] < thresholds[0]:
             noise[pixel] = 0.0
-        elif fate[0, k] < kept[1]:
+        elif fate[0, k] < thresholds[1]:
             noise[pixel] = near[pixel] + fate[1, k] * (far[pixel] - near[pixel])
     for pixel in range(noise.size):
         if ends[0] <= noise[pixel] <= ends[1]:
@@ -342,18 +342,21 @@ def read_depth(
     source[band] = np.ravel_multi_index(tuple(places), grazing.shape, mode="clip")
     noise = rng.standard_normal(depth.size, dtype=np.float32)
     border = np.flatnonzero(edge)
-    kept = options.edge_lost, options.edge_lost + options.edge_mixed
-    factors, ends, kept = (
-        np.array(x, np.float32) for x in (options.axial, options.range, kept)
-    )
-    sensor = source, noise, bias, factors, np.float32(options.grazing_limit), ends
-    mixed = (
+    fate = rng.random((2, border.size), dtype=np.float32)
+    lost, mixed = options.edge_lost, options.edge_mixed
+    image = _measure(
+        depth.ravel(),
+        grazing.ravel(),
+        source,
+        noise,
+        bias,
+        np.array(options.axial, np.float32),
+        np.float32(options.grazing_limit),
+        np.array(options.range, np.float32),
         border,
         near.ravel(),
         far.ravel(),
-        kept,
-        rng.random((2, border.size), dtype=np.float32),
+        np.array([lost, lost + mixed], np.float32),
+        fate,
     )
-    return _measure(depth.ravel(), grazing.ravel(), *sensor, *mixed).reshape(
-        depth.shape
-    )
+    return image.reshape(depth.shape)

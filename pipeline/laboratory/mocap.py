@@ -18,9 +18,8 @@ from pipeline.laboratory.options import MocapOptions
 LABELS = "abc"
 PAIRS = np.array([[0, 1], [0, 2], [1, 2]])
 FIRST_UNLABELED = 1000
-Base = tuple[
-    np.ndarray, np.ndarray
-]  # rotation (3, 3) and place (3,) m of the arm in the world
+# rotation (3, 3) and place (3,) m of the arm in the world
+Base = tuple[np.ndarray, np.ndarray]
 
 
 def place_markers(
@@ -35,11 +34,12 @@ def bursts(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Draw the masks (frames, *shape) of frames that start a burst, and of frames in a burst."""
     starts = rng.random((frames, *shape)) < rate
-    at = np.nonzero(starts)
+    first, *places = np.nonzero(starts)
+    lengths = rng.geometric(1.0 / mean, size=first.size)
+    ends = np.minimum(first + lengths, frames)
     change = np.zeros((frames + 1, *shape), dtype=int)
-    np.add.at(change, at, 1)
-    ends = np.minimum(at[0] + rng.geometric(1.0 / mean, size=at[0].size), frames)
-    np.add.at(change, (ends, *at[1:]), -1)
+    np.add.at(change, (first, *places), 1)
+    np.add.at(change, (ends, *places), -1)
     return starts, np.cumsum(change[:-1], axis=0) > 0
 
 
@@ -51,14 +51,12 @@ def _exchange_labels(
     starts, swapped = bursts(frames, (3,), options.swap_rate, options.swap_frames, rng)
     drawn = rng.integers(len(PAIRS), size=(frames, 3))
     # the exchanged pair is constant during a burst
-    latest = np.maximum.accumulate(
-        np.where(starts, np.arange(frames)[:, None], 0), axis=0
-    )
+    started = np.where(starts, np.arange(frames)[:, None], 0)
+    latest = np.maximum.accumulate(started, axis=0)
     pair = PAIRS[np.take_along_axis(drawn, latest, axis=0)]
+    labels = np.where(swapped[..., None], pair[..., ::-1], pair)
     carrier = np.broadcast_to(np.arange(3), (frames, 3, 3)).copy()
-    np.put_along_axis(
-        carrier, pair, np.where(swapped[..., None], pair[..., ::-1], pair), axis=-1
-    )
+    np.put_along_axis(carrier, pair, labels, axis=-1)
     return np.take_along_axis(observed, carrier[..., None], axis=2)
 
 
@@ -73,11 +71,13 @@ def _lose_labels(
     lost &= ~np.isnan(observed[..., 0])
     edges = np.diff(lost.astype(np.int8), axis=0, prepend=0, append=0)
     # transpose, so that starts and ends have the same order (by marker, then time)
-    (marker, first), last = np.nonzero(edges.T == 1), np.nonzero(edges.T == -1)[1]
+    marker, first = np.nonzero(edges.T == 1)
+    _, last = np.nonzero(edges.T == -1)
     columns = {}
     for number, i in enumerate(np.lexsort((marker, first))):
+        burst = slice(first[i], last[i])
         column = np.full((len(observed), 3), np.nan)
-        column[first[i] : last[i]] = observed[first[i] : last[i], marker[i]]
+        column[burst] = observed[burst, marker[i]]
         columns[f"Unlabeled {FIRST_UNLABELED + number}"] = column
     return np.where(lost[..., None], np.nan, observed), columns
 
@@ -96,7 +96,8 @@ def capture(
     """
     axes, origin = segment_frames(arm.chain, q)
     plane = np.einsum("njab,jmb->njma", axes, markers) + origin[:, :, None, :]
-    observed = _observe(arm.to_base(plane) @ base[0].T + base[1], options, rng)
+    rotation, place = base
+    observed = _observe(arm.to_base(plane) @ rotation.T + place, options, rng)
     observed = _exchange_labels(observed, options, rng)
     labelled, unlabeled = _lose_labels(observed.reshape(-1, 9, 3), options, rng)
     names = [f"link{link}_{label}" for link in (1, 2, 3) for label in LABELS]
@@ -117,13 +118,11 @@ class MarkerCluster(NamedTuple):
     visible markers; with fewer than three visible markers, the body is lost.
     """
 
-    chain: (
-        SerialChain  # true chain from the base to the link; its tip is the link's frame
-    )
+    # true chain from the base to the link; its tip is the link's frame
+    chain: SerialChain
     places: np.ndarray  # (K, 3) m, true positions of the markers in the link's frame
-    shape: (
-        np.ndarray
-    )  # (K, 3) m, positions in the body's frame that the tracker assumes
+    # (K, 3) m, positions in the body's frame that the tracker assumes
+    shape: np.ndarray
 
 
 def as_built(link: SerialChain, arm: SerialChain) -> SerialChain:
@@ -134,7 +133,8 @@ def as_built(link: SerialChain, arm: SerialChain) -> SerialChain:
 
 def in_body(places: np.ndarray, position: np.ndarray, rpy: np.ndarray) -> np.ndarray:
     """Return ``places`` (K, 3) m of a link in the frame of a body at ``position`` and ``rpy``."""
-    return (places - np.asarray(position)) @ Rotation.from_euler("xyz", rpy).as_matrix()
+    rotation = Rotation.from_euler("xyz", rpy).as_matrix()
+    return (places - np.asarray(position)) @ rotation
 
 
 def capture_bodies(
@@ -147,16 +147,18 @@ def capture_bodies(
     """Draw name → position (N, 3) m and quaternion (N, 4) x, y, z, w in the world frame of the
     bodies on an arm at true angles ``q`` (N, n) rad, NaN where a body is lost.
     """
-    result = {}
+    bodies = {}
+    rotation_of_arm, place_of_arm = base
     for name, cluster in clusters.items():
         pose = cluster.chain.pose(q[:, : len(cluster.chain.lower)])
         turn = pose[:, 3:].reshape(-1, 3, 3)
         places = pose[:, None, :3] + cluster.places @ np.swapaxes(turn, -1, -2)
-        observed = _observe(places @ base[0].T + base[1], options, rng)
+        world = places @ rotation_of_arm.T + place_of_arm
+        observed = _observe(world, options, rng)
         rotation, position = rigid_motion(cluster.shape, observed)
         quaternion = np.full((len(q), 4), np.nan)
         tracked = np.isfinite(position).all(axis=-1)
         if tracked.any():
             quaternion[tracked] = Rotation.from_matrix(rotation[tracked]).as_quat()
-        result[name] = (position, quaternion)
-    return result
+        bodies[name] = position, quaternion
+    return bodies

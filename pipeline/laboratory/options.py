@@ -224,11 +224,11 @@ class Robots:
 
     def first(self, count: int) -> "Robots":
         """Return the first ``count`` robots, or all if there are fewer."""
-        kept = {
-            name: getattr(self, name)[:count]
-            for name in ("tension_sd", "concentration")
-        }
-        return replace(self, **kept)
+        return replace(
+            self,
+            tension_sd=self.tension_sd[:count],
+            concentration=self.concentration[:count],
+        )
 
 
 @options(frozen=True)
