@@ -50,42 +50,33 @@ class DynamicsOptions:
     length_std: NotNegative = 3e-4
     # rad, error of each joint's zero, one draw per session; homing against a mechanical stop
     encoder_offset_std: NotNegative = 2e-3
-    encoder_ripple: NotNegative = (
-        1e-3  # rad, once-per-turn eccentricity of encoder and gear
-    )
-    speed_error_std: NotNegative = (
-        0.03  # 1, over the commanded speed; torque ripple of small gears
-    )
-    speed_error_time: Positive = (
-        0.022  # s, time constant of each lag of the speed error
-    )
-    start_std: NotNegative = (
-        4e-3  # rad, start pose of a take; repeatability of homing moves
-    )
+    # rad, once-per-turn eccentricity of encoder and gear
+    encoder_ripple: NotNegative = 1e-3
+    # 1, over the commanded speed; torque ripple of small gears
+    speed_error_std: NotNegative = 0.03
+    # s, time constant of each lag of the speed error
+    speed_error_time: Positive = 0.022
+    # rad, start pose of a take; repeatability of homing moves
+    start_std: NotNegative = 4e-3
     # m or rad, sway of the tool by task coordinate at the joints' speed limits; a cause sets it
     sway_std: tuple[NotNegative, ...] = (0.0, 0.0, 0.0)
     # s, time constant of each lag of the sway: the shortest that the motors can drive (README.md);
     # four lags of 22 ms have the bandwidth of the servo, 20 1/s
     sway_time: Positive = 0.0135
-    sway_rest: NotNegative = (
-        0.02  # 1, share of the sway at rest, while the motors hold the arm
-    )
+    # 1, share of the sway at rest, while the motors hold the arm
+    sway_rest: NotNegative = 0.02
     # rad, half the play of one joint; the paper reports unusual clearance in the youBot's joint 3;
     # a cause sets it
     clearance: NotNegative = 0.0
     play_joint: Annotated[int, Field(ge=1)] = 3  # number of the joint with play, from 1
-    clearance_time: Positive = (
-        5e-3  # s, time constant of each lag; impacts of gear teeth
-    )
-    rattle_speed: Positive = (
-        1.5  # rad/s, speed of the joint at which rattling fills the play
-    )
-    speed_exponent: NotNegative = (
-        2.0  # 1, sway and rattling ∝ speed to this power; inertia
-    )
-    jitter_std: NotNegative = (
-        5e-4  # s, jitter of the exposure times; trigger and USB latency
-    )
+    # s, time constant of each lag; impacts of gear teeth
+    clearance_time: Positive = 5e-3
+    # rad/s, speed of the joint at which rattling fills the play
+    rattle_speed: Positive = 1.5
+    # 1, sway and rattling ∝ speed to this power; inertia
+    speed_exponent: NotNegative = 2.0
+    # s, jitter of the exposure times; trigger and USB latency
+    jitter_std: NotNegative = 5e-4
 
 
 @options(frozen=True)
@@ -101,14 +92,12 @@ class ClockOptions:
     """Clock and frame rate of the depth camera."""
 
     rate: Positive = 30.0  # 1/s, frame rate of the Kinect v2
-    offset: float = (
-        0.14  # s, camera clock minus motion clock; assumed: programs started by hand
-    )
+    # s, camera clock minus motion clock; assumed: programs started by hand
+    offset: float = 0.14
     offset_std: NotNegative = 0.02  # s, std of the offset over takes
     drift: Annotated[float, Field(gt=-1)] = 3e-5  # 1, rate error of the quartz
-    jitter_std: NotNegative = (
-        2e-3  # s, jitter of a frame's exposure; USB scheduling of a PC
-    )
+    # s, jitter of a frame's exposure; USB scheduling of a PC
+    jitter_std: NotNegative = 2e-3
 
 
 @options(frozen=True)
@@ -117,16 +106,13 @@ class MocapOptions:
 
     # m, white, per axis; Aurand, Dufour, Marras, J. Biomech. 58 (2017): below 0.2 mm in 97 %
     noise_std: NotNegative = 1e-4
-    placement_std: NotNegative = (
-        5e-4  # m, per axis, one draw per session; assumed: by a ruler
-    )
-    occlusion_rate: Probability = (
-        1e-3  # 1/frame, per marker; assumed: cables before the cameras
-    )
+    # m, per axis, one draw per session; assumed: by a ruler
+    placement_std: NotNegative = 5e-4
+    # 1/frame, per marker; assumed: cables before the cameras
+    occlusion_rate: Probability = 1e-3
     occlusion_frames: BurstLength = 6.0
-    swap_rate: Probability = (
-        1e-4  # 1/frame, per link; assumed: the link's markers look alike
-    )
+    # 1/frame, per link; assumed: the link's markers look alike
+    swap_rate: Probability = 1e-4
     swap_frames: BurstLength = 3.0
     lost_label_rate: Probability = 3e-4  # 1/frame, per marker; assumed
     lost_label_frames: BurstLength = 4.0
@@ -139,9 +125,8 @@ class SceneOptions:
     link_width: float = 0.06  # across the segment in the plane, first two links
     link_depths: tuple[float, float, float] = (0.07, 0.06, 0.05)  # along the normal
     tool_width: float = 0.05  # wrist and hand
-    hand_share: float = (
-        0.62  # 1, length of wrist and hand over the third segment's length
-    )
+    # 1, length of wrist and hand over the third segment's length
+    hand_share: float = 0.62
     finger_width: float = 0.024
     finger_depth: float = 0.03
     base_width: float = 0.08  # turntable under O1
@@ -162,17 +147,13 @@ class KinectOptions:
     cx: float = 254.878  # px
     cy: float = 205.395  # px
     distance: float = 1.2  # m, from the camera to the aim point along the optical axis
-    aim: tuple[float, float] = (
-        0.03,
-        0.17,
-    )  # m, x and z of the aim point in the arm's plane
+    # m, x and z of the aim point in the arm's plane
+    aim: tuple[float, float] = (0.03, 0.17)
     yaw: float = 0.05  # rad, about the camera's y axis; a tripod put up by eye
     pitch: float = -0.04  # rad, about the camera's x axis
     roll: float = 0.01  # rad, about the optical axis
-    range: tuple[Positive, Positive] = (
-        0.5,
-        4.5,
-    )  # m, valid depths; Microsoft's specification
+    # m, valid depths; Microsoft's specification
+    range: tuple[Positive, Positive] = (0.5, 4.5)
     # m, 1, 1/m, and m^(-1/2): σ_z = a + b z + c z² + d z^(3/2) θ²/(π/2 − θ)²; Fankhauser et al.,
     # ICAR 2015, Kinect v2 indoors
     axial: tuple[float, float, float, float] = (1.5e-3, -0.5e-3, 0.3e-3, 0.1e-3)
@@ -180,21 +161,17 @@ class KinectOptions:
     lateral: tuple[float, float] = (0.8, 0.035)
     # rad (80°), greatest angle with depth, and of the data of Nguyen 2012 and Fankhauser 2015
     grazing_limit: Annotated[float, Field(gt=0, lt=pi / 2)] = 1.4
-    edge_ratio: float = (
-        0.03  # 1, least relative depth difference of neighbours at an edge
-    )
+    # 1, least relative depth difference of neighbours at an edge
+    edge_ratio: float = 0.03
     edge_lost: Probability = 0.3  # 1, probability of no depth at an edge; assumed
-    edge_mixed: Probability = (
-        0.15  # 1, probability of a flying pixel at an edge; assumed
-    )
+    # 1, probability of a flying pixel at an edge; assumed
+    edge_mixed: Probability = 0.15
     # m, one draw per session; 1.5 mm to centimetres: Corti et al., Rob. Auton. Syst. 75 (2016)
     bias_offset_std: float = 5e-3
-    bias_wiggle: float = (
-        2e-3  # m, harmonic 'wiggling' error of Corti et al. (2016); size assumed
-    )
-    bias_period: float = (
-        0.47  # m, a quarter of the 1.87 m over which the phase at 80 MHz repeats
-    )
+    # m, harmonic 'wiggling' error of Corti et al. (2016); size assumed
+    bias_wiggle: float = 2e-3
+    # m, a quarter of the 1.87 m over which the phase at 80 MHz repeats
+    bias_period: float = 0.47
     scene: SceneOptions = field(default_factory=SceneOptions)
 
 
@@ -204,15 +181,12 @@ class Robots:
 
     tension_sd: tuple[NotNegative, ...]  # N, σ_T of the tension's stationary law
     concentration: tuple[Positive, ...]  # 1, κ of the von Mises law of the direction
-    slip_rate: Positive = (
-        20.0  # 1/s, slips per robot; assumed: some per turn of the wheels
-    )
-    slip_recovery: Positive = (
-        0.25  # s, time constant of traction; assumed: wheel-speed loop
-    )
-    wander_time: Positive = (
-        0.4  # s, time constant of the direction; assumed: sway of a cable
-    )
+    # 1/s, slips per robot; assumed: some per turn of the wheels
+    slip_rate: Positive = 20.0
+    # s, time constant of traction; assumed: wheel-speed loop
+    slip_recovery: Positive = 0.25
+    # s, time constant of the direction; assumed: sway of a cable
+    wander_time: Positive = 0.4
 
     @model_validator(mode="after")
     def _one_value_each(self) -> Self:
@@ -238,14 +212,10 @@ class Transducer:
     rate: Positive = 62.5  # Hz: 1000 Hz at averaging level 16
     # std of a sample; an ATI Gamma SI-32-2.5 resolves 1/160 N and 1/2000 N·m
     noise: tuple[NotNegative, NotNegative] = (0.00625, 0.0005)
-    bias: tuple[NotNegative, NotNegative] = (
-        0.5,
-        0.02,
-    )  # std of a record's offset; assumed
-    drift: tuple[NotNegative, NotNegative] = (
-        2e-4,
-        1e-5,
-    )  # std of the thermal drift/s; assumed
+    # std of a record's offset; assumed
+    bias: tuple[NotNegative, NotNegative] = (0.5, 0.02)
+    # std of the thermal drift/s; assumed
+    drift: tuple[NotNegative, NotNegative] = (2e-4, 1e-5)
     # m, from the transducer's origin to the point where cables are tied (origin of attachments)
     lever: tuple[float, float, float] = (0.0, 0.0, 0.03)
 

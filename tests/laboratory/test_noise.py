@@ -47,13 +47,18 @@ PUBLISHED = published_values(
     parse_claims(read_yaml(ROOT / "pipeline/verdicts/claims.yaml")["claims"])
 )
 TEXT = (ROOT / "pipeline/laboratory/README.md").read_text(encoding="utf-8")
-NUMBERS = TEXT[TEXT.index("| quantity") :].partition("\n\n")[0]
-HEADER, _, *ROWS = (
-    [cell.strip() for cell in line.strip("|").split("|")]
-    for line in NUMBERS.splitlines()
-)
-STATED = {row[0]: dict(zip(HEADER, row, strict=True)) for row in ROWS}
 FREE = "–"
+
+
+def table_in_text(first: str) -> dict[str, dict[str, str]]:
+    """Return row → column → cell of the table of TEXT whose header starts with ``first``."""
+    lines = TEXT[TEXT.index(f"| {first}") :].partition("\n\n")[0].splitlines()
+    cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
+    header, _, *rows = cells
+    return {row[0]: dict(zip(header, row, strict=True)) for row in rows}
+
+
+STATED, EXCLUDING = table_in_text("quantity"), table_in_text("observation")
 PAIRS = ((0, 1), (0, 2), (1, 2))
 COUNTED = ("within 0.1", "factor 1.5")  # rules of the published numbers
 
@@ -233,6 +238,15 @@ def time_numbers(recorded: Session) -> dict[str, float]:
     moving = noise[:, recorded.full_speed, 1].std(axis=0).mean()
     later = np.mean(deviation[:, 3:] * deviation[:, :-3], axis=(0, 1))
     left = later / np.mean(deviation**2, axis=(0, 1))
+    grid = np.arange(deviation.shape[1]) / recorded.trajectory.rate
+    command, _ = desired_joints(grid, recorded.trajectory)
+    distance = recorded.seen.mean(axis=0) - command
+    standard_error = deviation.std(axis=0) / np.sqrt(TAKES)
+    off_command = np.sqrt(np.mean(distance**2, axis=0)[1])
+    expected = np.sqrt(np.mean(standard_error**2, axis=0)[1])
+    mean_path = (
+        "distance of joint 2's mean path from the command, over its standard error"
+    )
     return {
         "standard deviation of a step of joint 2": noise[..., 1].std(axis=0).mean(),
         "standard deviation of a pose of joint 2": deviation[..., 1].std(),
@@ -241,6 +255,7 @@ def time_numbers(recorded: Session) -> dict[str, float]:
             noise, recorded.full_speed, 1
         )[0][1],
         "correlation of joint 2's deviation with the one 30 ms later": left[1],
+        mean_path: off_command / expected,
     }
 
 
@@ -298,6 +313,51 @@ def test_the_table_states_every_causes_numbers_and_which_keep_their_rules(record
         stated = STATED[f"number of {kind} kept"]
         counted = f"{sum(obeyed)} of {len(obeyed)}"
         assert stated[recorded.cause] == counted, kind
+
+
+@pytest.mark.parametrize("cause", cause_names())
+def test_what_excludes_a_cause_follows_from_the_numbers_of_the_table(cause):
+    def number(row: str) -> float:
+        return float(STATED[row][cause].strip("*"))
+
+    def of_causes(row: str) -> list[float]:
+        return [float(STATED[row][name].strip("*")) for name in cause_names()]
+
+    def sign(value: float, band: float) -> str:
+        if abs(value) < band:
+            return "near 0"
+        return "positive" if value > 0 else "negative"
+
+    def is_kept(*rows: str) -> bool:
+        return not any(STATED[row][cause].startswith("**") for row in rows)
+
+    pairs = [f"correlation of joints {i + 1} and {j + 1}" for i, j in PAIRS]
+    pose, rest = "standard deviation of a pose of joint 2", "at rest over at full speed"
+    at_rest = number(f"standard deviation of joint 2 {rest}")
+    too_fast = number("moving steps beyond a joint's speed limit, share, without play")
+    backwards = number("recorded fast steps of joint 2 that run backwards, share")
+    alpha, beside_next = (
+        "α̂ at û = 18",
+        "correlation of joint 2's noise with the next step's",
+    )
+    mean_path = (
+        "distance of joint 2's mean path from the command, over its standard error"
+    )
+    sizes = {min: "narrow", max: "wide"}
+    band = [word for end, word in sizes.items() if number(pose) == end(of_causes(pose))]
+    published = float(STATED[alpha]["limit or published"])
+    expected = {
+        "speed limits, without play": "excluded" if too_fast else "kept",
+        "correlations of Σ̂_ω": "reproduced" if is_kept(*pairs) else "excluded",
+        "σ̂_B": "reproduced" if is_kept("σ̂_B by moments") else "excluded",
+        alpha: "above" if number(alpha) > published else "below",
+        "noise at rest": "almost 0" if at_rest < 0.02 else "small",
+        "autocorrelation of successive noise": sign(number(beside_next), 0.2),
+        "recorded fast steps that run backwards": "some" if backwards else "none",
+        "standard deviation of a pose, the band of Fig. 5": (*band, "between")[0],
+        "mean path of the takes": "the command" if number(mean_path) < 1.5 else "off",
+    }
+    assert {row: cells[cause] for row, cells in EXCLUDING.items()} == expected
 
 
 def test_the_default_cause_keeps_most_limits_of_those_that_reproduce_most_numbers():
