@@ -78,17 +78,23 @@ def desired_joints(t: np.ndarray, motion: Commanded) -> tuple[np.ndarray, np.nda
     """
     if isinstance(motion, JointPath):
         return motion.interpolant(t), motion.interpolant(t, 1)
-    t, half, ramp = np.asarray(t, dtype=float), motion.duration / 2, motion.ramp
+    t = np.asarray(t, dtype=float)
+    half, ramp = motion.duration / 2, motion.ramp
     moving = half - 2 * motion.rest
     peak = 1.0 / (moving - ramp)
+
+    # time since the start of one way, to the nearer end of it, and within the ramp
     s = np.clip(np.minimum(t, motion.duration - t) - motion.rest, 0.0, moving)
     back = np.minimum(s, moving - s)
     inside = np.minimum(back, ramp)
-    speed = peak * (1 - np.cos(np.pi * inside / ramp)) / 2
-    accelerated = (inside - ramp / np.pi * np.sin(np.pi * inside / ramp)) / 2
+
+    phase = np.pi * inside / ramp
+    speed = peak * (1 - np.cos(phase)) / 2
+    accelerated = (inside - ramp / np.pi * np.sin(phase)) / 2
     way = peak * (accelerated + back - inside)
     progress = np.where(s <= moving / 2, way, 1.0 - way)
     rate = np.where(t <= half, speed, -speed)
+
     folded = np.asarray(motion.folded)
     stroke = np.asarray(motion.extended) - folded
     return folded + progress[..., None] * stroke, rate[..., None] * stroke
@@ -202,10 +208,12 @@ def swing(
     t = servo_times(motion, options)
     goal, speed = desired_joints(np.clip(t, 0.0, motion.duration), motion)
     servo = _servo_angles(chain, goal, speed, options, chance)
+
     pace = np.linalg.norm(speed, axis=1) / np.linalg.norm(chain.max_speed)
     share = options.sway_rest + (1 - options.sway_rest) * pace**options.speed_exponent
     sway = chance.sway * options.sway_std
     sway *= share[:, None]
+
     inverse = chain.inverse_jacobian(servo, what="time of the laboratory")
     ripple = options.encoder_ripple * np.sin(goal + chance.phase[..., None, :])
     q = servo + offset + ripple + np.einsum("...ij,...j->...i", inverse, sway)

@@ -84,12 +84,14 @@ def directions(
     sd = np.array([_angle_in_space(kappa) for kappa in concentration])
     up = wander(sd, robots.wander_time, samples, rate, rng)[..., None]
     aside = wander(sd, robots.wander_time, samples, rate, rng)[..., None]
+
     elevation = np.asarray(cables.elevation)
     ca, sa = np.cos(azimuth), np.sin(azimuth)
     ce, se = np.cos(elevation), np.sin(elevation)
     mean = np.stack([ce * ca, ce * sa, se], axis=-1)
     upwards = np.stack([-se * ca, -se * sa, ce], axis=-1)
     sideways = np.stack([-sa, ca, np.zeros_like(sa)], axis=-1)
+
     size = np.hypot(up, aside)
     turned = up * upwards + aside * sideways
     return np.cos(size) * mean + np.sinc(size / np.pi) * turned
@@ -127,16 +129,19 @@ def record_force(
     samples = round((tare + duration) * rate)
     time = np.arange(samples) / rate
     e = directions(cables, robots, samples, rate, rng)
+
     pull = tension + slipping(sd, robots, samples, rate, rng)
     pull[time < tare] = 0.0
     pull = np.maximum(pull, 0.0)  # a cable never pushes
     pulls = pull[..., None] * e
+
     force = np.sum(pulls, axis=1)
     torque = np.cross(transducer.lever, force)
     if cables.attachment is not None:
         places = np.zeros((len(tension), 3))
         places[:, : len(cables.attachment[0])] = cables.attachment
         torque = torque + np.sum(np.cross(places, pulls), axis=1)
+
     measured = []
     for i, true in enumerate((force, torque)):
         bias = rng.normal(0.0, transducer.bias[i], 3)

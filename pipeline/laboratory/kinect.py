@@ -44,6 +44,7 @@ def _faces(ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     to_third, to_two_thirds = first[n // 3] - first[0], first[2 * n // 3] - first[0]
     end = np.cross(to_third, to_two_thirds)
     sides = np.cross(second - first, np.roll(first, -1, axis=0) - first)
+
     normal = np.concatenate([sides, [end, -end]])
     normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
     corner = np.concatenate([first, ends[:, 0]])
@@ -132,12 +133,14 @@ def cast(
     """
     shape = len(y), len(x)
     enter, leave, distance = np.full(shape, np.inf), np.zeros(shape), np.zeros(shape)
+
     normals, distances = _faces(solid)
     distances[distances == 0] = THROUGH
     _pass(normals / distances[:, None], distances, x, y, enter, leave, distance)
     if np.isinf(enter).any():
         message = "the camera is inside a solid of the scene; move it"
         raise ConfigError(message, key="laboratory.kinect")
+
     met = enter > leave
     depth, grazing = np.full(shape, np.inf), np.zeros(shape)
     enter = enter[met]
@@ -195,9 +198,11 @@ class DepthCamera:
         self._position = aim - options.distance * self._rotation[:, 2]
         self.rotation = arm.rotation @ self._rotation
         self.translation = arm.to_base(self._position)
+
         self._x = (np.arange(options.width) - options.cx) / options.fx
         self._y = (np.arange(options.height) - options.cy) / options.fy
         self._arm = _arm_solids(arm.chain, options.scene)
+
         # images without the arm; the depth is infinite if a ray misses all solids
         depth = np.full((options.height, options.width), np.inf, dtype=np.float32)
         self._background = depth, np.zeros_like(depth)
@@ -333,6 +338,7 @@ def read_depth(
     edge = far > near * np.float32(1 + options.edge_ratio)
     window = np.ones((2 * REACH + 1, 2 * REACH + 1), np.uint8)
     band = np.flatnonzero(cv2.dilate(edge.view(np.uint8), window))
+
     # lateral noise: a pixel near an edge shows a neighbouring pixel
     lateral = lateral_deviation(grazing.ravel()[band], options)
     shift = np.rint(lateral * rng.standard_normal((2, band.size), dtype=np.float32))
@@ -340,6 +346,7 @@ def read_depth(
     places = np.stack(np.unravel_index(band, grazing.shape)) + shift
     source = np.arange(depth.size, dtype=np.int32)
     source[band] = np.ravel_multi_index(tuple(places), grazing.shape, mode="clip")
+
     noise = rng.standard_normal(depth.size, dtype=np.float32)
     border = np.flatnonzero(edge)
     fate = rng.random((2, border.size), dtype=np.float32)

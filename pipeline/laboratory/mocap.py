@@ -37,6 +37,7 @@ def bursts(
     first, *places = np.nonzero(starts)
     lengths = rng.geometric(1.0 / mean, size=first.size)
     ends = np.minimum(first + lengths, frames)
+
     change = np.zeros((frames + 1, *shape), dtype=int)
     np.add.at(change, (first, *places), 1)
     np.add.at(change, (ends, *places), -1)
@@ -55,6 +56,7 @@ def _exchange_labels(
     latest = np.maximum.accumulate(started, axis=0)
     pair = PAIRS[np.take_along_axis(drawn, latest, axis=0)]
     labels = np.where(swapped[..., None], pair[..., ::-1], pair)
+
     carrier = np.broadcast_to(np.arange(3), (frames, 3, 3)).copy()
     np.put_along_axis(carrier, pair, labels, axis=-1)
     return np.take_along_axis(observed, carrier[..., None], axis=2)
@@ -70,6 +72,7 @@ def _lose_labels(
     _, lost = bursts(len(observed), observed.shape[1:2], rate, mean, rng)
     lost &= ~np.isnan(observed[..., 0])
     edges = np.diff(lost.astype(np.int8), axis=0, prepend=0, append=0)
+
     # transpose, so that starts and ends have the same order (by marker, then time)
     marker, first = np.nonzero(edges.T == 1)
     _, last = np.nonzero(edges.T == -1)

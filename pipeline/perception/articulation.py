@@ -84,6 +84,7 @@ def rank(frame: Frame, v: np.ndarray) -> float:
             return INFEASIBLE + excess
     x, z, signed = frame.points[0], frame.points[1], frame.buffer
     _assign(x, z, frame.nodes, signed[0], signed[1], signed[2], signed[4])
+
     pieces = 3
     if fitted_end:
         pieces = 4
@@ -131,13 +132,15 @@ def _move_nodes(frame, v):
 def _split_tool(frame):
     """Move the points beyond the middle of the tool to the fourth row of the buffer."""
     x, z, signed, nodes = frame.points[0], frame.points[1], frame.buffer, frame.nodes
-    ax, az, bx, bz = nodes[2, 0], nodes[2, 1], nodes[3, 0], nodes[3, 1]
+    tool, beyond = signed[2], signed[3]
+    ax, az = nodes[2, 0], nodes[2, 1]
+    bx, bz = nodes[3, 0], nodes[3, 1]
     for i in range(x.size):
         along_x = (x[i] - 0.5 * (ax + bx)) * (bx - ax)
         along_z = (z[i] - 0.5 * (az + bz)) * (bz - az)
-        beyond = along_x + along_z > 0.0
-        signed[3, i] = signed[2, i] if beyond else 0.0
-        signed[2, i] = 0.0 if beyond else signed[2, i]
+        is_beyond = along_x + along_z > 0.0
+        beyond[i] = tool[i] if is_beyond else 0.0
+        tool[i] = 0.0 if is_beyond else tool[i]
 
 
 @inner
@@ -153,6 +156,7 @@ def _assign(x, z, nodes, first, second, third, distance):
         to_first, side_first = _to_segment(x[i], z[i], o1, o2)
         to_second, side_second = _to_segment(x[i], z[i], o2, o3)
         to_third, side_third = _to_segment(x[i], z[i], o3, ee)
+
         nearest = to_first if to_first < to_second else to_second
         nearest = nearest if nearest < to_third else to_third
         distance[i] = np.sqrt(nearest)
@@ -178,11 +182,13 @@ def _to_segment(x, z, start, end):
     wz = z - start[1]
     ex = x - end[0]
     ez = z - end[1]
+
     squared = ux * ux + uz * uz
     along = wx * ux + wz * uz
     side = wx * uz - wz * ux
     from_start = wx * wx + wz * wz
     from_end = ex * ex + ez * ez
+
     inside = from_end if along >= squared else side * side * (1.0 / squared)
     return from_start if along <= 0.0 else inside, side
 
@@ -271,6 +277,7 @@ def _simplex(frame, step, extent, corners, values):
                 size = max(size, abs(corners[i, j] - corners[0, j]))
         if size <= extent:
             return True
+
         for j in range(n):
             middle[j] /= n
             reflected[j] = middle[j] - (corners[n, j] - middle[j])
@@ -282,6 +289,7 @@ def _simplex(frame, step, extent, corners, values):
             values[n] = at_reflected
             _set(corners, n, reflected)
             continue
+
         if best:
             factor = -2.0  # expansion
         elif outside:
@@ -383,12 +391,14 @@ def fit_sequence(
             )
         if gap:
             continue
+
         starts = starts + np.array([[0.0], [1.0], [1.0]]) * (goal - ee[last])
         problem = frame_of(cloud.T, o1, goal, bounds, gammas)
         fits = [_fit(problem, end, start) for start in starts]
         if min(fit[1] for fit in fits) > LOST * least:
             joining = _joining_poses(o1, goal, chain.lengths)
             fits += [_fit(problem, end, start) for start in joining]
+
         best, value, ended = min(fits, key=lambda fit: fit[1])
         if value >= INFEASIBLE:
             raise RecordingError(
@@ -450,6 +460,7 @@ def articulate_rows(
     )
     coordinates = fitted.nodes[:, 1:].reshape(-1, 6).T
     names = ["x2", "z2", "x3", "z3", "xe", "ze"]
+
     columns = spread("q", joints, fitted.q)
     columns |= dict(zip(names, coordinates, strict=True))
     columns["points"] = [len(cloud) for cloud in clouds]

@@ -50,9 +50,11 @@ def leave_one_out(errors: pd.DataFrame, *, window: int) -> pd.DataFrame:
         mean, time = by_frame[components].mean(), by_frame["t"].mean()
         frames = mean.index.to_numpy()
         centred = used[components].to_numpy() - mean.loc[used["frame"]].to_numpy()
+
         scatter = np.zeros((len(frames), n, n))
         place = np.searchsorted(frames, used["frame"])
         np.add.at(scatter, place, centred[:, :, None] * centred[:, None, :])
+
         near = np.abs(frames[:, None] - frames[None, :]) <= window
         # each frame's mean takes one degree of freedom
         freedom = near @ (by_frame.size().to_numpy() - 1)
@@ -64,6 +66,7 @@ def leave_one_out(errors: pd.DataFrame, *, window: int) -> pd.DataFrame:
                 take=left_out,
                 samples=samples,
             )
+
         covariance = np.tensordot(near, scatter, axes=1) / freedom[:, None, None]
         table = {"take": left_out, "frame": frames, "t": time.to_numpy()}
         table |= spread("b", names, mean.to_numpy()) | triangle("r", names, covariance)
@@ -122,6 +125,7 @@ def _slope(
     residual = e - d * (product / power)
     score = pd.Series(d * residual, index=takes.index)
     by_take = score.groupby(takes).sum().to_numpy()
+
     power_of_arm = power - noise
     variance = number / (number - 1) * np.sum(by_take**2)
     error = np.sqrt(variance) / power_of_arm

@@ -74,6 +74,7 @@ def track(
         q, residual = _solve_blocks(labelled, points, take)
     else:
         q, residual, *_ = points.solve(labelled, _heading_angles(labelled, points))
+
     missing = np.isnan(labelled[..., 0])
     markers, moved = _correct_labels(positions, q, residual, points, take)
     solved = np.isfinite(residual)
@@ -81,6 +82,7 @@ def track(
     pairs = 0
     for on_link in points.link_masks():
         pairs += int((present[:, on_link].sum(axis=1) == 2).sum())
+
     q, filled = fill_gaps(q, solved, points.sliding, max_gap, take)
     counts = {"missing": int(missing.sum())} | moved
     counts |= {"two_marker_fits": pairs} | filled
@@ -99,10 +101,12 @@ def _heading_angles(positions: np.ndarray, points: MarkedArm) -> np.ndarray:
         measured = np.where(is_present, points.arm.to_plane(measured), 0.0)
         centre = (weight * measured).sum(axis=-2, keepdims=True)
         measured = (measured - centre) * is_present
+
         turn = np.swapaxes(measured, -1, -2) @ template
         sine = turn[..., 0, 2] - turn[..., 2, 0]
         cosine = turn[..., 0, 0] + turn[..., 2, 2]
         heading = np.arctan2(sine, cosine)
+
         seen = number >= 2
         filled = 0.0
         if seen.any():
@@ -204,6 +208,7 @@ def _correct_labels(
         label, sample = linear_sum_assignment(np.minimum(square, most))
         close = square[label, sample] <= most
         label, sample = label[close], sample[close]
+
         labelled = sample < labels
         markers[k] = np.nan
         markers[k, label] = positions[k, sample]
@@ -243,6 +248,7 @@ def fill_gaps(
             take=take,
             frames=f"{first} to {last}",
         )
+
     continuous = np.where(sliding, q[frames], np.unwrap(q[frames], axis=0))
     k = np.arange(len(q))
     joints = [np.interp(k, frames, joint) for joint in continuous.T]

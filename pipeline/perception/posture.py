@@ -118,9 +118,11 @@ class MarkedArm:
             way = measured[:, on_link] - position[:, None] - lever
             seen = ~np.isnan(way[..., :1])
             way = np.where(seen, way, 0.0)
+
             jacobian = self.chains[link].jacobian(q[:, :m])
             moved = _point_jacobian(jacobian, lever) * seen[..., None]
             moved = moved.reshape(starts, -1, m)
+
             normal[:, :m, :m] += np.swapaxes(moved, -1, -2) @ moved
             gradient[:, :m] += np.vecmat(way.reshape(starts, -1), moved)
             distances[:, on_link] = np.linalg.norm(way, axis=-1)
@@ -142,6 +144,7 @@ class MarkedArm:
             starts = centre + (2 * shares - 1) * reach
         else:
             centre, starts = self.posture, self.posture[None]
+
         points = np.broadcast_to(measured, (len(starts), *measured.shape))
         lower, upper = self.lower - SAME_POSTURE, self.upper + SAME_POSTURE
         postures: list[Solution] = []
@@ -149,6 +152,7 @@ class MarkedArm:
             solution = Solution(*arrays)
             turns = np.round((solution.q - centre) / (2 * np.pi))
             q = solution.q - 2 * np.pi * np.where(self.sliding, 0.0, turns)
+
             in_limits = np.all((q >= lower) & (q <= upper))
             if solution.distances.max() > self.gate or not in_limits:
                 continue

@@ -36,6 +36,7 @@ class ArmSegmenter:
         shape = camera.height, camera.width
         rays = _rays(camera) @ rotation.T @ arm.rotation
         rays = np.ascontiguousarray(rays.T).reshape(3, *shape)
+
         x0, z0 = arm.chain.origin
         reach = arm.chain.lengths.sum() + crop.girth
         sees = np.zeros(shape, dtype=bool)
@@ -53,6 +54,7 @@ class ArmSegmenter:
                 "intrinsics and the crop",
                 key="dataset.depth.camera",
             )
+
         across = np.flatnonzero(sees.any(axis=0))
         down = np.flatnonzero(sees.any(axis=1))
         self.window = (slice(down[0], down[-1] + 1), slice(across[0], across[-1] + 1))
@@ -73,10 +75,12 @@ class ArmSegmenter:
         pixels, depths = np.flatnonzero(on_plane), depth[on_plane]
         x = self.camera[0] + depths * self.in_plane[0][pixels]
         z = self.camera[2] + depths * self.in_plane[1][pixels]
+
         near = _near_arm(x, z, self.arm, self.crop)
         pixels, x, z = pixels[near], x[near], z[near]
         if not len(pixels):
             return np.empty((0, 2))
+
         # label of each pixel's connected patch, in the occupied rows
         width = depth.shape[1]
         first, last = pixels[0] // width, pixels[-1] // width
@@ -120,6 +124,7 @@ def cut_cloud(
     x, _, z = np.asarray(points.points).T
     points = points.select_by_index(np.flatnonzero(_near_arm(x, z, arm, crop)))
     points, _ = points.remove_radius_outlier(NEIGHBOURS, LINK)
+
     cluster = np.asarray(points.cluster_dbscan(LINK, 1), dtype=int)
     is_large = np.bincount(cluster)[cluster] >= crop.min_pixels
     on_arm = np.asarray(points.points)[is_large]
