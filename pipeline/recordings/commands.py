@@ -96,6 +96,7 @@ def tracking_errors(actual: np.ndarray, target: np.ndarray) -> np.ndarray:
     residual = np.abs(actual - target)
     motion = np.ptp(actual, axis=0)
     scale = np.maximum(motion, max(LEAST_MOTION * motion.max(), STILL))
+
     steps = np.abs(np.diff(target, axis=0, prepend=target[:1])).max(axis=1)
     moving = steps > LEAST_MOTION * np.quantile(steps, 0.99)
     quantiles = []
@@ -138,8 +139,10 @@ def wrong_commands(actual: np.ndarray, target: np.ndarray) -> list[WrongCommand]
     size = inner - (before + after) / 2
     around = [after - before, before - target[:-4], target[4:] - after]
     usual = np.max(np.abs(around), axis=0)
+
     steps_back = np.sign(inner - before) == np.sign(inner - after)
     is_large = np.abs(size) > np.maximum(BEYOND_STEPS * usual, STEP_NOISE)
+
     bends = np.abs(actual[1:-1] - (actual[:-2] + actual[2:]) / 2)
     faults = []
     for row, column in np.argwhere(steps_back & is_large).tolist():
@@ -176,12 +179,14 @@ def find_pairing(actual: np.ndarray, target: np.ndarray, rate: float) -> Pairing
         return best._replace(delay=of_following.delay)
     if not (np.ptp(actual, axis=0).max() > REACH and np.ptp(target, axis=0).any()):
         return best
+
     least = best.error(actual, target)
     for delay in _delays(actual, target, rate):
         tried = _unit_and_order(*shift_rows(actual, target, delay), delay)
         error = tried.error(actual, target)
         if error < ORDER_GAIN * least:
             best, least = tried, error
+
     # round the delay to a row; a delay up to LATEST is the controller's lag, not a clock offset
     measured, command = best.apply(actual, target)
     delay = best.delay + round(np.nan_to_num(lag(command, measured, rate)) * rate)
@@ -272,13 +277,15 @@ def _delays(actual: np.ndarray, target: np.ndarray, rate: float) -> list[int]:
     measured = np.linalg.norm(actual[width:] - actual[:-width], axis=1)
     commanded = np.linalg.norm(target[width:] - target[:-width], axis=1)
     measured, commanded = measured - measured.mean(), commanded - commanded.mean()
+
     rows = correlation_lags(len(measured), len(commanded))
     near = np.abs(rows) <= min(SEARCH * rate, len(measured) // 2)
-    correlation, rows = correlate(measured, commanded)[near], rows[near]
+    rows = rows[near]
     overlapping = len(measured) - np.abs(rows)
-    correlation = correlation / overlapping
-    peak = find_peaks(correlation, height=NEAR * correlation.max())[0]
-    highest = peak[np.argsort(-correlation[peak])[:PEAKS]]
+    correlation = correlate(measured, commanded)[near] / overlapping
+
+    peaks, _ = find_peaks(correlation, height=NEAR * correlation.max())
+    highest = peaks[np.argsort(-correlation[peaks])[:PEAKS]]
     return sorted({0, *rows[highest].tolist()}, key=abs)
 
 
@@ -290,6 +297,7 @@ def _unit_and_order(actual: np.ndarray, target: np.ndarray, delay: int) -> Pairi
     if not motion:
         return _plain(n, delay=delay)
     size = _unit_near(np.ptp(actual, axis=0).sum() / motion)
+
     # (n, n) root mean square difference of joint i from column j, and from minus column j
     commanded = (size * target).T
     same_sign = np.sqrt(np.mean((actual.T[:, None] - commanded) ** 2, axis=-1))
@@ -297,11 +305,12 @@ def _unit_and_order(actual: np.ndarray, target: np.ndarray, delay: int) -> Pairi
     cost = np.minimum(same_sign, other_sign)
     joints = np.arange(n)
     in_place = np.diagonal(same_sign)
-    order = linear_sum_assignment(cost)[1]
+    _, order = linear_sum_assignment(cost)
     if cost[joints, order].sum() > ORDER_GAIN * in_place.sum():
         return _plain(n, size, delay)
     reversed_sign = other_sign[joints, order] < ORDER_GAIN * same_sign[joints, order]
     sign = np.where(reversed_sign, -1.0, 1.0)
+
     # keep the place of columns whose exchange hardly reduces the cost
     stay = in_place <= cost[joints, order] / ORDER_GAIN
     nearer_order = np.where(stay, joints, order)

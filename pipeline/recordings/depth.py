@@ -62,6 +62,7 @@ def frame_rows(
     identity = {"take": name, "part": "test", "frame": np.arange(len(clouds))}
     columns = identity | {"t": time, "file": references, "valid": valid}
     rows = pd.DataFrame(columns)[~frozen]
+
     empty = np.full(2, np.nan)
     centroid = [points.mean(axis=0) if len(points) else empty for points in thawed]
     rows["points"] = [len(points) for points in thawed]

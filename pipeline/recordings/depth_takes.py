@@ -77,11 +77,11 @@ class SignalPair(NamedTuple):
     def fit(self, tau: float) -> AffineFit:
         """Return the fit at the offset ``tau`` in s."""
         use = self.inside(tau)
-        regressors = np.ones((use.sum(), len(self.centre) + 1))
-        regressors[:, :-1] = self.spline(self.t_a[use] + tau) - self.centre
-        affine = np.linalg.lstsq(regressors, self.a[use], rcond=None)[0]
-        residual = self.a[use] - regressors @ affine
-        return AffineFit(self.a[use], regressors, affine, residual)
+        a, time = self.a[use], self.t_a[use]
+        regressors = np.ones((len(a), len(self.centre) + 1))
+        regressors[:, :-1] = self.spline(time + tau) - self.centre
+        affine = np.linalg.lstsq(regressors, a, rcond=None)[0]
+        return AffineFit(a, regressors, affine, a - regressors @ affine)
 
     def unexplained(self, tau: float) -> float:
         """Return the unexplained share of the variance of ``a`` at the offset ``tau`` in s."""
@@ -118,6 +118,7 @@ def find_offset(
                 "no motion to compare the clocks by: one of the signals is constant"
             )
             raise refusal(message)
+
     signals = SignalPair(t_a, a, t_b, b.mean(axis=0), CubicSpline(t_b, b))
     tau = _least_unexplained(signals, search, refusal)
     correlation = float(np.sqrt(max(0.0, 1.0 - signals.unexplained(tau))))
@@ -149,6 +150,7 @@ def _least_unexplained(
         message = "the clock offset lies at the edge of the search range or of the signals' overlap"
         offset = grid[best : best + 1].round(4).tolist()
         raise refusal(message, search=search, offset=offset)
+
     solution = minimize_scalar(
         signals.unexplained,
         bounds=(grid[best - 1], grid[best + 1]),
@@ -298,10 +300,11 @@ def _estimated_offset(
 def _marker_path(markers: pd.DataFrame, arm: Arm) -> tuple[np.ndarray, np.ndarray]:
     """Return times (K,) s and centroids (K, 2) m in the arm's plane of the labelled markers."""
     labelled = markers[markers.link > 0]
-    plane = arm.to_plane(labelled[["x", "y", "z"]].to_numpy())
-    points = {"t": labelled["t"].to_numpy(), "x": plane[:, 0], "z": plane[:, 2]}
-    path = pd.DataFrame(points).groupby("t").mean(skipna=False).dropna()
-    return path.index.to_numpy(), np.ascontiguousarray(path.to_numpy())
+    x, _, z = arm.to_plane(labelled[["x", "y", "z"]].to_numpy()).T
+    points = pd.DataFrame({"t": labelled["t"].to_numpy(), "x": x, "z": z})
+    path = points.groupby("t").mean(skipna=False).dropna()
+    times, centroids = path.index.to_numpy(), path.to_numpy()
+    return times, np.ascontiguousarray(centroids)
 
 
 def arm_points(rows: pd.DataFrame, folder: Path) -> list[np.ndarray]:

@@ -40,6 +40,7 @@ def joint_lags(command: np.ndarray, measured: np.ndarray, rate: float) -> np.nda
     for j in np.flatnonzero(np.ptp(command, axis=0) > REACH):
         commanded, actual = command[:, [j]], measured[:, [j]]
         late = lag(commanded, actual, rate, FURTHEST)
+
         error, _ = _errors_in_motion(commanded, actual, late * rate)
         common_error, _ = _errors_in_motion(commanded, actual, lags[j] * rate)
         if np.std(error) < OWN_LAG * np.std(common_error):
@@ -58,6 +59,7 @@ def _errors_in_motion(
     step = np.gradient(shifted, axis=0)
     speed = np.abs(step).max(axis=1)
     size = np.linalg.norm(error, axis=1)
+
     moving = speed > SLOW * speed.max()
     used = moving & (size <= FAR * np.median(size[moving]))
     return error[used], step[used]

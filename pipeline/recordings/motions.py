@@ -114,6 +114,7 @@ def _compare(
     motion.least_singular = float(_least_singular(chain, reference).min())
     if motion.pause is None:
         return
+
     residuals = {}
     for name, row in motion.places:
         log = logs[name]
@@ -126,6 +127,7 @@ def _compare(
         else:
             errors = log.actual - log.target
             residuals[name, row] = stretch(errors, start, len(reference))
+
     if len(residuals) >= FEWEST:
         scores = disturbances(np.stack([*residuals.values()]), rate)
         places = [*residuals]
@@ -170,6 +172,7 @@ def logged_motions(dataset: Dataset) -> list[MotionSteps]:
                 takes.append(np.stack([log.actual, log.target])[:, first : last + 1])
         if not takes:
             continue
+
         length = min(take.shape[1] for take in takes)
         actual, target = np.stack([take[:, :length] for take in takes], axis=1)
         commanded = np.diff(target, axis=1)

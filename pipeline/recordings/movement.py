@@ -63,6 +63,7 @@ def read_movement(
         signals |= {name: rows[:length] for name, rows in log.signals.items()}
     if not uneven:
         return signals, dict(counts)
+
     jitter = float(np.diff(time).std())
     if clock is None:
         smoother = smoothness_by_rows(time, np.hstack([*signals.values()]), rate)
@@ -103,12 +104,14 @@ def _uneven_rows(time: np.ndarray, rate: float, file: Path) -> int:
     off = np.abs(steps * rate - 1)
     mean = (time[-1] - time[0]) / len(steps)
     is_other_rate = abs(mean * rate - 1) > RATE_TOLERANCE
+
     # a loaded computer's clock is late, and then on time again; missing rows shift it for good
     shift = median_filter(time * rate - np.arange(len(time)), LASTING, mode="nearest")
     rows, half = np.arange(len(steps)), LASTING // 2
     after, before = np.minimum(rows + half + 1, len(steps)), np.maximum(rows - half, 0)
     lasts = np.abs(shift[after] - shift[before]) > JITTER
     beyond = (off > JITTER) & lasts
+
     if beyond.any() and not (is_other_rate and np.median(off) > JITTER):
         row = int(np.argmax(beyond))
         key = None
@@ -138,6 +141,7 @@ def read_log(file: Path, options: LogOptions) -> JointLog:
     if {*stated} == {*options.names} and stated != [*options.names]:
         message = f"the joints of the log are {', '.join(log.joints)}"
         raise RecordingError(message, file=file, key=key)
+
     for name, logged in log.signals.items():
         if options.signals and name not in options.signals:
             continue
@@ -277,7 +281,9 @@ class LoggedMovement(NamedTuple):
         """Return the movement of the ``joints`` alone, in their order, with motions of theirs."""
         places = [self.joints.index(joint) for joint in joints]
         actual, target = self.actual[:, places], self.target[:, places]
-        circular, motions = self.circular[places], []
+        circular = self.circular[places]
+
+        motions = []
         for run in self.motions:
             span = target[max(run.first - 1, 0) : run.last + 1]
             if np.ptp(span, axis=0).max(initial=0.0) > REACH:
@@ -316,6 +322,7 @@ def read_logged_movement(
     if files:
         signals, counts = read_movement(files, rate, options.clock)
     _require_angles(signals, name, movement, files)
+
     early = _delay_of(name, options, rate)
     actual, target = commands.shift_rows(signals["actual"], signals["target"], early)
     if early:
@@ -325,11 +332,13 @@ def read_logged_movement(
     if turns.any():
         actual = actual + TURN * turns
         counts |= {"joints_moved_by_whole_turns": np.count_nonzero(turns)}
+
     speed = rate
     if "speed" in signals:
         _, speed = commands.shift_rows(signals["actual"], signals["speed"], early)
     else:
         counts |= {"speed_from_angles": 1}
+
     fault = commands.standing_arm(actual, target)
     if fault:
         raise RecordingError(fault, file=movement)

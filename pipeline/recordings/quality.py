@@ -226,12 +226,14 @@ def noise_distances(angles: np.ndarray) -> np.ndarray:
     takes = _block_means(angles, rows)
     acceleration = _block_means(np.gradient(speed, axis=1), rows)
     speed = _block_means(speed, rows)
+
     constant = np.ones_like(takes[:, 0])
     time = np.cumsum(constant, axis=1)
     distances = np.zeros((len(takes), len(angles), len(angles)))
     for i in range(len(angles)):
         fitted = constant, time, takes[:, i], speed[:, i], acceleration[:, i]
         basis = np.linalg.qr(np.stack(fitted, axis=-1))[0]  # (n, blocks, 5)
+
         apart = takes - takes[:, [i]]
         apart = apart - apart @ basis @ np.swapaxes(basis, 1, 2)
         freedom = max(apart.shape[-1] - len(fitted), 1)
@@ -319,6 +321,7 @@ def _greatest_in_windows(
     length = signal.shape[1]
     rows = min(max(round(WINDOW * rate), 1), length)
     starts = np.arange(0, length - rows + 1, max(rows // OVERLAP, 1))
+
     sums = np.cumsum(distance, axis=1)
     sums = np.concatenate([np.zeros_like(sums[:, :1]), sums], axis=1)
     means = np.abs(sums[:, starts + rows] - sums[:, starts]) / rows
@@ -438,6 +441,7 @@ def account(
             words.append(f"{reason} {count}")
         total, repetitions = number.sum(), number[REPETITIONS]
         rows.append(("motions", movement, total, repetitions, ", ".join(words)))
+
     for part_name, of_part in takes.groupby("part", sort=False):
         number = of_part["take"].nunique()
         left = of_part.loc[~of_part["left_out"], "take"].nunique()
@@ -453,6 +457,7 @@ def _account_of_files(files_by_part: list[set[str]]) -> tuple[str, str, int, int
     files = set().union(*files_by_part)
     unread = set.intersection(*files_by_part)
     places = Counter(name.partition("/")[0] for name in unread)
+
     words = []
     for place, number in sorted(places.items()):
         words.append(f"{place} ({number})" if number > 1 else place)

@@ -63,6 +63,7 @@ def excursions(
         travel = np.ptp(angles[max(first - 1, 0) : last + 1], axis=0).max()
         if travel > REACH:
             moved.append((first, last))
+
     starts = [first for first, _ in moved]
     stops = [last for _, last in moved]
     motions = []

@@ -165,6 +165,7 @@ def _runs_of(
     for before, after in pairwise(motions):
         if after.first - before.last >= PAUSE * rate:
             middles.append((before.last + after.first) // 2 - start)
+
     limits = np.clip([0, *middles, len(command)], 0, len(command)).tolist()
     wrong = wrong_commands(measured, target)
     late = late + movement.counts.get("command_delay", 0.0)
@@ -198,6 +199,7 @@ def following_rows(error: np.ndarray) -> slice:
     ends = int(ENDS * len(error))
     last = len(error) - ends
     beyond = size > 2 * size[ends:last].max(initial=0.0)
+
     stop = len(error)
     if beyond[last:].any():
         stop = last + int(beyond[last:].argmax())
@@ -302,6 +304,7 @@ def _is_part(section: np.ndarray, whole: np.ndarray, circular: np.ndarray) -> bo
     step = np.abs(np.diff(core, axis=0)).max(axis=1)
     half_a_row = step.max() / 2
     reach = max(REACH, SAME * np.ptp(core, axis=0).max(initial=0.0)) + half_a_row
+
     fast = int(step.argmax())
     places = max(len(whole) - len(core) + 1, 0)
     from_fast = apart(whole[fast : places + fast], core[fast], circular)
@@ -390,6 +393,7 @@ def _repeated(residuals: np.ndarray, far: np.ndarray) -> np.ndarray:
     """
     if far.sum() < 2 or far.all():
         return np.zeros(len(far), bool)
+
     differences = residuals[:, None] - residuals
     distances = np.sqrt(np.mean(differences**2, axis=(2, 3)))
     np.fill_diagonal(distances, np.inf)

@@ -21,6 +21,7 @@ def training_steps(robot: Robot, motion: Motion) -> Recorded:
     _, q = contracts.stacked(joints[joints.part == "training"], "q")
     v = commanded_steps(contracts.read("trajectory", MOTION), motion.rate)
     _, noise = contracts.stacked(contracts.read("process_noise", TRACK), "w")
+
     measurement = None
     if motion.pose_noise is not None:
         measurement = 2 * motion.pose_noise**2 * np.eye(len(robot.joints))
@@ -39,6 +40,7 @@ def fitted_ranges(recorded: Recorded, rate: float) -> pd.DataFrame:
     command = [*chain.task, *joints][: v.shape[-1]]
     translations = ("x", "y", "z")
     units = ["m/s" if name in translations else "rad/s" for name in command]
+
     rows = []
     for quantity, names, units_of_names, array in (
         ("pose", joints, ["rad"] * len(joints), recorded.poses),
