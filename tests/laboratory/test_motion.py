@@ -32,10 +32,8 @@ def test_the_arm_rests_folded_goes_out_rests_and_comes_back_the_same_way():
     # the speed is the derivative of the angle, and changes as smoothly as the ramps say
     assert np.abs((q[2:] - q[:-2]) * 500 - speed[1:-1]).max() < 1e-4
     peak = np.abs(speed).max()
-    assert (
-        np.abs(np.diff(speed, axis=0)).max()
-        < peak * np.pi / 2 / TRAJECTORY.ramp / 1000 * 1.01
-    )
+    steepest = peak * np.pi / 2 / TRAJECTORY.ramp / 1000
+    assert np.abs(np.diff(speed, axis=0)).max() < 1.01 * steepest
     assert ARM.chain.within_limits(q).all()
     assert np.all(np.abs(speed) <= ARM.chain.max_speed)
 
@@ -69,11 +67,10 @@ SAMPLED = dynamics.JointPath(
 def test_takes_made_together_are_those_made_one_by_one():
     rngs = [np.random.default_rng(seed) for seed in range(3)]
     drawn = [dynamics.draw(ARM.chain, SAMPLED, DYNAMICS, rng) for rng in rngs]
-    single = [
-        dynamics.swing(ARM.chain, OFFSET, SAMPLED, DYNAMICS, chance) for chance in drawn
-    ]
+    arm = ARM.chain, OFFSET, SAMPLED, DYNAMICS
+    single = [dynamics.swing(*arm, chance) for chance in drawn]
     stacked = dynamics.Chance(*map(np.stack, zip(*drawn, strict=True)))
-    together = dynamics.swing(ARM.chain, OFFSET, SAMPLED, DYNAMICS, stacked)
+    together = dynamics.swing(*arm, stacked)
     for field in ("q", "servo"):
         alone = np.stack([getattr(take, field) for take in single])
         assert np.array_equal(getattr(together, field), alone)
@@ -117,27 +114,24 @@ def test_lagged_noise_has_variance_one_and_the_correlation_of_four_lags(
     lagged = (1 + x + 2 * x**2 / 5 + x**3 / 15) * np.exp(-x)
     assert np.all(np.abs(moved / (1 - lagged) - 1) < band)
     # controls: one lag fewer, and a single one
-    for other in ((1 + x + x**2 / 3) * np.exp(-x), np.exp(-x)):
-        assert np.all(np.abs(moved[:2] / (1 - other[:2]) - 1) > band)
+    three_lags, one_lag = (1 + x + x**2 / 3) * np.exp(-x), np.exp(-x)
+    for correlation in (three_lags, one_lag):
+        assert np.all(np.abs(moved[:2] / (1 - correlation[:2]) - 1) > band)
 
 
 def test_a_session_draws_zeros_and_lengths_of_the_stated_size(rng):
     options, sessions = replace(QUIET, encoder_offset_std=2e-3, length_std=3e-4), 1000
     opened = [dynamics.open_session(ARM.chain, options, rng) for _ in range(sessions)]
-    offsets, chains = (
-        np.array([one.encoder for one in opened]),
-        [one.chain for one in opened],
-    )
+    offsets = np.array([session.encoder for session in opened])
+    chains = [session.chain for session in opened]
     errors = np.array([chain.lengths for chain in chains]) - ARM.chain.lengths
     for drawn, std in ((offsets, 2e-3), (errors, 3e-4)):
-        np.testing.assert_allclose(
-            drawn.std(axis=0), std, rtol=4 / np.sqrt(2 * sessions)
-        )
+        band = 4 / np.sqrt(2 * sessions)
+        np.testing.assert_allclose(drawn.std(axis=0), std, rtol=band)
         assert np.all(np.abs(drawn.mean(axis=0)) < 4 * std / np.sqrt(sessions))
     # only lengths: the links point as they did
-    turned = [
-        np.arctan2(*chain.links.T) - np.arctan2(*ARM.chain.links.T) for chain in chains
-    ]
+    headings = np.array([np.arctan2(*chain.links.T) for chain in chains])
+    turned = headings - np.arctan2(*ARM.chain.links.T)
     np.testing.assert_allclose(turned, 0, atol=1e-14)
 
 
@@ -146,21 +140,16 @@ def test_a_frame_shows_the_arm_at_the_instant_that_its_time_on_the_cameras_clock
 ):
     lab = dynamics.open_session(ARM.chain, QUIET, rng)
     motion = dynamics.perform(lab, TRAJECTORY, QUIET, rng)
-    clock, offsets = (
-        ClockOptions(offset=-0.2, offset_std=0.05, drift=1e-3, jitter_std=5e-3),
-        [],
-    )
-    nominal = np.arange(97) / clock.rate
+    clock = ClockOptions(offset=-0.2, offset_std=0.05, drift=1e-3, jitter_std=5e-3)
+    nominal, offsets = np.arange(97) / clock.rate, []
     for _ in range(100):
         frames = dynamics.depth_frames(motion.swing, TRAJECTORY.duration, clock, rng)
         instants = (frames.times - frames.clock_offset) / (1 + clock.drift)
         np.testing.assert_allclose(instants, frames.exposed, atol=1e-12)
-        assert np.abs(instants - nominal)[1:-1].std() == pytest.approx(
-            5e-3 * 0.6, rel=0.4
-        )
-        expected = np.stack(
-            [np.interp(instants, motion.swing.t, q) for q in motion.swing.q.T], -1
-        )
+        jitter = np.abs(instants - nominal)[1:-1]
+        assert jitter.std() == pytest.approx(5e-3 * 0.6, rel=0.4)
+        t, joints = motion.swing.t, motion.swing.q.T
+        expected = np.stack([np.interp(instants, t, q) for q in joints], axis=-1)
         np.testing.assert_allclose(frames.joints, expected, atol=1e-12)
         offsets.append(frames.clock_offset)
     assert abs(np.mean(offsets) + 0.2) < 4 * 0.05 / 10
@@ -188,14 +177,14 @@ def test_the_truth_is_where_the_arm_was_and_motion_capture_misses_it_by_its_jitt
 def test_encoders_read_the_servo_to_their_resolution_and_nothing_behind_the_gears(rng):
     options = replace(QUIET, clearance=0.03)
     chance = dynamics.draw(ARM.chain, TRAJECTORY, options, rng)
-    taken = dynamics.swing(ARM.chain, OFFSET, TRAJECTORY, options, chance)
-    assert np.abs(taken.q - taken.servo - OFFSET).max() > 1e-3
-    t, signals = dynamics.log_joints(taken, TRAJECTORY, ENCODERS)
+    take = dynamics.swing(ARM.chain, OFFSET, TRAJECTORY, options, chance)
+    assert np.abs(take.q - take.servo - OFFSET).max() > 1e-3
+    t, signals = dynamics.log_joints(take, TRAJECTORY, ENCODERS)
     np.testing.assert_allclose(t, np.arange(801) / 250, atol=1e-12)
     assert np.array_equal(signals["target"], dynamics.desired_joints(t, TRAJECTORY)[0])
     read = signals["actual"] / ENCODERS.resolution
     np.testing.assert_allclose(read, np.round(read), atol=1e-9)
-    servo = np.stack([np.interp(t, taken.t, joint) for joint in taken.servo.T], axis=1)
+    servo = np.stack([np.interp(t, take.t, joint) for joint in take.servo.T], axis=1)
     error = signals["actual"] - servo
     assert np.abs(error).max() <= ENCODERS.resolution / 2 * (1 + 1e-9)
     # rounding is uniform where the arm moves

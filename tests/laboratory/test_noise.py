@@ -199,7 +199,10 @@ def speed_numbers(recorded: Session) -> dict[str, float]:
     backwards.
     """
     rigid = session(recorded.cause, clearance=0.0)
-    scores, of_rigid = (arm_speeds(each.true, each) for each in (recorded, rigid))
+    scores, of_rigid = (
+        arm_speeds(recorded.true, recorded),
+        arm_speeds(rigid.true, rigid),
+    )
     fast, backwards = "greatest_speed_rad_per_s", "fast_steps_backwards_share"
     numbers = {
         f"greatest speed of joint {j}": scores[f"true_joint_{j}_{fast}"]
@@ -296,7 +299,7 @@ def test_the_table_states_every_causes_numbers_and_which_keep_their_rules(record
     numbers = all_numbers(recorded)
     counts = {name for name in STATED if name.startswith("number of ")}
     assert {*numbers} == {*STATED} - counts
-    kept = {name: [] for name in ("published values", "limits")}
+    obeyed_rows = {name: [] for name in ("published values", "limits")}
     for name, value in numbers.items():
         row = STATED[name]
         cell, rule = row[recorded.cause], row["rule"]
@@ -306,12 +309,12 @@ def test_the_table_states_every_causes_numbers_and_which_keep_their_rules(record
         obeyed = keeps(value, row["limit or published"], rule)
         assert obeyed == (not cell.startswith("**")), name
         if rule in COUNTED:
-            kept["published values"].append(obeyed)
+            obeyed_rows["published values"].append(obeyed)
         elif rule == "at most":
-            kept["limits"].append(obeyed)
-    for kind, obeyed in kept.items():
+            obeyed_rows["limits"].append(obeyed)
+    for kind, rows in obeyed_rows.items():
         stated = STATED[f"number of {kind} kept"]
-        counted = f"{sum(obeyed)} of {len(obeyed)}"
+        counted = f"{sum(rows)} of {len(rows)}"
         assert stated[recorded.cause] == counted, kind
 
 

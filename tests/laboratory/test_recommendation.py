@@ -38,11 +38,9 @@ OPTIONS = {  # of the disturbances, beside the factors on their sizes
     "any speed alike": dict(speed_exponent=0.0),
     "lasting": dict(sway_time=0.054, clearance_time=0.02),
 }
-KNOWN, FRESH, WIDTH = (
-    6,
-    4,
-    0.3,
-)  # motions to fit and choose by, to score on; rad between poses
+KNOWN, FRESH = 6, 4  # motions to fit and choose by, to score on
+WIDTH = 0.3  # rad between poses
+MIDDLE = np.array([0.1, 0.7, 0.0, -1.2, 0.0, 0.8, 0.5])  # rad, pose
 LAWS = ("joint_step", "joint_error_normal")
 JOINTS = (1, 3)  # of the arm
 LIMIT = 0.05  # nats a sample
@@ -59,50 +57,49 @@ def simulated(physics: str, seed: int) -> list[JointRun]:
     dynamics = disturb(options, PHYSICS[physics])
     arm = true_chain(nominal, dynamics, rng)
     offset = dynamics.encoder_offset_std * rng.standard_normal(7)
-    found: list[JointRun] = []
-    while len(found) < (KNOWN + FRESH) * REPEATS:
-        ends = np.array([0.1, 0.7, 0.0, -1.2, 0.0, 0.8, 0.5]) + rng.uniform(
-            -WIDTH, WIDTH, (2, 7)
-        )
-        share = (
-            1 - np.cos(np.pi * np.clip(np.arange(STEPS + 1) - REST, 0, 120) / 120)
-        ) / 2
-        path = JointPath(ends[0] + share[:, None] * (ends[1] - ends[0]), RATE)
-        grid = np.arange(STEPS + 1) / RATE
+    share = np.clip(np.arange(STEPS + 1) - REST, 0, 120) / 120
+    progress = (1 - np.cos(np.pi * share)) / 2
+    grid = np.arange(STEPS + 1) / RATE
+    runs: list[JointRun] = []
+    while len(runs) < (KNOWN + FRESH) * REPEATS:
+        start, end = MIDDLE + rng.uniform(-WIDTH, WIDTH, (2, 7))
+        path = JointPath(start + progress[:, None] * (end - start), RATE)
+        takes = []
         try:
             nominal.require_regular(path.joints)
-            takes = [
-                swing(arm, offset, path, dynamics, draw(arm, path, dynamics, rng))
-                for _ in range(REPEATS)
-            ]
+            for _ in range(REPEATS):
+                chance = draw(arm, path, dynamics, rng)
+                takes.append(swing(arm, offset, path, dynamics, chance))
         except PipelineError:
             continue
-        motion = str(len(found) // REPEATS + 1)
+        motion = str(len(runs) // REPEATS + 1)
         for number, take in enumerate(takes):
-            q = np.stack(
-                [np.interp(grid, take.t, take.q[:, j]) for j in JOINTS], axis=-1
+            seen = [np.interp(grid, take.t, take.q[:, joint]) for joint in JOINTS]
+            q = np.stack(seen, axis=-1)
+            run = JointRun(
+                name=f"{motion}.{number}",
+                rate=RATE,
+                command=path.joints[:, JOINTS],
+                measured=q + POSE_NOISE * rng.standard_normal(q.shape),
+                joints=tuple(LWR4.joints[joint] for joint in JOINTS),
+                lag=np.zeros(len(JOINTS)),
+                quantum=np.zeros(len(JOINTS)),
+                pose_noise=POSE_NOISE,
+                motion=motion,
             )
-            q = q + POSE_NOISE * rng.standard_normal(q.shape)
-            zero, names = np.zeros(len(JOINTS)), tuple(LWR4.joints[j] for j in JOINTS)
-            known = {
-                "lag": zero,
-                "quantum": zero,
-                "pose_noise": POSE_NOISE,
-                "motion": motion,
-            }
-            run = f"{motion}.{number}", RATE, path.joints[:, JOINTS], q, names
-            found.append(JointRun(*run, **known))
-    return found
+            runs.append(run)
+    return runs
 
 
 def judged(physics: str, seed: int) -> tuple[str | None, dict[str, float]]:
     """Choose a law on the known motions; score all on the fresh ones, mean over horizons."""
     runs, options = simulated(physics, seed), model_options(LAWS)
-    known, fresh = runs[: KNOWN * REPEATS], runs[KNOWN * REPEATS :]
-    chosen, _ = chosen_law(held_out(known, options)["joint_scores"])
+    fitted, fresh = runs[: KNOWN * REPEATS], runs[KNOWN * REPEATS :]
+    chosen, _ = chosen_law(held_out(fitted, options)["joint_scores"])
     scores = {}
-    for name, own in options.items():
-        rows = pd.DataFrame(score_runs(fit_joint_error(known, **own.law()), fresh)[0])
+    for name, law_options in options.items():
+        law = fit_joint_error(fitted, **law_options.law())
+        rows = pd.DataFrame(score_runs(law, fresh)[0])
         rows = rows[rows["samples"] == "commanded"]
         scores[name] = float(rows.groupby("horizon")["score"].sum().mean())
     return chosen, scores
@@ -144,10 +141,8 @@ def test_the_rule_names_the_sound_law_with_the_highest_mean(gain, ratio, expecte
     assert chosen_law(pd.DataFrame(rows))[0] == expected
     rare = pd.DataFrame(rows).assign(count=2)  # 16 samples
     model, why = chosen_law(rare)
-    assert (
-        model is None
-        and "at most 16 commanded samples of a joint are predicted 0.5 s" in why
-    )
+    assert model is None
+    assert "at most 16 commanded samples of a joint are predicted 0.5 s" in why
 
 
 def cost_of_choices(blocks: int, spread: float) -> tuple[float, float]:
@@ -197,18 +192,16 @@ def test_the_rule_has_the_stated_cost_and_less_than_with_an_interval_above_zero(
 def test_ten_takes_confirm_a_right_law_and_not_a_standard_deviation_wrong_by_half(
     factor, least, most
 ):
-    sessions = (
-        20  # most: one in twenty; least: sixteen in twenty, of ten takes of 6 s each
-    )
-    runs = runs_of_law(
-        known_law(), np.random.default_rng(5), motions=10, repeats=sessions
-    )
+    # most: one in twenty; least: sixteen in twenty, of ten takes of 6 s each
+    sessions, rng = 20, np.random.default_rng(5)
+    runs = runs_of_law(known_law(), rng, motions=10, repeats=sessions)
     law, rows = known_law(scale=factor**2 * known_law().scale), []
     for number, run in enumerate(runs):
         place = {"model": "law", "motion": run.motion, "session": number % sessions}
         rows += [place | row for row in score_runs(law, [run])[0]]
-    each = pd.DataFrame(rows).groupby("session")
-    assert least <= sum(bool(unconfirmed(own, "law")) for _, own in each) <= most
+    by_session = pd.DataFrame(rows).groupby("session")
+    refused = [unconfirmed(scores, "law") for _, scores in by_session]
+    assert least <= sum(map(bool, refused)) <= most
 
 
 @pytest.mark.slow
@@ -218,7 +211,6 @@ def test_a_law_without_memory_is_recognised_and_one_with_memory_too():
         (persistent_law(), "joint_step"),
         (known_law(), "joint_error_normal"),
     ):
-        scores = held_out(runs_of_law(law, rng, motions=6, repeats=1), options)[
-            "joint_scores"
-        ]
+        runs = runs_of_law(law, rng, motions=6, repeats=1)
+        scores = held_out(runs, options)["joint_scores"]
         assert chosen_law(scores)[0] == expected

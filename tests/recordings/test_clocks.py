@@ -44,22 +44,21 @@ def test_without_noise_the_offset_is_found_to_a_microsecond_on_any_clock():
 
 @pytest.mark.slow
 def test_the_standard_errors_are_the_spread_of_the_estimates():
-    result = [find_offset(*recording(0.002, seed)) for seed in range(120)]
-    errors = np.array([f.value for f in result]) - OFFSET  # s, at 2 mm of noise
-    z = errors / [f.standard_error for f in result]
+    offsets = [find_offset(*recording(0.002, seed)) for seed in range(120)]
+    errors = np.array([offset.value for offset in offsets]) - OFFSET  # s, 2 mm of noise
+    z = errors / [offset.standard_error for offset in offsets]
     # the standard deviation of 120 normal values is known to 6.5 %; the inflation by chance
     # correlation adds a few per cent
     assert 0.75 < z.std() < 1.2
     assert abs(z.mean()) < 4 / np.sqrt(120)
     assert errors.std() < 0.0024 and np.abs(errors).max() < 0.006
     # and the test would see a wrong clock: one frame of the motion capture
-    late, right = (
-        find_offset(*recording(0.001, 0, OFFSET + way)).value for way in (0.01, 0.0)
-    )
-    assert late - right == pytest.approx(0.01, abs=0.002)
-    spread = np.std([offset.drift for offset in result])
-    stated = np.mean([offset.drift_standard_error for offset in result])
-    assert stated == pytest.approx(spread, rel=0.25)
+    late = find_offset(*recording(0.001, 0, OFFSET + 0.01))
+    right = find_offset(*recording(0.001, 0, OFFSET))
+    assert late.value - right.value == pytest.approx(0.01, abs=0.002)
+    std_of_drift = np.std([offset.drift for offset in offsets])
+    stated = np.mean([offset.drift_standard_error for offset in offsets])
+    assert stated == pytest.approx(std_of_drift, rel=0.25)
 
 
 @pytest.mark.parametrize("drift", [0.0, 0.01, -0.03])
@@ -172,27 +171,22 @@ def test_a_controllers_lag_is_no_offset_of_two_clocks_where_the_unit_is_wrong_to
 def test_what_is_right_stays_as_it_is(kind):
     actual, target = logged(kind, lag=4e-3)
     commands.require_pair(actual, target, **HELD)
-    assert not list(
-        commands.suspects(
-            commands.find_pairing(actual, target, RATE), actual, target, RATE
-        )
-    )
+    pairing = commands.find_pairing(actual, target, RATE)
+    assert not [*commands.suspects(pairing, actual, target, RATE)]
     # up to the limit a lag is the controller's
     actual, target = logged(kind, lag=0.9 * commands.LATEST)
     commands.require_pair(actual, target, **HELD)
     actual, target = logged(kind, lag=1.3 * commands.LATEST)
-    with pytest.raises(
-        RecordingError, match=r"s behind its command|target_delay: 0.0[67]"
-    ):
+    words = r"s behind its command|target_delay: 0.0[67]"
+    with pytest.raises(RecordingError, match=words):
         commands.require_pair(actual, target, **HELD)
 
 
 def test_another_movement_is_no_pair_and_a_few_pushes_do_not_decide():
     actual, _ = logged("without rest")
     _, target = logged("there and back")
-    with pytest.raises(
-        RecordingError, match=r"no other unit, order or clock: .* of one movement"
-    ):
+    words = r"no other unit, order or clock: .* of one movement"
+    with pytest.raises(RecordingError, match=words):
         commands.require_pair(actual, target, **HELD)
     actual, target = logged()
     actual[700:760, 0] += 0.3

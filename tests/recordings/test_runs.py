@@ -26,10 +26,8 @@ SINES = np.array([0.3, 0.5, 0.7])  # Hz
 
 def wave(t: np.ndarray, phase: float = 0.0) -> np.ndarray:
     """Command (N, 3) in rad that never rests, with a period of 10 s."""
-    return (
-        np.sin(2 * np.pi * np.outer(t + phase, SINES))
-        + 0.2 * np.cos(2 * np.pi * t)[:, None]
-    )
+    sines = np.sin(2 * np.pi * np.outer(t + phase, SINES))
+    return sines + 0.2 * np.cos(2 * np.pi * t)[:, None]
 
 
 def movement(target: np.ndarray, actual: np.ndarray) -> LoggedMovement:
@@ -54,10 +52,11 @@ def stops(ways: int, seed: int, late: float = 0.0) -> LoggedMovement:
 @pytest.mark.parametrize("late", [0.0017, -0.0081])
 def test_each_run_loses_its_own_lag_also_a_joints_own_and_below_one_sample(late):
     t, rng = np.arange(N) / RATE, np.random.default_rng(1)
-    own = late + np.array([0.0, 0.0, 0.006])
-    shifted = [wave(t - each)[:, j] for j, each in enumerate(own)]
+    lags = late + np.array([0.0, 0.0, 0.006])
+    shifted = [wave(t - lag)[:, j] for j, lag in enumerate(lags)]
     actual = np.stack(shifted, axis=1) + rng.normal(0, 1e-4, (N, 3))
-    np.testing.assert_allclose(joint_lags(wave(t), actual, RATE), own, atol=5e-5)
+    np.testing.assert_allclose(joint_lags(wave(t), actual, RATE), lags, atol=5e-5)
+
     (run,), unused = joint_runs({"log": movement(wave(t), actual)}, RATE)
     assert run.name == "log" and not unused and len(run.command) > N - 6
     np.testing.assert_allclose((run.measured - run.command).std(axis=0), 1e-4, rtol=0.1)
@@ -66,9 +65,7 @@ def test_each_run_loses_its_own_lag_also_a_joints_own_and_below_one_sample(late)
 def test_equal_commands_are_one_motion_and_no_row_is_lost_between_them():
     logs = {"a": stops(4, 1), "b": stops(3, 2, late=0.002), "c": stops(2, 3)}
     runs, unused = joint_runs(logs, RATE)
-    assert not unused and [run.motion for run in runs] == list("121212112")[:4] + list(
-        "12112"
-    )
+    assert not unused and "".join(run.motion for run in runs) == "121212112"
     rows = sum(len(run.command) for run in runs)
     assert rows > sum(len(log.target) for log in logs.values()) - 10
     lags = {run.name[0]: run.lag[0] for run in runs}
@@ -78,9 +75,8 @@ def test_equal_commands_are_one_motion_and_no_row_is_lost_between_them():
     # a stretch of a long run is of the long run's motion; another command is not
     t = np.arange(N) / RATE
     longer = {"long": wave(t), "part": wave(t[300:1300]), "other": wave(t, phase=1.2)}
-    runs, _ = joint_runs(
-        {name: movement(q, q + 1e-6) for name, q in longer.items()}, RATE
-    )
+    logs = {name: movement(q, q + 1e-6) for name, q in longer.items()}
+    runs, _ = joint_runs(logs, RATE)
     assert [run.motion for run in runs] == ["1", "1", "2"]
 
 
@@ -89,25 +85,18 @@ def test_disturbed_runs_standing_joints_and_logs_at_rest_are_named():
     logs["c"].actual[150:200, 1] += 0.01
     logs["still"] = movement(np.zeros((N, 3)), np.zeros((N, 3)))
     runs, unused = joint_runs(logs, RATE)
-    assert (
-        "disturbed" in unused["c_1"]
-        and "never moves" in unused["still"]
-        and len(unused) == 2
-    )
-    assert len(runs) == 4 * 3 - 1
+    assert "disturbed" in unused["c_1"] and "never moves" in unused["still"]
+    assert len(unused) == 2 and len(runs) == 4 * 3 - 1
     for log in logs.values():
         log.actual[:, 2] = 0.0
     runs, unused = joint_runs(logs, RATE)
-    assert "it moves by 0 rad" in unused["joint_3"] and runs[0].joints == (
-        "joint_1",
-        "joint_2",
-    )
+    assert "it moves by 0 rad" in unused["joint_3"]
+    assert runs[0].joints == ("joint_1", "joint_2")
     with pytest.raises(RecordingError, match=r"still: the command never moves"):
         joint_runs({"still": logs["still"]}, RATE)
     # a file that was copied is no second recording
-    runs, unused = joint_runs(
-        {"a": stops(2, 1), "b": stops(2, 1), "c": stops(2, 2)}, RATE
-    )
+    logs = {"a": stops(2, 1), "b": stops(2, 1), "c": stops(2, 2)}
+    runs, unused = joint_runs(logs, RATE)
     assert len(runs) == 4 and [*unused] == ["b"] and unused["b"].startswith("a copy:")
 
 
@@ -116,10 +105,9 @@ def test_an_export_with_fewer_digits_and_a_copy_with_noise_are_named_as_copies()
     rng = np.random.default_rng(1)
     logs = {name: stops(2, seed) for seed, name in enumerate("abcde")}
     for log in logs.values():
-        rows = np.arange(len(log.actual))[:, None] / RATE
-        log.actual[:] += 1e-3 * np.sin(
-            rng.uniform(9, 20, 3) * rows + rng.uniform(0, 6, 3)
-        )
+        t = np.arange(len(log.actual))[:, None] / RATE
+        frequency, phase = rng.uniform(9, 20, 3), rng.uniform(0, 6, 3)
+        log.actual[:] += 1e-3 * np.sin(frequency * t + phase)
     assert joint_runs(logs, RATE)[1] == {}
     noise = rng.normal(0, 2e-5, logs["a"].actual.shape)
     logs["noisy"] = logs["a"]._replace(actual=logs["a"].actual + noise)
@@ -127,9 +115,8 @@ def test_an_export_with_fewer_digits_and_a_copy_with_noise_are_named_as_copies()
     _, unused = joint_runs(logs, RATE)
     assert unused.pop("rounded").startswith("a copy: its measured angles are equal")
     assert {*unused} == {"a_1", "a_2", "noisy_1", "noisy_2"}
-    assert all(
-        "a copy: 2 runs are equal within the noise" in r for r in unused.values()
-    )
+    for reason in unused.values():
+        assert "a copy: 2 runs are equal within the noise" in reason
 
 
 @pytest.mark.parametrize(("size", "follows", "left_out"), [
@@ -165,21 +152,17 @@ def test_a_second_way_that_runs_repeat_is_no_disturbance():
 @pytest.mark.parametrize("pushed", [None, 3])
 def test_motions_to_analyse_have_ends_steps_pauses_and_repetitions(pushed):
     home, names = np.array([-1.2, 1.4, -1.0]), ["joint_2", "joint_3", "joint_4"]
-    read = stops(10, 1)
-    read = read._replace(
-        joints=names, target=read.target + home, actual=read.actual + home
-    )
+    log = stops(10, 1)
+    target, actual = log.target + home, log.actual + home
+    log = log._replace(joints=names, target=target, actual=actual)
     if pushed is not None:
         first = 80 + 560 * pushed + 60
-        read.actual[first : first + 40, 1] += 0.02
+        log.actual[first : first + 40, 1] += 0.02
     robot = Robot("pipeline/arm/ur5.urdf", names, "wrist_centre", plane=True)
-    there, back = find_motions({"log": read}, robot, RATE)
+    there, back = find_motions({"log": log}, robot, RATE)
     for motion, start in ((there, home), (back, home + np.array([0.8, -0.5, 0.3]))):
-        assert (
-            195 < motion.steps <= 200
-            and 79 <= motion.pause < 85
-            and len(motion.places) == 5
-        )
+        assert 195 < motion.steps <= 200 and 79 <= motion.pause < 85
+        assert len(motion.places) == 5
         np.testing.assert_allclose(motion.start, start, atol=1e-3)
         assert motion.deviation < 1e-9 and motion.least_singular > 0.01
         # less than half of the pause, so that no row at rest is in two takes
@@ -194,10 +177,8 @@ def test_rows_at_the_end_where_the_arm_has_stopped_are_left_out():
     actual = wave(t - 0.001)
     actual[-20:] = actual[-20]
     (run,), _ = joint_runs({"log": movement(wave(t), actual)}, RATE)
-    assert (
-        np.abs(run.measured - run.command).max() < 1e-3
-        and N - 40 < len(run.command) < N - 10
-    )
+    assert np.abs(run.measured - run.command).max() < 1e-3
+    assert N - 40 < len(run.command) < N - 10
     assert run.lag[0] == pytest.approx(0.001, abs=5e-5)
 
 
@@ -211,13 +192,13 @@ def test_the_step_of_recorded_angles_is_found_where_there_is_one(quantum, printe
     assert find_quantum(np.round(recorded, printed)) == pytest.approx(quantum, rel=0.03)
 
 
-@pytest.mark.parametrize(("quantum", "found"), [(9.4e-6, 9.4e-6), (1e-9, 0.0)])
-def test_a_constant_speed_is_no_step_of_the_angles(quantum, found):
+@pytest.mark.parametrize(("quantum", "expected"), [(9.4e-6, 9.4e-6), (1e-9, 0.0)])
+def test_a_constant_speed_is_no_step_of_the_angles(quantum, expected):
     speed = 399e-6 + 1e-6 * np.sin(np.arange(1200) / 50)  # rad a row
     starting = np.linspace(0.1, 1.0, 25) * 399e-6
     angles = np.cumsum(np.concatenate([starting, speed]))
     recorded = quantum * np.rint(angles / quantum)
-    assert find_quantum(recorded) == pytest.approx(found, rel=1e-3)
+    assert find_quantum(recorded) == pytest.approx(expected, rel=1e-3)
 
 
 def test_arrays_of_joints_by_samples_are_read_and_other_files_change_nothing(tmp_path):
@@ -234,16 +215,13 @@ def test_arrays_of_joints_by_samples_are_read_and_other_files_change_nothing(tmp
     rec = {"time": t, "q_actual": q[:, :2], "q_target": q[:, :2]}
     np.savez(tmp_path / "gripper.npz", **rec)
     (tmp_path / "notes.txt").write_text("recorded on a Monday\n")
-    (tmp_path / "forces.csv").write_text(
-        "time,fx\n" + "".join(f"{k},{k}\n" for k in range(30))
-    )
+    forces = "".join(f"{k},{k}\n" for k in range(30))
+    (tmp_path / "forces.csv").write_text(f"time,fx\n{forces}")
     both = folder_logs(tmp_path, {})
-    assert [*both.movements] == ["run_A", "run_B"] and "another arm" in both.unused[
-        "gripper"
-    ]
-    np.testing.assert_array_equal(
-        both.movements["run_A"].actual, alone.movements["run_A"].actual
-    )
+    assert [*both.movements] == ["run_A", "run_B"]
+    assert "another arm" in both.unused["gripper"]
+    read_beside, read_alone = (logs.movements["run_A"] for logs in (both, alone))
+    np.testing.assert_array_equal(read_beside.actual, read_alone.actual)
     # a value that is set replaces a stated one
     slower = folder_logs(tmp_path, {"motion.rate": "100", "joint_log.time": "null"})
     assert slower.rate == 100.0
@@ -252,9 +230,8 @@ def test_arrays_of_joints_by_samples_are_read_and_other_files_change_nothing(tmp
 def test_tables_of_a_movement_take_their_rate_from_the_times(tmp_path):
     write_movement(tmp_path / "move_1", 3, noise=5e-5, late=0.001)
     logs = folder_logs(tmp_path, {})
-    assert logs.rate == 125.0 and any(
-        "angle_unit: rad" in words for words in logs.suggested
-    )
+    assert logs.rate == 125.0
+    assert any("angle_unit: rad" in words for words in logs.suggested)
     runs, unused = joint_runs(logs.movements, logs.rate)
     assert [run.motion for run in runs] == ["1", "2", "1"] and not unused
     assert runs[0].lag == pytest.approx(np.full(6, 0.001), abs=1e-4)
@@ -275,10 +252,10 @@ def test_the_runs_of_real_arms_use_their_rows(robot, rows, motions, joints, erro
     logs = folder_logs(Path(SHARED / robot), {})
     runs, _ = joint_runs(logs.movements, logs.rate)
     assert sum(len(run.command) for run in runs) > 0.98 * rows
-    assert (
-        len({run.motion for run in runs}) == motions and len(runs[0].joints) == joints
-    )
-    assert max((run.measured - run.command).std(axis=0).max() for run in runs) < error
+    assert len({run.motion for run in runs}) == motions
+    assert len(runs[0].joints) == joints
+    for run in runs:
+        assert (run.measured - run.command).std(axis=0).max() < error
     if robot == "ur5":
         quanta = np.mean([run.quantum for run in runs], axis=0)
         np.testing.assert_allclose(quanta, [9.45e-6] * 3 + [1.62e-5] * 3, rtol=0.02)
