@@ -49,14 +49,19 @@ def plain_halved(v, points, o1, bounds, gamma1: float, gamma2: float) -> float:
     written with complex numbers.
     """
     middle, half = bounds.mean(axis=1), (bounds[:, 1] - bounds[:, 0]) / 2
-    lengths = middle + half * np.append(np.sin(np.pi / 2 * v[:2] / 0.02), 0.0)
-    steps = lengths * np.exp(1j * v[2:] / middle)
-    nodes = o1 + np.cumsum(np.append(0.0, steps)).view(float).reshape(-1, 2)[:, ::-1]
+    stretched = np.append(np.sin(np.pi / 2 * v[:2] / 0.02), 0.0)
+    steps = (middle + half * stretched) * np.exp(1j * v[2:] / middle)
+    reached = np.cumsum(np.append(0.0, steps))  # z + ix
+    nodes = o1 + np.stack([reached.imag, reached.real], axis=-1)
+
     nearest, sides = _distances(points, nodes)
-    beyond = (points - nodes[2:].mean(axis=0)) @ (nodes[3] - nodes[2]) > 0
     distance, side = sides.pop()
-    sides += [(distance[part], side[part]) for part in (beyond, ~beyond)]
-    return gamma1 * nearest.mean() + gamma2 * sum(_asymmetry(d, s) for d, s in sides)
+    tool, middle_of_tool = nodes[3] - nodes[2], nodes[2:].mean(axis=0)
+    beyond = (points - middle_of_tool) @ tool > 0
+    for half_of_tool in (beyond, ~beyond):
+        sides.append((distance[half_of_tool], side[half_of_tool]))
+    asymmetry = sum(_asymmetry(*of_segment) for of_segment in sides)
+    return gamma1 * nearest.mean() + gamma2 * asymmetry
 
 
 def _distances(
@@ -65,20 +70,25 @@ def _distances(
     """Distance of every point to the nearest segment; of every segment the distances of its own
     points, and of the others 0, and on which side all are.
     """
-    distance, side = [], []
-    for a, b in pairwise(nodes):
-        share = np.clip((points - a) @ (b - a) / ((b - a) @ (b - a)), 0.0, 1.0)
-        distance.append(np.linalg.norm(points - a - share[:, None] * (b - a), axis=1))
-        side.append((points - a) @ np.array([(b - a)[1], -(b - a)[0]]))
-    nearest = np.min(distance, axis=0)
-    own = [np.where(d <= nearest + 1e-12, d, 0.0) for d in distance]
-    return nearest, list(zip(own, side, strict=True))
+    distances, sides = [], []
+    for start, end in pairwise(nodes):
+        way, from_start = end - start, points - start
+        share = np.clip(from_start @ way / (way @ way), 0.0, 1.0)
+        closest = share[:, None] * way
+        distances.append(np.linalg.norm(from_start - closest, axis=1))
+        sides.append(from_start @ np.array([way[1], -way[0]]))
+    nearest = np.min(distances, axis=0)
+    of_segments = []
+    for distance, side in zip(distances, sides, strict=True):
+        is_nearest = distance <= nearest + 1e-12
+        of_segments.append((np.where(is_nearest, distance, 0.0), side))
+    return nearest, of_segments
 
 
 def _asymmetry(distance: np.ndarray, side: np.ndarray) -> float:
-    return abs(
-        distance[side > 0].max(initial=0.0) - distance[side <= 0].max(initial=0.0)
-    )
+    above = distance[side > 0].max(initial=0.0)
+    below = distance[side <= 0].max(initial=0.0)
+    return abs(above - below)
 
 
 def plain_rank(v, points, o1, ee, bounds, gamma1: float, gamma2: float) -> float:
@@ -167,27 +177,36 @@ def test_the_simplex_finds_what_scipys_finds_or_better(end) -> None:
         points, away = CLOUDS[number : number + 1], Q[number] + AWAY
         if end == "commanded":
             o1, ee = CHAIN.points(Q[number])[[0, 3]]
-            one = fit_sequence(points, o1, ee[None], CHAIN, OPTIONS, away)
-            plain = plain_objective(points[0], one.nodes[0], *GAMMAS)
-            assert one.objective[0] == pytest.approx(plain, rel=1e-10)
-            v, value, given = CHAIN.points(away)[1:3].ravel(), plain_rank, (o1, ee)
+            fitted = fit_sequence(points, o1, ee[None], CHAIN, OPTIONS, away)
+            plain = plain_objective(points[0], fitted.nodes[0], *GAMMAS)
+            assert fitted.objective[0] == pytest.approx(plain, rel=1e-10)
+            start, value = CHAIN.points(away)[1:3].ravel(), plain_rank
+            arguments = points[0], o1, ee, limits(), *GAMMAS
             runs, last = [(STEP, 1e-5)], 1e-7
         else:
             nearby = away + 1e-12 * rng.normal(size=(ROUNDED, 1, 3))
-            one = min((fit(points, near, FREE) for near in nearby), key=objective)
-            v = variables(problem(points[0], away), CHAIN.points(away)[1:], end)
-            value, given, runs, last = plain_halved, (CHAIN.origin,), RUNS[end], np.inf
-        for step, extent in runs:
-            arguments = (points[0], *given, limits(), *GAMMAS)
-            simplex = v + step * np.vstack([np.zeros(len(v)), np.eye(len(v))])
-            ends = {"initial_simplex": simplex, "xatol": extent, "fatol": last}
-            solution = minimize(value, v, arguments, method="Nelder-Mead", options=ends)
-            v = solution.x
-        ours.append(one.objective[0])
-        reference.append(solution.fun)
+            fitted = min((fit(points, near, FREE) for near in nearby), key=objective)
+            nodes = CHAIN.points(away)[1:]
+            start, value = variables(problem(points[0], away), nodes, end), plain_halved
+            arguments = points[0], CHAIN.origin, limits(), *GAMMAS
+            runs, last = RUNS[end], np.inf
+        ours.append(fitted.objective[0])
+        reference.append(minimum_of_scipy(value, start, arguments, runs, last))
     # ours has five starts in a first frame, SciPy's one
     assert np.all(np.array(ours) <= np.array(reference) + 2e-4)
     assert np.mean(ours) <= np.mean(reference)
+
+
+def minimum_of_scipy(value, start, arguments, runs, last: float) -> float:
+    """Minimum of ``value`` by SciPy's simplex from ``start`` in several ``runs``, each with the
+    first and last extent of the simplex.
+    """
+    for step, extent in runs:
+        corners = start + step * np.vstack([np.zeros(len(start)), np.eye(len(start))])
+        ends = {"initial_simplex": corners, "xatol": extent, "fatol": last}
+        solution = minimize(value, start, arguments, "Nelder-Mead", options=ends)
+        start = solution.x
+    return solution.fun
 
 
 @pytest.mark.parametrize("options", [OPTIONS, FREE], ids=["commanded", "fitted"])
@@ -197,9 +216,8 @@ def test_the_angles_are_as_good_as_a_filter_needs_and_the_lengths_stay_in_range(
     fitted = fit(CLOUDS, Q, options)
     assert np.all(np.sqrt(((fitted.q - Q) ** 2).mean(axis=0)) < [0.04, 0.06, 0.06])
     lengths = np.linalg.norm(np.diff(fitted.nodes, axis=1), axis=2)
-    assert np.all(
-        (lengths >= limits()[:, 0] - 1e-12) & (lengths <= limits()[:, 1] + 1e-12)
-    )
+    shortest, longest = limits().T
+    assert np.all(lengths >= shortest - 1e-12) and np.all(lengths <= longest + 1e-12)
     assert np.isfinite(fitted.objective).all()
     again = fit(CLOUDS[:10], Q[:10], options)
     assert again.nodes.tobytes() == fitted.nodes[:10].tobytes()
@@ -218,16 +236,15 @@ def test_frames_with_too_few_points_are_gaps_counted_bridged_and_refused_in_a_ro
 
 
 def test_an_arm_that_was_lost_over_missing_frames_is_found_again(monkeypatch) -> None:
-    kept = [*range(43, 48), *range(80, 90)]
-    fitted = fit([CLOUDS[i] for i in kept], Q[kept])
-    assert np.abs(fitted.q - Q[kept]).max() < 0.2
+    frames = [*range(43, 48), *range(80, 90)]
+    clouds, q = [CLOUDS[frame] for frame in frames], Q[frames]
+    assert np.abs(fit(clouds, q).q - q).max() < 0.2
     # the control: without the search over all poses the elbow stays on the wrong side
     monkeypatch.setattr("pipeline.perception.articulation.LOST", np.inf)
-    assert np.abs(fit([CLOUDS[i] for i in kept], Q[kept]).q - Q[kept]).max() > 1.0
+    assert np.abs(fit(clouds, q).q - q).max() > 1.0
 
 
 def test_an_end_effector_out_of_reach_is_refused() -> None:
+    far = np.array([[0.0, 0.7]])
     with pytest.raises(RecordingError, match=r"joins O1 and EE.*frame 0"):
-        fit_sequence(
-            CLOUDS[:1], CHAIN.origin, np.array([[0.0, 0.7]]), CHAIN, OPTIONS, Q[0]
-        )
+        fit_sequence(CLOUDS[:1], CHAIN.origin, far, CHAIN, OPTIONS, Q[0])

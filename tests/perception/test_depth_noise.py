@@ -32,9 +32,8 @@ def errors(takes: int) -> pd.DataFrame:
     root = 1e-3 * np.array([[4.0, 0.0, 0.0], [-3.0, 2.0, 0.0], [1.0, -1.0, 5.0]])
     for take in range(takes):
         size = 1 + frames[:, None] / FRAMES
-        noise = frames[:, None] * BIAS + size * (
-            rng.standard_normal((FRAMES, 3)) @ root.T
-        )
+        drawn = rng.standard_normal((FRAMES, 3)) @ root.T
+        noise = frames[:, None] * BIAS + size * drawn
         times = frames / 30 + rng.normal(0, 1e-3, FRAMES)
         named = {"take": f"test_{take}", "frame": frames, "t": times}
         rows.append(pd.DataFrame(named | spread("e", JOINTS, noise)))
@@ -51,18 +50,19 @@ def test_a_take_has_no_say_in_its_own_noise():
     changed = after["take"] == "test_3"
     after.loc[changed, ERRORS] += 10.0
     after.loc[changed, "t"] += 1.0
-    noise, other = leave_one_out(before, window=2), leave_one_out(after, window=2)
-    own = rows_of_take(noise, "test_3")
-    pd.testing.assert_frame_equal(own, rows_of_take(other, "test_3"))
+    noise, noise_after = (leave_one_out(table, window=2) for table in (before, after))
+    of_take = rows_of_take(noise, "test_3")
+    pd.testing.assert_frame_equal(of_take, rows_of_take(noise_after, "test_3"))
     # it is what the other takes alone would give
     without = rows_of_take(leave_one_out(before[~changed], window=2), "none")
-    pd.testing.assert_frame_equal(
-        own.drop(columns="take"), without.drop(columns="take")
-    )
+    columns_of_noise = of_take.columns.drop("take")
+    pd.testing.assert_frame_equal(of_take[columns_of_noise], without[columns_of_noise])
     # control: on every other take it has
     for take in ("test_0", "test_7", "none"):
-        means = (rows_of_take(table, take)[MEAN].to_numpy() for table in (noise, other))
-        assert np.all(np.not_equal(*means))
+        mean, mean_after = (
+            rows_of_take(table, take)[MEAN].to_numpy() for table in (noise, noise_after)
+        )
+        assert np.all(mean != mean_after)
 
 
 @pytest.mark.parametrize("window", [0, 2])
@@ -76,14 +76,15 @@ def test_it_is_the_sample_mean_and_the_pooled_covariance_of_the_takes_that_have_
     noise = rows_of_take(noise, "none")
     samples = [rows[ERRORS].to_numpy() for _, rows in table.groupby("frame")]
     # each frame's own mean is taken off, however it changes over the motion
-    freedom = np.array([len(each) - 1 for each in samples])
-    scatter = np.array([np.cov(each.T) * (len(each) - 1) for each in samples])
+    freedom = np.array([len(of_frame) - 1 for of_frame in samples])
+    covariances = np.array([np.cov(of_frame.T) for of_frame in samples])
+    scatter = covariances * freedom[:, None, None]
     for frame, times in table.groupby("frame")["t"]:
         near = slice(max(frame - window, 0), frame + window + 1)
         covariance = scatter[near].sum(axis=0) / freedom[near].sum()
-        found = noise.loc[frame, [*MEAN, *COVARIANCE, "t"]]
+        estimate = noise.loc[frame, [*MEAN, *COVARIANCE, "t"]].astype(float)
         expected = [*samples[frame].mean(axis=0), *covariance[UPPER], times.mean()]
-        np.testing.assert_allclose(found.astype(float), expected, rtol=1e-10)
+        np.testing.assert_allclose(estimate, expected, rtol=1e-10)
 
 
 @pytest.mark.parametrize(("takes", "window"), [(5, 0), (3, 2), (1, 5)])
@@ -108,12 +109,8 @@ def test_a_frames_error_is_against_the_motion_at_its_own_time_and_none_is_outsid
     assert deviations["frame"].tolist() == [1, 2, 3]
     np.testing.assert_allclose(deviations[ERRORS], np.tile([0.1, 0.2, 0.3], (3, 1)))
     # control: at the times of other frames they are not
-    assert (
-        np.abs(
-            errors_of(angles.assign(t=exposed + 0.005), joints)[ERRORS[2]] - 0.3
-        ).min()
-        > 0.01
-    )
+    later = errors_of(angles.assign(t=exposed + 0.005), joints)
+    assert np.abs(later[ERRORS[2]] - 0.3).min() > 0.01
 
 
 PAIR, STEP, TAKES, SAMPLES = ("a", "b"), 0.01, 40, 101
@@ -144,17 +141,18 @@ def recordings(
         drawn = rng.normal(scale=DEVIATION, size=(2, SAMPLES, 2))
         d, between = drawn[:, :1] * np.ones((1, SAMPLES, 1)) if lasts else drawn
         between = d if lasts else between
-        part = "training" if number < TAKES else "test"
+        use = "training" if number < TAKES else "test"
         measured = path + d + rng.normal(scale=pose, size=d.shape)
         t = np.arange(SAMPLES) * STEP
-        name = {"take": f"take_{number:03d}", "part": part}
+        name = {"take": f"take_{number:03d}", "part": use}
         sampled = name | {"k": np.arange(SAMPLES), "t": t}
         joints.append(pd.DataFrame(sampled | spread("q", PAIR, measured)))
-        if part == "test":
+        if use == "test":
             k = np.arange(0, SAMPLES - 1, 3)
-            own = d[k] if share == 0 else between[k]
+            deviation = d[k] if share == 0 else between[k]
             at = path[k] + share * (path[k + 1] - path[k])
-            y = at + own * (1 + SLOPE) + rng.normal(scale=NOISE, size=own.shape)
+            noise = rng.normal(scale=NOISE, size=deviation.shape)
+            y = at + deviation * (1 + SLOPE) + noise
             y += jump * np.sin(k)[:, None] + rng.normal(scale=common, size=2)
             frames = name | {"frame": k, "t": (k + share) * STEP}
             angles.append(pd.DataFrame(frames | spread("q", PAIR, y)))
@@ -192,11 +190,10 @@ def test_the_standard_error_knows_what_the_errors_of_a_take_have_in_common():
 def test_the_motion_captures_own_noise_makes_no_slope_once_it_is_known():
     pose = 2e-3
     noise = pose**2 * np.eye(2)
-    assert np.all(
-        far(slopes(NEAR_A_SAMPLE, noise, share=0.0, lasts=False, pose=pose)) < 4
-    )
+    how = {"share": 0.0, "lasts": False, "pose": pose}
+    assert np.all(far(slopes(NEAR_A_SAMPLE, noise, **how)) < 4)
     # control: where it is taken for nothing it does
-    assert far(slopes(NEAR_A_SAMPLE, share=0.0, lasts=False, pose=pose))[0] > 4
+    assert far(slopes(NEAR_A_SAMPLE, **how))[0] > 4
 
 
 def test_between_samples_deviations_that_do_not_last_make_a_slope_of_their_own():

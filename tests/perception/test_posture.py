@@ -71,9 +71,10 @@ def of_youbot(q: np.ndarray) -> np.ndarray:
 
     zero = ARM.to_base(marker_places(np.zeros(3), PLACES, ARM.chain))
     frames = zip(placed(np.zeros(3)), placed(q), zero, strict=True)
-    return np.array(
-        [(now * before.inverse()).act(m) for before, now, of in frames for m in of]
-    )
+    places = []
+    for before, now, markers in frames:
+        places += [(now * before.inverse()).act(marker) for marker in markers]
+    return np.array(places)
 
 
 @pytest.mark.parametrize("plane", [True, False])
@@ -89,20 +90,18 @@ def test_a_noisy_frame_is_solved_as_scipy_solves_it_through_pinocchio(plane):
     np.testing.assert_allclose(solver.carry(q[None])[0], carry(q), atol=1e-12)
     frame = carry(q) + NOISE * np.random.default_rng(1).standard_normal((9, 3))
     ends = dict.fromkeys(("xtol", "ftol", "gtol"), 1e-15)
-    other = least_squares(
-        lambda angles: (carry(angles) - frame).ravel(),
-        q,
-        "3-point",
-        x_scale=0.1,
-        **ends,
-    )
+
+    def residuals(angles: np.ndarray) -> np.ndarray:
+        return (carry(angles) - frame).ravel()
+
+    reference = least_squares(residuals, q, "3-point", x_scale=0.1, **ends)
     frames = solver.solve(frame[None], q[None] + 0.05)
-    solution = type(frames)(*(each[0] for each in frames))
-    np.testing.assert_allclose(solution.q, other.x, atol=2e-8)
-    assert (solution.distances**2).sum() == pytest.approx(2 * other.cost, rel=1e-9)
-    np.testing.assert_allclose(
-        solution.normal, other.jac.T @ other.jac, rtol=0, atol=1e-5
-    )
+    solution = type(frames)(*(array[0] for array in frames))
+    np.testing.assert_allclose(solution.q, reference.x, atol=2e-8)
+    squares = (solution.distances**2).sum()
+    assert squares == pytest.approx(2 * reference.cost, rel=1e-9)
+    normal = reference.jac.T @ reference.jac
+    np.testing.assert_allclose(solution.normal, normal, rtol=0, atol=1e-5)
     # SciPy's derivatives limit it; the step that is left by central differences does not
     nudges = 1e-5 * np.eye(len(q))
     slopes = [
@@ -142,14 +141,14 @@ def test_a_take_that_starts_in_the_dark_is_followed_backwards():
 
 
 def test_a_body_that_slips_is_left_out_of_its_frames():
-    slipped, other = MEASURED.copy(), MEASURED.copy()
+    slipped, apart = MEASURED.copy(), MEASURED.copy()
     slipped[40:50, FORE] += [0.03, -0.02, 0.01]
     result = tracked(slipped)
     np.testing.assert_allclose(result.q, motion(FRAMES), atol=1e-9)
     assert result.counts["rejected"] == 30 and result.counts["interpolated"] == 0
     # of two bodies apart nobody knows which is right, and the hand is needed
-    other[40:50, HAND] += [0.03, -0.02, 0.01]
-    assert tracked(other).counts["interpolated"] == 10
+    apart[40:50, HAND] += [0.03, -0.02, 0.01]
+    assert tracked(apart).counts["interpolated"] == 10
 
 
 def test_joints_that_no_point_shows_are_named():
@@ -178,10 +177,9 @@ def test_postures_that_fit_alike_are_refused_until_one_is_named():
     q = np.repeat([[0.3, 0.9, -0.3, -1.6, 0.4, 1.0, 0.2]], 3, axis=0)
     with pytest.raises(RecordingError, match="2 postures"):
         tracked(points(LWR4, beyond, q), beyond, LWR4)
-    other = {"link_1": {"x": [0.1, 0.0, 0.1]}} | beyond
-    np.testing.assert_allclose(
-        tracked(points(LWR4, other, q), other, LWR4).q, q, atol=1e-9
-    )
+    with_link_1 = {"link_1": {"x": [0.1, 0.0, 0.1]}} | beyond
+    result = tracked(points(LWR4, with_link_1, q), with_link_1, LWR4)
+    np.testing.assert_allclose(result.q, q, atol=1e-9)
 
 
 def test_whole_turns_are_those_of_the_posture_that_is_named_and_points_that_never_fit_refused():

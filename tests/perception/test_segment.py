@@ -29,9 +29,8 @@ ARM = Arm(
 Q = np.array([-0.5, 1.4, -0.6])
 # the camera is 1.1 m before the plane, turned by a few degrees
 FACING = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
-TURN = (
-    ARM.rotation @ FACING @ Rotation.from_euler("xyz", [-0.05, 0.1, 0.02]).as_matrix()
-)
+TILT = Rotation.from_euler("xyz", [-0.05, 0.1, 0.02]).as_matrix()
+TURN = ARM.rotation @ FACING @ TILT
 PLACE = np.array([-0.05, -1.1, 0.25])  # m, in the plane's frame
 
 
@@ -41,14 +40,12 @@ def ideal_pixels() -> np.ndarray:
     the forward model.
     """
     v, u = np.mgrid[: SHAPE[0], : SHAPE[1]].reshape(2, -1)
-    target = np.stack(
-        [(u - CAMERA.cx) / CAMERA.fx, (v - CAMERA.cy) / CAMERA.fy], axis=-1
-    )
-    still, ideal = np.zeros(3), np.c_[target, np.ones(len(target))]
+    x, y = (u - CAMERA.cx) / CAMERA.fx, (v - CAMERA.cy) / CAMERA.fy
+    target = np.stack([x, y], axis=-1)
+    ideal = np.c_[target, np.ones(len(target))]
+    still, distortion = np.zeros(3), np.array(CAMERA.distortion)
     for _ in range(30):
-        seen, _ = cv2.projectPoints(
-            ideal, still, still, np.eye(3), np.array(CAMERA.distortion)
-        )
+        seen, _ = cv2.projectPoints(ideal, still, still, np.eye(3), distortion)
         ideal[:, :2] += target - seen[:, 0]
     return ideal
 
@@ -62,10 +59,12 @@ def on_arm(points: np.ndarray) -> np.ndarray:
     """Mask of the points (..., 2) that lie on the rectangles of the links."""
     nodes = CHAIN.points(Q)
     inside = np.zeros(points.shape[:-1], dtype=bool)
-    for a, b in pairwise(nodes):
-        along = (b - a) / np.hypot(*(b - a))
-        s, n = (points - a) @ along, (points - a) @ [along[1], -along[0]]
-        inside |= (s >= 0) & (s <= np.hypot(*(b - a))) & (np.abs(n) <= WIDTH / 2)
+    for start, end in pairwise(nodes):
+        length = np.hypot(*(end - start))
+        along = (end - start) / length
+        way = (points - start) @ along
+        aside = (points - start) @ [along[1], -along[0]]
+        inside |= (way >= 0) & (way <= length) & (np.abs(aside) <= WIDTH / 2)
     return inside
 
 
@@ -105,10 +104,9 @@ def test_pixels_without_depth_and_alone_beside_the_arm_are_left_out() -> None:
     rows, columns = cut.window
     depth.ravel()[lost[::2]], depth.ravel()[lost[1::2]] = 0.0, np.nan
     # a flying pixel: at the depth of the arm, beside it
-    beside = cv2.dilate(hit.astype(np.uint8), np.ones((7, 7))).astype(bool)[
-        rows, columns
-    ]
-    free = tuple(np.argwhere(~beside)[0] + [rows.start, columns.start])
+    beside = cv2.dilate(hit.astype(np.uint8), np.ones((7, 7))).astype(bool)
+    corner = [rows.start, columns.start]
+    free = tuple(np.argwhere(~beside[rows, columns])[0] + corner)
     ray = rays()[np.ravel_multi_index(free, SHAPE)]
     depth[free] = (FRONT - PLACE[1]) / ray[1]
     assert len(cut(depth)) == hit.sum() - len(lost)
