@@ -18,7 +18,7 @@ from source_code import ROOT
 from pipeline.__main__ import tool_call
 from pipeline.configuration import datasheet
 from pipeline.core.errors import ConfigError, PipelineError
-from pipeline.recordings.runs import FoundMotion
+from pipeline.recordings.motions import FoundMotion
 from pipeline.tools.new_dataset import command
 
 
