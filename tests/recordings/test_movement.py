@@ -32,69 +32,50 @@ def test_logs_of_one_movement_are_paired_row_by_row_as_far_as_the_shortest_goes(
 ):
     for name, samples, seed in (("a.csv", 100, 1), ("b.csv", 93, 2)):
         write_joint_log(tmp_path / name, log(samples, seed=seed))
-    (a, b), counts = read_movement(tmp_path, ["a.csv", "b.csv"])
-    assert counts == {
-        "cut_rows": 0,
-        "blank_rows": 0,
-        "doubled_rows": 0,
-        "rows_without_partner": 7,
-    }
-    np.testing.assert_allclose(
-        a, log(100, seed=1).signals["actual"][:93], rtol=0, atol=1e-6
-    )
-    np.testing.assert_allclose(b, log(93, seed=2).signals["actual"], rtol=0, atol=1e-6)
+    angles, counts = read_movement(tmp_path, ["a.csv", "b.csv"])
+    no_damage = dict.fromkeys(("cut_rows", "blank_rows", "doubled_rows"), 0)
+    assert counts == no_damage | {"rows_without_partner": 7}
+    for read, samples, seed in zip(angles, (100, 93), (1, 2), strict=True):
+        written = log(samples, seed=seed).signals["actual"][:93]
+        np.testing.assert_allclose(read, written, rtol=0, atol=1e-6)
+
     # one table of several signals is counted once
     rows = ("0.000,0.5,1", "0.008,0.6,2", "0.008,0.6,2", "", "0.016,0.7")
     options = LogOptions(joints=1, signals={"actual": ["q"], "target": ["qd"]})
-    read, counts = movement.read_movement(
-        {table(tmp_path, "t,q,qd", *rows): options}, 125.0
-    )
-    assert [angles.tolist() for angles in read.values()] == [[[0.5], [0.6]], [[1], [2]]]
-    assert counts == {
-        "cut_rows": 1,
-        "blank_rows": 1,
-        "doubled_rows": 1,
-        "rows_without_partner": 0,
-    }
+    file = table(tmp_path, "t,q,qd", *rows)
+    read, counts = movement.read_movement({file: options}, 125.0)
+    assert [rows.tolist() for rows in read.values()] == [[[0.5], [0.6]], [[1], [2]]]
+    damage = dict.fromkeys(no_damage, 1)
+    assert counts == damage | {"rows_without_partner": 0}
+
+
+EVEN = np.arange(50)
+SKIPPING = np.delete(np.arange(51), 20)
+CROWDED = np.sort(np.append(np.arange(49), 20.3))
 
 
 @pytest.mark.parametrize(
     ("time", "file", "words"),
     [
-        (
-            np.delete(np.arange(51), 20) * 0.008,
-            "a.csv",
-            "is 0.016 s at 0.152 s .*are missing",
-        ),
-        (
-            np.sort(np.append(np.arange(49), 20.3)) * 0.008,
-            "a.csv",
-            "at 0.16 s .*too close",
-        ),
-        (np.arange(50) * 0.002, "a.csv", "is 0.002 s on average.* the rate to 500"),
-        (
-            np.arange(50) * 0.0084,
-            "a.csv",
-            "is 0.0084 s on average.* the rate to 119.048",
-        ),
-        (np.arange(50) * 0.008 + 0.004, "b.csv", "differ from the times of a.csv"),
+        (SKIPPING * 0.008, "a.csv", "is 0.016 s at 0.152 s .*are missing"),
+        (CROWDED * 0.008, "a.csv", "at 0.16 s .*too close"),
+        (EVEN * 0.002, "a.csv", "is 0.002 s on average.* the rate to 500"),
+        (EVEN * 0.0084, "a.csv", "is 0.0084 s on average.* the rate to 119.048"),
+        (EVEN * 0.008 + 0.004, "b.csv", "differ from the times of a.csv"),
     ],
 )
 def test_clocks_that_skip_or_disagree_are_refused(tmp_path, time, file, words):
-    write_joint_log(tmp_path / "a.csv", log(50))
-    write_joint_log(tmp_path / "b.csv", log(50))
-    write_joint_log(
-        tmp_path / file, JointLog(time, {"actual": log(50).signals["actual"]}, {})
-    )
+    for name in ("a.csv", "b.csv"):
+        write_joint_log(tmp_path / name, log(50))
+    signals = {"actual": log(50).signals["actual"]}
+    write_joint_log(tmp_path / file, JointLog(time, signals, {}))
     with pytest.raises(RecordingError, match=words) as caught:
         read_movement(tmp_path, ["a.csv", "b.csv"])
     assert caught.value.evidence["file"] == tmp_path / file
 
 
-TURNING = np.linspace(2.9, 3.5, 60)[:, None] * [
-    1.0,
-    0.1,
-]  # rad; the first joint passes π
+# rad; the first joint passes π
+TURNING = np.linspace(2.9, 3.5, 60)[:, None] * [1.0, 0.1]
 WRAP = {
     "to ±π": lambda q: (q + np.pi) % (2 * np.pi) - np.pi,
     "one turn lower": lambda q: q - 2 * np.pi * np.array([1.0, 0.0]),
@@ -109,17 +90,17 @@ def test_wrapped_angles_are_unwrapped_counted_and_taken_beside_their_command(
 ):
     rows = {"actual": WRAP[actual](TURNING + 1e-5), "target": WRAP[target](TURNING)}
     np.savez(tmp_path / "run.npz", time=np.arange(60) / 100, **rows)
-    log = made(
-        Log, joints=["a", "b"], signals={name: [name] for name in rows}, time="time"
-    )
-    read = read_logged_movement("run", tmp_path / "run.npz", log, 100.0)
+    signals = {name: [name] for name in rows}
+    options = made(Log, joints=["a", "b"], signals=signals, time="time")
+    read = read_logged_movement("run", tmp_path / "run.npz", options, 100.0)
     np.testing.assert_allclose(read.actual - read.target, 1e-5, atol=1e-6)
     # on the circle they are where they were
     np.testing.assert_allclose(np.cos(read.target), np.cos(TURNING), atol=1e-6)
     assert np.abs(np.diff(read.target, axis=0)).max() < 0.02
-    jumps = sum(np.abs(np.diff(values[:, 0])) > np.pi for values in rows.values()).sum()
+    first_joint = np.stack([angles[:, 0] for angles in rows.values()])
+    jumps = np.count_nonzero(np.abs(np.diff(first_joint)) > np.pi)
     assert read.counts.get(movement.UNWRAPPED, 0) == jumps
-    apart = abs(np.round((rows["target"] - rows["actual"])[0, 0] / (2 * np.pi)))
+    apart = abs(np.round((rows["target"] - rows["actual"])[0, 0] / TURN))
     assert read.counts.get("joints_moved_by_whole_turns", 0) == apart
 
 
@@ -146,19 +127,16 @@ RAIL = """<robot name="rail"><link name="base"/><link name="cart"/><link name="a
 def test_a_spike_of_any_size_is_no_turn_and_a_wrap_beside_noise_is_one():
     time, angles, _ = motion()
     rng, errors = np.random.default_rng(1), []
-    for size in 10 ** np.concatenate(
-        [rng.uniform(0.78, 1.78, 300), rng.uniform(1.78, 14, 100)]
-    ):
+    digits = np.concatenate([rng.uniform(0.78, 1.78, 300), rng.uniform(1.78, 14, 100)])
+    for size in 10**digits:
         spiked = angles.copy()
         spiked[rng.integers(400), rng.integers(6)] += rng.choice([-1, 1]) * size
         with suppress(RecordingError):
             errors.append(np.abs(unwrap(spiked, time)[0] - angles).max())
-    assert (
-        len(errors) <= 4 and max(errors, default=0) < TURN_NOISE
-    )  # at most 1 % accepted
-    assert (
-        unwrap(1.0 * (0 * angles + time[:, None] > 1), time, signal="target")[1] == 0
-    )  # a step
+    # at most 1 % accepted
+    assert len(errors) <= 4 and max(errors, default=0) < TURN_NOISE
+    step = np.where(time[:, None] > 1, 1.0, 0 * angles)
+    assert unwrap(step, time, signal="target")[1] == 0
     # control: an angle that crosses half a turn to and fro with noise of 10 mrad wraps at each row
     noisy = np.pi + rng.normal(0, 0.01, (400, 6))
     wrapped, jumps = unwrap((noisy + np.pi) % TURN - np.pi, time)
@@ -175,18 +153,12 @@ def test_positions_of_a_prismatic_joint_are_metres_and_never_unwrapped(tmp_path,
     scale = np.array([1.0, np.degrees(1.0) if unit == "deg" else 1.0])
     rows = np.column_stack([slide, turn])
     np.savez(tmp_path / "run.npz", time=np.arange(60) / 100, q=rows * scale)
-    options = {
-        "joints": 2,
-        "angle_unit": unit,
-        "time": "time",
-        "signals": {"actual": ["q"]},
-    }
-    log = movement.read_log(
-        tmp_path / "run.npz", LogOptions(**options, circular=circular)
-    )
-    np.testing.assert_allclose(
-        log.signals["actual"], np.c_[slide, TURNING[:, 0]], atol=1e-12
-    )
+    options = {"joints": 2, "angle_unit": unit, "time": "time"}
+    options["signals"] = {"actual": ["q"]}
+    with_rail = LogOptions(**options, circular=circular)
+    log = movement.read_log(tmp_path / "run.npz", with_rail)
+    expected = np.c_[slide, TURNING[:, 0]]
+    np.testing.assert_allclose(log.signals["actual"], expected, atol=1e-12)
     assert log.counts[movement.UNWRAPPED] == 1
     # the control: as angles they jump
     if unit == "rad":
@@ -195,13 +167,11 @@ def test_positions_of_a_prismatic_joint_are_metres_and_never_unwrapped(tmp_path,
     # nor are 2π m beside the command a whole turn
     rows = {"actual": np.c_[slide + 2 * np.pi, turn], "target": np.c_[slide, turn]}
     np.savez(tmp_path / "run.npz", time=np.arange(60) / 100, **rows)
-    log = made(
-        Log, joints=["slide", "turn"], signals={n: [n] for n in rows}, time="time"
-    )
+    signals = {name: [name] for name in rows}
+    options = made(Log, joints=["slide", "turn"], signals=signals, time="time")
+    place, urdf = tmp_path / "run.npz", str(tmp_path / "rail.urdf")
     with pytest.raises(RecordingError, match="slide misses its command"):
-        read_logged_movement(
-            "run", tmp_path / "run.npz", log, 100.0, str(tmp_path / "rail.urdf")
-        )
+        read_logged_movement("run", place, options, 100.0, urdf)
 
 
 NAMES = ["shoulder", "elbow"]
@@ -236,39 +206,28 @@ def raw(tmp_path, monkeypatch):
 
 def test_every_log_of_a_take_is_read_at_its_own_rate(raw):
     folder, q = raw
-    (trained, _), (rows, quality), (other, _) = encoder_rows(
-        folder, encoder_dataset(start=6.9)
-    )
-    takes = [
-        (each["take"].iloc[0], each["part"].iloc[0]) for each in (trained, rows, other)
-    ]
+    logs = encoder_rows(folder, encoder_dataset(start=6.9))
+    first_rows = [rows.iloc[0] for rows, _ in logs]
+    takes = [(row["take"], row["part"]) for row in first_rows]
     assert takes == [("train_a", "training"), ("test_a", "test"), ("test_b", "test")]
+    rows, quality = logs[1]
     np.testing.assert_allclose(rows["t"], 0.1 + np.arange(40) / 250, atol=1e-9)
     np.testing.assert_allclose(rows[["q:shoulder", "q:elbow"]], q, atol=1e-9)
     assert {row["quantity"]: row["value"] for row in quality}["rows"] == 40
     # a step that the joint cannot make
-    spoilt = {
-        "target": 0 * q,
-        "actual": q + 0.1 * (np.arange(40) > 20)[:, None] * [0, 1],
-    }
-    write_joint_table(folder / "logs/test_a.csv", CLOCK, spoilt, NAMES)
-    with pytest.raises(
-        RecordingError, match=r"elbow \(actual\) steps by .* allows 2 rad/s"
-    ):
+    file = folder / "logs/test_a.csv"
+    stepping = q + 0.1 * (np.arange(40) > 20)[:, None] * [0, 1]
+    write_joint_table(file, CLOCK, {"target": 0 * q, "actual": stepping}, NAMES)
+    words = r"elbow \(actual\) steps by .* allows 2 rad/s"
+    with pytest.raises(RecordingError, match=words):
         encoder_rows(folder, encoder_dataset())
     # metres are no angles
-    sliding = ELBOW.replace("revolute", "prismatic").replace(
-        'velocity="2"', 'velocity="900"'
-    )
+    sliding = ELBOW.replace("revolute", "prismatic")
+    sliding = sliding.replace('velocity="2"', 'velocity="900"')
     (folder / "arm.urdf").write_text(sliding)
-    write_joint_table(
-        folder / "logs/test_a.csv",
-        CLOCK,
-        spoilt | {"actual": 35 * spoilt["actual"]},
-        NAMES,
-    )
+    write_joint_table(file, CLOCK, {"target": 0 * q, "actual": 35 * stepping}, NAMES)
     rows, _ = encoder_rows(folder, encoder_dataset())[1]
-    np.testing.assert_allclose(rows["q:elbow"], 35 * spoilt["actual"][:, 1], atol=1e-6)
+    np.testing.assert_allclose(rows["q:elbow"], 35 * stepping[:, 1], atol=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -304,13 +263,16 @@ def scaled(table: pd.DataFrame, names: list[str], factor: float) -> pd.DataFrame
     return table.assign(**{name: factor * table[name] for name in names})
 
 
+def late(columns_in_time: pd.DataFrame) -> pd.DataFrame:
+    """The columns a second later."""
+    return columns_in_time.shift(100).bfill()
+
+
 WRONG = {
     "millimetres": lambda table, names: scaled(table, names[:2], 1000),
     "degrees": lambda table, names: scaled(table, names[2:], 180 / np.pi),
     "exchanged": exchanged,
-    "a second late": lambda table, names: table.assign(
-        **table[names].shift(100).bfill()
-    ),
+    "a second late": lambda table, names: table.assign(**late(table[names])),
 }
 
 
@@ -319,9 +281,8 @@ def test_a_path_or_velocities_in_another_unit_order_or_clock_are_refused(wrong):
     tracked = Q + np.random.default_rng(1).normal(0, 5e-3, Q.shape)
     trajectory, spoil = trajectory_table(CHAIN, Q, RATE), WRONG[wrong]
     commands.require_commanded(tracked, trajectory, CHAIN, "a")
-    with pytest.raises(
-        RecordingError, match=r"not on the commanded path.*suspected"
-    ) as refused:
+    words = r"not on the commanded path.*suspected"
+    with pytest.raises(RecordingError, match=words) as refused:
         commands.require_commanded(tracked, spoil(trajectory, POSITIONS), CHAIN, "a")
     assert refused.value.evidence["take"] == "a"
     commands.require_velocities(trajectory, RATE, Path("t.csv"))
@@ -348,32 +309,28 @@ def test_encoders_in_another_unit_order_or_clock_than_what_was_tracked_are_refus
     held = np.stack([np.interp(times, TIME, angle) for angle in Q.T], axis=1)
     readings = pd.DataFrame({"t": times} | spread("q", JOINTS, held + 2e-3))
     commands.require_encoders(tracked, readings, JOINTS, "a")
+    spoilt = wrong(readings, columns("q", JOINTS))
     with pytest.raises(RecordingError, match=words):
-        commands.require_encoders(
-            tracked, wrong(readings, columns("q", JOINTS)), JOINTS, "a"
-        )
+        commands.require_encoders(tracked, spoilt, JOINTS, "a")
 
 
 def test_speeds_of_true_steps_count_steps_beyond_a_limit_and_against_the_command():
     nominal = np.array([[0.01, 0.0], [0.01, 0.0], [0.01, 0.002], [0.0, 0.0]])
     steps = np.stack([nominal, nominal])
-    limits = np.array([1.0, 1.0])
-    kept = commands.speed_scores(
-        steps, np.stack([nominal] * 2), limits, 100.0, ["a", "b"]
-    )
-    assert kept["true_moving_steps_beyond_a_speed_limit_share"] == 0
-    assert kept["true_a_fast_steps_backwards_share"] == 0
-    assert kept["true_a_greatest_speed_rad_per_s"] == pytest.approx(1.0)
-    steps[0, 0, 0], steps[1, 2, 1], steps[1, 3, 1] = (
-        -0.05,
-        -0.0021,
-        0.04,
-    )  # the last is at rest
-    found = commands.speed_scores(
-        steps, np.stack([nominal] * 2), limits, 100.0, ["a", "b"]
-    )
-    assert found["true_moving_steps_beyond_a_speed_limit_share"] == pytest.approx(1 / 6)
-    assert found["true_a_greatest_speed_rad_per_s"] == pytest.approx(5.0)
-    assert found["true_b_greatest_speed_rad_per_s"] == pytest.approx(4.0)
-    assert found["true_a_fast_steps_backwards_share"] == pytest.approx(1 / 6)
-    assert found["true_b_fast_steps_backwards_share"] == 0.5
+    command = steps, np.array([1.0, 1.0]), 100.0, ["a", "b"]
+    obeyed = commands.speed_scores(steps, *command)
+    assert obeyed["true_moving_steps_beyond_a_speed_limit_share"] == 0
+    assert obeyed["true_a_fast_steps_backwards_share"] == 0
+    assert obeyed["true_a_greatest_speed_rad_per_s"] == pytest.approx(1.0)
+
+    disturbed = steps.copy()
+    disturbed[0, 0, 0] = -0.05
+    disturbed[1, 2, 1] = -0.0021
+    disturbed[1, 3, 1] = 0.04  # at rest
+    scores = commands.speed_scores(disturbed, *command)
+    beyond = scores["true_moving_steps_beyond_a_speed_limit_share"]
+    assert beyond == pytest.approx(1 / 6)
+    assert scores["true_a_greatest_speed_rad_per_s"] == pytest.approx(5.0)
+    assert scores["true_b_greatest_speed_rad_per_s"] == pytest.approx(4.0)
+    assert scores["true_a_fast_steps_backwards_share"] == pytest.approx(1 / 6)
+    assert scores["true_b_fast_steps_backwards_share"] == 0.5
