@@ -90,7 +90,8 @@ def directions(
     ce, se = np.cos(elevation), np.sin(elevation)
     mean = np.stack([ce * ca, ce * sa, se], axis=-1)
     upwards = np.stack([-se * ca, -se * sa, ce], axis=-1)
-    sideways = np.stack([-sa, ca, np.zeros_like(sa)], axis=-1)
+    level = np.zeros_like(sa)
+    sideways = np.stack([-sa, ca, level], axis=-1)
 
     size = np.hypot(up, aside)
     turned = up * upwards + aside * sideways

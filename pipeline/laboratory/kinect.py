@@ -41,9 +41,10 @@ def _faces(ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     first, second = ends
     # use distant corners, to reduce the effect of rounding on the normal
     n = len(first)
-    to_third, to_two_thirds = first[n // 3] - first[0], first[2 * n // 3] - first[0]
-    end = np.cross(to_third, to_two_thirds)
-    sides = np.cross(second - first, np.roll(first, -1, axis=0) - first)
+    origin, third, two_thirds = first[0], first[n // 3], first[2 * n // 3]
+    end = np.cross(third - origin, two_thirds - origin)
+    edges = np.roll(first, -1, axis=0) - first
+    sides = np.cross(second - first, edges)
 
     normal = np.concatenate([sides, [end, -end]])
     normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
@@ -55,9 +56,10 @@ def prism(outline: np.ndarray, low: float, high: float) -> np.ndarray:
     """Return the prism with the counterclockwise polygon ``outline`` (n, 2) in x, z, from y ``low``
     to ``high``; ConfigError for an outline that is not convex.
     """
-    edge = np.roll(outline, -1, axis=0) - outline
-    after = np.roll(edge, -1, axis=0)
-    if not (np.all(edge[:, 0] * after[:, 1] > edge[:, 1] * after[:, 0]) and low < high):
+    x, z = (np.roll(outline, -1, axis=0) - outline).T  # of the edges
+    next_x, next_z = np.roll(x, -1), np.roll(z, -1)
+    turns_left = np.all(x * next_z > z * next_x)
+    if not (turns_left and low < high):
         message = (
             "a solid is wider than long, or has no extent; make it longer or narrower"
         )

@@ -109,9 +109,11 @@ def capture(
 
 def _observe(world: np.ndarray, options: MocapOptions, rng: Generator) -> np.ndarray:
     """Draw the measured positions of markers at ``world`` (N, ..., 3), NaN where occluded."""
-    observed = world + options.noise_std * rng.standard_normal(world.shape)
+    noise = options.noise_std * rng.standard_normal(world.shape)
+    observed = world + noise
+    frames, *markers, _ = world.shape
     rate, mean = options.occlusion_rate, options.occlusion_frames
-    _, hidden = bursts(len(world), world.shape[1:-1], rate, mean, rng)
+    _, hidden = bursts(frames, tuple(markers), rate, mean, rng)
     observed[hidden] = np.nan
     return observed
 

@@ -102,9 +102,12 @@ def _turn_nodes(frame, v):
     """Set the nodes of a pose ``v`` of the fitted end from its lengths and headings."""
     nodes, bounds = frame.nodes, frame.bounds
     for j in range(3):
-        middle = 0.5 * (bounds[j, 0] + bounds[j, 1])
-        half = 0.5 * (bounds[j, 1] - bounds[j, 0])
-        stretched, _ = sine_cosine(STRETCH * v[j] if j < 2 else 0.0)
+        shortest = bounds[j, 0]
+        longest = bounds[j, 1]
+        middle = 0.5 * (shortest + longest)
+        half = 0.5 * (longest - shortest)
+        stretch = STRETCH * v[j] if j < 2 else 0.0
+        stretched, _ = sine_cosine(stretch)
         sine, cosine = sine_cosine(v[j + 2] / middle)
         length = middle + half * stretched
         nodes[j + 1, 0] = nodes[j, 0] + length * sine
@@ -230,7 +233,9 @@ def variables(frame: Frame, nodes: np.ndarray, end: str) -> np.ndarray:
     middle, half = _lengths_of(frame)
     stretched = (np.hypot(x, z) - middle) / half
     share = np.clip(stretched[:2], -1.0, 1.0)
-    return np.concatenate([np.arcsin(share) / STRETCH, middle * np.arctan2(x, z)])
+    lambdas = np.arcsin(share) / STRETCH
+    arcs = middle * np.arctan2(x, z)
+    return np.concatenate([lambdas, arcs])
 
 
 def _lengths_of(frame: Frame) -> tuple[np.ndarray, np.ndarray]:
@@ -243,11 +248,12 @@ def nodes_of(frame: Frame, v: np.ndarray) -> np.ndarray:
     if v.size == 4:
         return np.vstack([v.reshape(2, 2), frame.nodes[3]])
     middle, half = _lengths_of(frame)
-    psi = v[2:] / middle
     stretched = np.append(np.sin(STRETCH * v[:2]), 0.0)
     lengths = middle + half * stretched
-    steps = lengths[:, None] * np.stack([np.sin(psi), np.cos(psi)], axis=-1)
-    return frame.nodes[0] + np.cumsum(steps, axis=0)
+    psi = v[2:] / middle
+    headings = np.stack([np.sin(psi), np.cos(psi)], axis=-1)
+    segments = lengths[:, None] * headings
+    return frame.nodes[0] + np.cumsum(segments, axis=0)
 
 
 @compiled
@@ -418,16 +424,18 @@ def fit_sequence(
 
 def _joining_poses(o1: np.ndarray, ee: np.ndarray, lengths: np.ndarray) -> np.ndarray:
     """Return O2, O3 and EE (P, 3, 2) in m of poses that join O1 and EE, O3 on either side."""
+    first, second, third = lengths
     psi = np.arange(LOST_HEADINGS) * (2 * np.pi / LOST_HEADINGS)
-    o2 = o1 + lengths[0] * np.stack([np.sin(psi), np.cos(psi)], axis=-1)
+    o2 = o1 + first * np.stack([np.sin(psi), np.cos(psi)], axis=-1)
     reach = np.linalg.norm(ee - o2, axis=1)
-    along = (reach**2 + lengths[1] ** 2 - lengths[2] ** 2) / (2 * reach)
-    joins = np.abs(along) <= lengths[1]
+    # distance from O2 of the foot of O3 on the line to EE, by the cosine theorem
+    along = (reach**2 + second**2 - third**2) / (2 * reach)
+    joins = np.abs(along) <= second
     o2, reach, along = o2[joins], reach[joins, None], along[joins, None]
 
     towards = (ee - o2) / reach
     across = np.stack([towards[:, 1], -towards[:, 0]], axis=-1)
-    aside = np.sqrt(lengths[1] ** 2 - along**2) * across
+    aside = np.sqrt(second**2 - along**2) * across
     middle = o2 + along * towards
     ends = np.full_like(o2, ee)
     left = np.stack([o2, middle + aside, ends], axis=1)

@@ -103,10 +103,13 @@ def error_slopes(table: pd.DataFrame, step: float, pose: np.ndarray) -> pd.DataF
     rows, names = [], members(table, "e")
     share = np.mod(table["t"].to_numpy() / step, 1.0)
     near = np.minimum(share, 1 - share) <= NEAR
-    for frames, inside in ((NEAR_A_SAMPLE, near), (ALL, np.ones_like(near))):
+    masks = {NEAR_A_SAMPLE: near, ALL: np.ones_like(near)}
+    for frames, inside in masks.items():
         used, after = table[inside], share[inside]
         # interpolation averages the noise of two samples
-        noise = np.sum((1 - after) ** 2 + after**2) * np.diag(pose)
+        weights = (1 - after) ** 2 + after**2
+        noise = np.sum(weights) * np.diag(pose)
+
         d, e = values(used, "d"), values(used, "e")
         for j, joint in enumerate(names):
             slope, error = _slope(d[:, j], e[:, j], used["take"], noise[j])

@@ -98,14 +98,15 @@ def _rays(camera: Intrinsics) -> ndarray:
     """Return the points (rows·columns, 3) of the pixels' rays at a depth of 1, in the camera's
     frame.
     """
-    sizes = camera.width, camera.height
-    grid = np.meshgrid(*(np.arange(size, dtype=float) for size in sizes))
-    pixels = np.stack([axis.ravel() for axis in grid], axis=-1)[:, None]
+    columns, rows = np.arange(camera.width), np.arange(camera.height)
+    u, v = np.meshgrid(columns.astype(float), rows.astype(float))
+    pixels = np.stack([u.ravel(), v.ravel()], axis=-1)[:, None]
     # without distortion, None saves OpenCV's iterations
     bend = np.array(camera.distortion) if np.any(camera.distortion) else None
     lens = np.array([[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1.0]])
     ideal = cv2.undistortPoints(pixels, lens, bend, None, None, None, UNDISTORTION)
-    return np.concatenate([ideal[:, 0], np.ones((len(pixels), 1))], axis=1)
+    depth = np.ones((len(pixels), 1))
+    return np.concatenate([ideal[:, 0], depth], axis=1)
 
 
 def cut_cloud(
@@ -137,8 +138,10 @@ def _near_arm(x: ndarray, z: ndarray, arm: Arm, crop: Workspace) -> ndarray:
     right, up = x - x0, z - z0
     reach = arm.chain.lengths.sum() + crop.girth
     in_reach = right**2 + up**2 <= reach**2
-    off_column = (np.abs(right) > crop.column_half_width) | (up > crop.column_top)
-    return in_reach & off_column & (z > crop.floor)
+    beside_column = np.abs(right) > crop.column_half_width
+    above_column = up > crop.column_top
+    above_floor = z > crop.floor
+    return in_reach & (beside_column | above_column) & above_floor
 
 
 def _thin(points: ndarray, crop: Workspace) -> ndarray:
