@@ -43,19 +43,20 @@ def camera_position(arm: Arm) -> np.ndarray:
 def depth_image(arm: Arm, place: np.ndarray, units: float) -> np.ndarray:
     """A patch of the arm's plane about ``place``, seen by the camera; no depth anywhere else."""
     rotation = Rotation.from_euler("xyz", RPY).as_matrix()
-    observed = (
-        arm.to_base(np.array([place[0], 0.0, place[1]])) - camera_position(arm)
-    ) @ rotation
-    assert observed[2] > 0.5
-    x, y = observed[:2] / observed[2]
-    u, v = round(CAMERA.fx * x + CAMERA.cx), round(CAMERA.fy * y + CAMERA.cy)
+    position = camera_position(arm)
+    in_base = arm.to_base(np.array([place[0], 0.0, place[1]]))
+    x, y, depth = (in_base - position) @ rotation
+    assert depth > 0.5
+    u = round(CAMERA.fx * x / depth + CAMERA.cx)
+    v = round(CAMERA.fy * y / depth + CAMERA.cy)
+
     rows, columns = np.mgrid[v - PATCH : v + PATCH + 1, u - PATCH : u + PATCH + 1]
     x, y = (columns - CAMERA.cx) / CAMERA.fx, (rows - CAMERA.cy) / CAMERA.fy
     rays = np.stack([x, y, np.ones(rows.shape)], axis=-1)
-    normal = arm.rotation[:, 1] @ rotation
-    distance = (arm.to_base(np.zeros(3)) - camera_position(arm)) @ arm.rotation[:, 1]
+    normal = arm.rotation[:, 1]
+    distance = (arm.to_base(np.zeros(3)) - position) @ normal
     image = np.zeros((HEIGHT, WIDTH), dtype=np.uint16)
-    image[rows, columns] = np.rint(units * distance / (rays @ normal))
+    image[rows, columns] = np.rint(units * distance / (rays @ (normal @ rotation)))
     return image
 
 
@@ -73,13 +74,14 @@ def record(folder: Path, arm: Arm, units: float = 1000.0) -> tuple[Path, Depth]:
         takes="kinect/test_*",
         index="depth.txt",
         intrinsics="kinect/intrinsics.yaml",
-        **{
-            "width": WIDTH,
-            "height": HEIGHT,
-            "encoding": "plain",
-            "units_per_metre": units,
-        },
-        **{"rate": 30.0, "start": 0.0, "camera": camera, "search": 0.4},
+        width=WIDTH,
+        height=HEIGHT,
+        encoding="plain",
+        units_per_metre=units,
+        rate=30.0,
+        start=0.0,
+        camera=camera,
+        search=0.4,
         workspace=Workspace(
             0.05, 0.05, 0.06, -0.02, 0.0, min_pixels=10, max_points=500
         ),

@@ -17,10 +17,11 @@ def way(
     """Angles and speeds on the rows of a motion from rest to rest: the speed is not zero on the
     ``steps`` rows after the first.
     """
-    phase = np.arange(1, steps + 1) / (steps + 1)
-    progress = (1 - np.cos(np.pi * phase)) / 2
-    rate = np.pi / 2 * np.sin(np.pi * phase) / (steps + 1) * RATE
-    return start + progress[:, None] * (end - start), rate[:, None] * (end - start)
+    share = np.arange(1, steps + 1)[:, None] / (steps + 1)
+    progress = (1 - np.cos(np.pi * share)) / 2
+    speed = np.pi / 2 * np.sin(np.pi * share) / (steps + 1) * RATE
+    stroke = end - start
+    return start + progress * stroke, speed * stroke
 
 
 def log(
@@ -45,19 +46,8 @@ def log(
 
 OUT, BACK = ("go", HOME, AWAY), ("go", AWAY, HOME)
 AT_HOME, AT_AWAY = ("rest", 50, HOME), ("rest", 50, AWAY)
-WHOLE = (
-    AT_HOME,
-    OUT,
-    AT_AWAY,
-    BACK,
-    AT_HOME,
-    OUT,
-    AT_AWAY,
-    BACK,
-    AT_HOME,
-    OUT,
-    AT_AWAY,
-)
+OUT_AND_BACK = (AT_HOME, OUT, AT_AWAY, BACK)
+WHOLE = (*OUT_AND_BACK, *OUT_AND_BACK, AT_HOME, OUT, AT_AWAY)
 
 
 def find(angles, speeds, *, rest=20, steps=STEPS, start=HOME, end=AWAY):
@@ -71,9 +61,8 @@ def test_ways_out_and_back_are_told_apart_by_their_commands_in_spite_of_noise(no
     speeds = speeds + np.random.default_rng(1).uniform(-noise, noise, speeds.shape)
     out, back = find(angles, speeds), find(angles, speeds, start=AWAY, end=HOME)
     assert [run.first for run in out.runs] == [50, 350, 650]
-    assert (
-        [run.first for run in back.runs] == out.left_out["other_motion"] == [200, 500]
-    )
+    assert [run.first for run in back.runs] == [200, 500]
+    assert out.left_out["other_motion"] == [200, 500]
     assert {run.steps for run in out.runs + back.runs} == {STEPS}
     # the control: a speed that encoders would see is motion
     assert find(angles, speeds + 1e-3).runs == []
@@ -81,20 +70,16 @@ def test_ways_out_and_back_are_told_apart_by_their_commands_in_spite_of_noise(no
 
 def test_a_way_without_enough_rest_beside_it_or_at_another_speed_is_another_motion():
     result = find(*log(AT_HOME, OUT, ("rest", 10, AWAY), BACK, AT_HOME, OUT, AT_AWAY))
-    assert ([run.first for run in result.runs], result.left_out["too_little_rest"]) == (
-        [310],
-        [50],
-    )
-    angles, speeds = log(
-        AT_HOME, OUT, AT_AWAY, BACK, AT_HOME, ("go", HOME, AWAY, 130), AT_AWAY
-    )
+    assert [run.first for run in result.runs] == [310]
+    assert result.left_out["too_little_rest"] == [50]
+    slower = ("go", HOME, AWAY, 130)
+    angles, speeds = log(*OUT_AND_BACK, AT_HOME, slower, AT_AWAY)
     assert [run.first for run in find(angles, speeds).runs] == [50]
     assert [run.first for run in find(angles, speeds, steps=130).runs] == [350]
     # the jerk of a controller taking over is no excursion, and a record at rest holds none
     jerk = ("rest", 3, HOME), ("go", HOME, HOME + 5e-4, 3)
-    assert [
-        run.first for run in repetitions.excursions(*log(*jerk, AT_HOME, OUT, AT_AWAY))
-    ] == [56]
+    motions = repetitions.excursions(*log(*jerk, AT_HOME, OUT, AT_AWAY))
+    assert [motion.first for motion in motions] == [56]
     assert repetitions.excursions(*log(("rest", 300, HOME))) == []
 
 
@@ -107,21 +92,22 @@ def test_takes_are_aligned_on_their_commands_to_the_row(shift):
 
 @pytest.mark.parametrize("delay", [0.0, 0.6e-3, -0.4e-3, 0.3, -0.2])
 def test_the_lag_of_the_measured_angles_is_recovered_and_none_at_rest(delay):
+    def curve(t: np.ndarray) -> np.ndarray:
+        return np.stack([np.sin(2 * t), np.cos(3 * t)], axis=1)
+
     time, rng = np.arange(300) / RATE, np.random.default_rng(2)
-    curve = np.stack([np.sin(2 * time), np.cos(3 * time)], axis=1)
-    late = np.stack([np.sin(2 * (time - delay)), np.cos(3 * (time - delay))], axis=1)
     # standard error 1e-4 / sqrt(Σ q̇²) = 3 µs
-    noisy = late + rng.normal(0, 1e-4, late.shape)
-    assert lag(curve, noisy, RATE) == pytest.approx(delay, abs=12e-6)
-    assert np.isnan(lag(*(rng.normal(0, 1e-5, (2, 300, 3)) - 0.3), RATE))
+    measured = curve(time - delay) + rng.normal(0, 1e-4, (300, 2))
+    assert lag(curve(time), measured, RATE) == pytest.approx(delay, abs=12e-6)
+    command, at_rest = rng.normal(0, 1e-5, (2, 300, 3)) - 0.3
+    assert np.isnan(lag(command, at_rest, RATE))
 
 
 def periodic(rows: int, period: float) -> np.ndarray:
     """A command (rows, 2) in rad without rest that repeats after ``period`` rows."""
     phase = 2 * np.pi * np.arange(rows) / period
-    return np.stack(
-        [np.sin(phase), 0.5 * np.cos(2 * phase) + 0.2 * np.sin(phase)], axis=1
-    )
+    first, second = np.sin(phase), 0.5 * np.cos(2 * phase) + 0.2 * np.sin(phase)
+    return np.stack([first, second], axis=1)
 
 
 def test_a_motion_in_passing_is_found_in_each_period_and_brought_in_phase():
@@ -136,15 +122,13 @@ def test_a_motion_in_passing_is_found_in_each_period_and_brought_in_phase():
     for number, run in enumerate(outcome.runs):
         place = in_phase(command, run.first, reference, 2)
         assert place == pytest.approx(first + number * period, abs=1e-4)
-        np.testing.assert_allclose(
-            stretch(command, place, steps + 1), reference, atol=1e-6
-        )
+        moved = stretch(command, place, steps + 1)
+        np.testing.assert_allclose(moved, reference, atol=1e-6)
     # the control: by whole rows the last one is off by a third of a row
     assert np.abs(command[523 : 523 + steps + 1] - reference).max() > 5e-3
     # motions that would overlap are left out
     command = periodic(800, 200.0)
-    outcome = repetitions.find_repetitions(
-        command, [], (command[10], command[260]), 250, rest=0
-    )
+    ends = command[10], command[260]
+    outcome = repetitions.find_repetitions(command, [], ends, 250, rest=0)
     assert [run.first for run in outcome.runs] == [10, 410]
     assert outcome.left_out == {"overlapping": [210]}
