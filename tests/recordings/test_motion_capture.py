@@ -88,10 +88,9 @@ def written(
 
 def tracked(rows: pd.DataFrame) -> JointTrack:
     labelled = rows[rows.link > 0].sort_values(["link", "marker", "k"], kind="stable")
-    xyz = (
-        labelled[["x", "y", "z"]].to_numpy().reshape(9, STEPS + 1, 3).transpose(1, 0, 2)
-    )
-    return track(xyz, points_in_plane(ARM, PLACES, 0.012), max_gap=20)
+    by_marker = labelled[["x", "y", "z"]].to_numpy().reshape(9, STEPS + 1, 3)
+    positions = by_marker.transpose(1, 0, 2)
+    return track(positions, points_in_plane(ARM, PLACES, 0.012), max_gap=20)
 
 
 def read(file: Path, part: str = "training", **mocap):

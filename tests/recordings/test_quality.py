@@ -139,17 +139,10 @@ def test_a_listing_tells_a_change_that_keeps_the_size_and_needs_a_file(
 
 
 def test_evidence_of_other_files_is_named_by_their_place(recordings, tmp_path):
-    table, evidence = (
-        tmp_path / "inventory.csv",
-        inventory.by_place(inventory.listing(recordings)),
-    )
-    assert evidence["place"].tolist() == [
-        "force",
-        "kinect",
-        "notes",
-        "optitrack",
-        "trajectory.csv",
-    ]
+    table = tmp_path / "inventory.csv"
+    evidence = inventory.by_place(inventory.listing(recordings))
+    places = ["force", "kinect", "notes", "optitrack", "trajectory.csv"]
+    assert evidence["place"].tolist() == places
     assert inventory.other_files(evidence, table) == ""
     inventory.listing(recordings).to_csv(table, index=False)
     assert inventory.other_files(evidence, table) == ""
@@ -165,10 +158,8 @@ def test_a_name_that_cannot_be_printed_is_refused_without_its_signs(tmp_path, na
     (tmp_path / name).write_text("")
     with pytest.raises(RecordingError, match="control character") as refused:
         inventory.named_takes(tmp_path, "run_*.csv", key="KEY")
-    assert (
-        str(refused.value.evidence["file"]).isascii()
-        and str(refused.value).isprintable()
-    )
+    assert str(refused.value.evidence["file"]).isascii()
+    assert str(refused.value).isprintable()
 
 
 @pytest.mark.parametrize(
@@ -228,10 +219,11 @@ def pushed(
 ) -> tuple[np.ndarray, int]:
     """``rows`` with a push in one place of one joint of one take, and that take."""
     takes, length, joints = rows.shape
-    take, start, joint = (
-        int(rng.integers(n)) for n in (takes, length - len(PUSH), joints)
-    )
-    rows[take, start : start + len(PUSH), joint] += height * rng.choice([-1, 1]) * PUSH
+    take = int(rng.integers(takes))
+    start = int(rng.integers(length - len(PUSH)))
+    joint = int(rng.integers(joints))
+    signed = height * rng.choice([-1, 1])
+    rows[take, start : start + len(PUSH), joint] += signed * PUSH
     return rows, take
 
 
@@ -242,8 +234,8 @@ def scores(rows: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("takes", [3, 4, 7, 20])
 def test_a_push_at_one_repetition_stands_out_and_none_does_without(takes):
     rng = np.random.default_rng(takes)
-    alarms = sum(scores(residuals(takes, rng)).max() > LIMIT for _ in range(100))
-    assert alarms <= 1
+    greatest = [scores(residuals(takes, rng)).max() for _ in range(100)]
+    assert sum(score > LIMIT for score in greatest) <= 1
     for _ in range(30):
         rows, take = pushed(residuals(takes, rng), 2e-3, rng)
         assert np.flatnonzero(scores(rows) > LIMIT).tolist() == [take]
