@@ -20,7 +20,7 @@ from pipeline.formats.depth.intrinsics import Intrinsics, read_intrinsics
 from pipeline.formats.format import is_bag
 from pipeline.perception.segment import ArmSegmenter, cut_cloud
 from pipeline.recordings.inventory import named_takes
-from pipeline.recordings.quality import DEPTH_CAMERA, quality_row
+from pipeline.recordings.quality import DEPTH_CAMERA, quality_rows
 
 KEY = "dataset.depth"
 # F frames, read one at a time: times (F,) in s on the camera's clock; references (file, or
@@ -72,7 +72,7 @@ def frame_rows(
     share = dropped / (dropped + len(clouds))
     counts = {"dropped_frames": dropped, "frozen_frames": frozen.sum()} | lost
     notes = [*counts.items(), ("dropped_share", share, "share")]
-    return rows, [quality_row(name, "test", DEPTH_CAMERA, *note) for note in notes]
+    return rows, quality_rows(name, "test", DEPTH_CAMERA, notes)
 
 
 def _frozen_clouds(clouds: Sequence[np.ndarray]) -> np.ndarray:

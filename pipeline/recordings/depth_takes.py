@@ -22,7 +22,7 @@ from pipeline.recordings.quality import (
     DEPTH_CAMERA,
     FEWEST_FRAMES,
     OTHERS,
-    quality_row,
+    quality_rows,
     residual_share,
 )
 
@@ -256,12 +256,10 @@ def on_motion_clock(
     if offset is None:
         estimate, quality = _estimated_offset(take, depth, arm)
         offset = estimate.value
-    notes = {"clock_offset": (offset, "s")} | quality
-    quality_rows = []
-    for quantity, (value, unit) in notes.items():
-        row = quality_row(name, "test", DEPTH_CAMERA, quantity, value, unit)
-        quality_rows.append(row)
-    return rows.assign(t=rows["t"] + offset), quality_rows
+    values = {"clock_offset": (offset, "s")} | quality
+    notes = [(quantity, *value) for quantity, value in values.items()]
+    of_offset = quality_rows(name, "test", DEPTH_CAMERA, notes)
+    return rows.assign(t=rows["t"] + offset), of_offset
 
 
 def _estimated_offset(

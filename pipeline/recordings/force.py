@@ -11,7 +11,7 @@ from pipeline.formats import force as force_formats
 from pipeline.formats.force.calibration import read_calibration
 from pipeline.formats.force.record import ForceLogOptions, sound_samples
 from pipeline.formats.format import Kind, formats_in
-from pipeline.recordings.quality import quality_row
+from pipeline.recordings.quality import quality_rows
 
 WRENCH = ("fx", "fy", "fz", "mx", "my", "mz")  # N, N·m
 SHARED = (
@@ -64,13 +64,12 @@ def force_rows(raw: Path, name: str, force: Force) -> tuple[pd.DataFrame, list[d
         record.time[sound], wrench[sound], force.tare, file=file
     )
     axes = dict(zip(WRENCH, wrench.T, strict=False))
-    quality = [*(record.counts | faults).items()]
+    notes = [*(record.counts | faults).items()]
     for axis, bias in zip(axes, biases, strict=True):
-        quality.append((f"bias_{axis}", bias, "N" if axis[0] == "f" else "N·m"))
+        unit = "N" if axis.startswith("f") else "N·m"
+        notes.append((f"bias_{axis}", bias, unit))
     rows = pd.DataFrame({"configuration": name, "t": time} | axes)
-    return rows, [
-        quality_row(name, "test", "force transducer", *row) for row in quality
-    ]
+    return rows, quality_rows(name, "test", "force transducer", notes)
 
 
 def remove_bias(

@@ -1,6 +1,6 @@
 """Tables of the repetitions of one motion in a controller's logs, and of encoders' logs."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import NamedTuple
@@ -31,6 +31,7 @@ from pipeline.recordings.quality import (
     REPETITIONS,
     compare_takes,
     quality_row,
+    quality_rows,
 )
 from pipeline.recordings.repetitions import (
     SLACK,
@@ -264,12 +265,13 @@ def _take_rows(takes: Mapping[str, AlignedTake], dataset: Dataset) -> pd.DataFra
 
 def count_rows(name: str, counts: Mapping[str, float]) -> list[dict]:
     """Return the quality rows of the ``counts`` of the movement ``name``."""
-    rows = []
+    return quality_rows(name, "training", "joint log", _with_units(counts))
+
+
+def _with_units(counts: Mapping[str, float]) -> Iterator[tuple[str, float, str]]:
+    """Yield quantity, value and unit of each of the ``counts`` of a movement."""
     for quantity, count in counts.items():
-        unit = movement.UNITS.get(quantity, "count")
-        row = quality_row(name, "training", "joint log", quantity, count, unit)
-        rows.append(row)
-    return rows
+        yield quantity, count, movement.UNITS.get(quantity, "count")
 
 
 def movement_paths(
@@ -311,9 +313,7 @@ def find_takes(
         counts[REPETITIONS] = len(runs)
         for reason, first_rows in left_out.items():
             counts[f"{LEFT_OUT}{reason}"] = len(first_rows)
-        for quantity, count in counts.items():
-            unit = movement.UNITS.get(quantity, "count")
-            notes.append((name, quantity, count, unit))
+        notes += [(name, *note) for note in _with_units(counts)]
         # the first row identifies a motion that is left out
         for reason, first_rows in left_out.items():
             for row in first_rows:
@@ -400,9 +400,6 @@ def encoder_rows(raw: Path, dataset: Dataset) -> list[tuple[pd.DataFrame, list[d
             movement.require_speeds(log.time, log.signals, joints, urdf, file=file)
             identity = {"take": name, "part": use, "t": log.time - options.start}
             rows = pd.DataFrame(identity | spread("q", joints, log.signals["actual"]))
-            quality = []
-            for quantity, count in ({"rows": len(rows)} | log.counts).items():
-                row = quality_row(name, use, "encoders", quantity, count)
-                quality.append(row)
-            logs.append((rows, quality))
+            counts = {"rows": len(rows)} | log.counts
+            logs.append((rows, quality_rows(name, use, "encoders", counts.items())))
     return logs

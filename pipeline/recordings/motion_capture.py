@@ -20,7 +20,7 @@ from pipeline.formats.trajectory import STEP_TOLERANCE, read_trajectory
 from pipeline.recordings.commands import require_velocities
 from pipeline.recordings.inventory import named_takes
 from pipeline.recordings.movement import require_speeds
-from pipeline.recordings.quality import quality_row
+from pipeline.recordings.quality import quality_rows
 
 ANOTHER_UNIT = 1.5  # least factor of distances between markers that is of a wrong unit
 
@@ -133,10 +133,7 @@ def marker_rows(
     counts["frozen_frames"] = int(frozen.sum())
     if not _is_named_by(take.name, file):
         counts["named_otherwise"] = 1
-    quality = []
-    for quantity, number in counts.items():
-        row = quality_row(name, part, "motion capture", quantity, number)
-        quality.append(row)
+    quality = quality_rows(name, part, "motion capture", counts.items())
     return pd.concat(tables, ignore_index=True), quality
 
 

@@ -62,6 +62,15 @@ def quality_row(
     return row | {"value": float(value), "unit": unit}
 
 
+def quality_rows(
+    take: str, part: str, instrument: str, notes: Iterable[tuple]
+) -> list[dict[str, object]]:
+    """Return a row of the table ``quality`` of each of the ``notes``: quantity, value, and unit
+    unless the value is a count.
+    """
+    return [quality_row(take, part, instrument, *note) for note in notes]
+
+
 def summarise(quality: pd.DataFrame) -> pd.DataFrame:
     """Return, by instrument and quantity, total (of counts), mean (of others) and extremes."""
     measured = quality[quality["unit"] != "row"]
