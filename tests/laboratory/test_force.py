@@ -42,13 +42,15 @@ def test_slipping_has_the_moments_and_correlation_of_its_law_at_any_sampling_rat
     slip_rate, recovery, sd = 20.0, 0.25, 1.7
     robots = replace(ROBOTS, slip_rate=slip_rate, slip_recovery=recovery)
     paths = slipping(np.full(PATHS, sd), robots, 40, rate, np.random.default_rng(29))
+    skewness = -2 / np.sqrt(slip_rate * recovery)
+    cubes = (paths / sd) ** 3
     for k in (0, 39):  # stationary from the first sample on
         assert across(paths[k], 0.0) < 4.5
         assert across(paths[k] ** 2, sd**2) < 4.5
-        assert across((paths[k] / sd) ** 3, -2 / np.sqrt(slip_rate * recovery)) < 4.5
-    lag = paths[20] * paths[21]
-    assert across(lag, sd**2 * np.exp(-1 / (rate * recovery))) < 4.5
-    assert across((paths[39] / sd) ** 3, 0.0) > 9  # what a normal law would have
+        assert across(cubes[k], skewness) < 4.5
+    correlation = np.exp(-1 / (rate * recovery))
+    assert across(paths[20] * paths[21], sd**2 * correlation) < 4.5
+    assert across(cubes[39], 0.0) > 9  # what a normal law would have
 
 
 @pytest.mark.parametrize("rate", [62.5, 2.0])
@@ -58,10 +60,8 @@ def test_wander_is_a_stationary_ornstein_uhlenbeck_process_at_any_sampling_rate(
         assert across(paths[k], 0.0) < 4.5
         assert across(paths[k] ** 2, 0.08**2) < 4.5
     for lag in (1, 5):
-        assert (
-            across(paths[10] * paths[10 + lag], 0.08**2 * np.exp(-lag / (rate * 0.4)))
-            < 4.5
-        )
+        covariance = 0.08**2 * np.exp(-lag / (rate * 0.4))
+        assert across(paths[10] * paths[10 + lag], covariance) < 4.5
     assert across(paths[0] ** 2, (0.9 * 0.08) ** 2) > 6
 
 
@@ -79,22 +79,20 @@ def test_directions_spread_by_their_concentration_and_tensions_by_their_deviatio
 
 def test_a_silent_transducer_measures_the_cables_pulls_and_their_moments_about_the_origin():
     def silent(cables):
-        return record_force(
-            cables, ROBOTS, SILENT, 5.0, 20.0, np.random.default_rng(32)
-        )
+        rng = np.random.default_rng(32)
+        return record_force(cables, ROBOTS, SILENT, 5.0, 20.0, rng)
 
     for cables in (CABLES, IN_SPACE):
         record = silent(cables)
         unloaded = record.time < 5.0
         assert not record.force[unloaded].any() and not record.torque[unloaded].any()
-        np.testing.assert_allclose(
-            np.linalg.norm(record.direction, axis=-1), 1, rtol=1e-14
-        )
+        lengths = np.linalg.norm(record.direction, axis=-1)
+        np.testing.assert_allclose(lengths, 1, rtol=1e-14)
         pulls = record.tension[..., None] * record.direction
         np.testing.assert_allclose(record.force, pulls.sum(axis=1), atol=1e-12)
-        places = (
-            np.zeros(3) if cables.attachment is None else np.array(cables.attachment)
-        )
+        places = np.zeros(3)
+        if cables.attachment is not None:
+            places = np.array(cables.attachment)
         torque = np.cross(places + SILENT.lever, pulls).sum(axis=1)
         np.testing.assert_allclose(record.torque, torque, atol=1e-12)
     # the controls: in a plane nothing pulls out of it; tied to one point they turn it otherwise

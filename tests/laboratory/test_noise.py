@@ -152,10 +152,13 @@ def model_numbers(recorded: Session) -> dict[str, float]:
     q, v, noise = recorded.seen[:, :-1], recorded.v, recorded.noise
     steps = Recorded(ARM.chain, q, v, noise, tuple(ROBOT["joints"]))
     sigma_b = estimate(steps, Options(kind="wishart")).estimates["sigma_b"]
+
     norms = frobenius(ARM.chain.inverse_jacobian(q))
-    unit = (18.0**2 - norms**2) * np.sum(v**2, axis=-1) / 3  # variance at α = 1
+    squared_speed = np.sum(v**2, axis=-1)
+    variance_at_1 = np.mean((18.0**2 - norms**2) * squared_speed / 3)  # at α = 1
     total = np.trace(mean_covariance(noise) - steps.measurement)
-    return {"σ̂_B by moments": sigma_b, "α̂ at û = 18": np.sqrt(total / unit.mean())}
+    alpha = np.sqrt(total / variance_at_1)
+    return {"σ̂_B by moments": sigma_b, "α̂ at û = 18": alpha}
 
 
 def torque_numbers(cause: str) -> dict[str, float]:
@@ -266,10 +269,15 @@ def later_noise(
     noise: np.ndarray, moving: np.ndarray, steps: int
 ) -> tuple[np.ndarray, float]:
     """Return the correlation of each joint's noise with itself ``steps`` later, and its band."""
-    x, fast = noise - noise.mean(axis=0), moving[steps:] & moving[:-steps]
-    pairs = zip(x[:, steps:][:, fast].T, x[:, :-steps][:, fast].T, strict=True)
-    correlation = [np.corrcoef(a.ravel(), b.ravel())[0, 1] for a, b in pairs]
-    return np.array(correlation), 4 / np.sqrt(len(noise) * fast.sum())
+    deviation = noise - noise.mean(axis=0)
+    both_fast = moving[steps:] & moving[:-steps]
+    earlier = deviation[:, :-steps][:, both_fast]
+    later = deviation[:, steps:][:, both_fast]
+    correlations = []
+    for joint in range(noise.shape[-1]):
+        pair = later[..., joint].T.ravel(), earlier[..., joint].T.ravel()
+        correlations.append(np.corrcoef(*pair)[0, 1])
+    return np.array(correlations), 4 / np.sqrt(len(noise) * both_fast.sum())
 
 
 def all_numbers(recorded: Session) -> dict[str, float]:

@@ -29,8 +29,10 @@ def recording(
     rng = np.random.default_rng(seed)
     t_b = np.arange(-30, 351) / 100
     t_a = np.arange(97) / 30 + rng.uniform(-0.004, 0.004, 97)
-    a = path(t_a + offset) @ MIX + [0.3, 0.5] + rng.normal(scale=noise, size=(97, 2))
-    return t_a, a, t_b, path(t_b) + rng.normal(scale=noise / 20, size=(len(t_b), 2))
+    noise_of_a = rng.normal(scale=noise, size=(97, 2))
+    noise_of_b = rng.normal(scale=noise / 20, size=(len(t_b), 2))
+    a = path(t_a + offset) @ MIX + [0.3, 0.5] + noise_of_a
+    return t_a, a, t_b, path(t_b) + noise_of_b
 
 
 def test_without_noise_the_offset_is_found_to_a_microsecond_on_any_clock():
@@ -110,12 +112,15 @@ def logged(
     noise = np.random.default_rng(1).normal(0, 1e-4, (len(t), 4))
 
     def angles(t: np.ndarray) -> np.ndarray:
+        still = 0 * t
         if kind == "without rest":
-            ways = [np.sin(0.9 * t), np.cos(1.3 * t), 0.6 * np.sin(0.9 * t + 1), 0 * t]
+            first, second = np.sin(0.9 * t), np.cos(1.3 * t)
+            ways = [first, second, 0.6 * np.sin(0.9 * t + 1), still]
         else:
-            share = np.clip(np.abs((t / 5 + 0.3) % 2 - 1) * 2 - 0.5, 0, 1)
-            share = (1 - np.cos(np.pi * share)) / 2
-            ways = [share, -1.6 * share, 0.3 * share, 0 * t]
+            triangle = np.abs((t / 5 + 0.3) % 2 - 1)
+            share = np.clip(triangle * 2 - 0.5, 0, 1)
+            progress = (1 - np.cos(np.pi * share)) / 2
+            ways = [progress, -1.6 * progress, 0.3 * progress, still]
         return np.stack(ways, axis=1) + np.array([0.2, -1.0, 0.9, -0.4])
 
     return angles(t - lag) + noise, angles(t)

@@ -291,6 +291,9 @@ def test_a_path_or_velocities_in_another_unit_order_or_clock_are_refused(wrong):
     assert refused.value.evidence["file"] == Path("t.csv")
 
 
+TIMES = np.arange(250) / 83.3
+
+
 @pytest.mark.parametrize(
     ("wrong", "words"),
     [
@@ -305,9 +308,9 @@ def test_encoders_in_another_unit_order_or_clock_than_what_was_tracked_are_refus
     wrong, words
 ):
     tracked = pd.DataFrame({"t": TIME} | spread("q", JOINTS, Q))
-    times = np.arange(250) / 83.3
-    held = np.stack([np.interp(times, TIME, angle) for angle in Q.T], axis=1)
-    readings = pd.DataFrame({"t": times} | spread("q", JOINTS, held + 2e-3))
+    at_readings = np.stack([np.interp(TIMES, TIME, joint) for joint in Q.T], axis=1)
+    angles = spread("q", JOINTS, at_readings + 2e-3)
+    readings = pd.DataFrame({"t": TIMES} | angles)
     commands.require_encoders(tracked, readings, JOINTS, "a")
     spoilt = wrong(readings, columns("q", JOINTS))
     with pytest.raises(RecordingError, match=words):
