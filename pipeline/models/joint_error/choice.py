@@ -31,11 +31,13 @@ def pooled(scores: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
     mean squares weighted by the number of errors, and ``ratio``, predicted over measured σ.
     """
     scores = scores.reset_index(drop=True)
-    counts = scores["count"]
-    means = scores[NUMBERS].fillna(0.0).join(scores[SIGMAS] ** 2)
-    totals = means.mul(counts, axis=0).join(scores[[*by, "count"]])
-    result = totals.groupby([*by], sort=False).sum()
-    result[means.columns] = result[means.columns].div(result["count"], axis=0)
+    squares = scores[SIGMAS] ** 2
+    means = scores[NUMBERS].fillna(0.0).join(squares)
+    sums = means.mul(scores["count"], axis=0)
+    by_group = sums.join(scores[[*by, "count"]]).groupby([*by], sort=False)
+    result = by_group.sum()
+    columns = means.columns
+    result[columns] = result[columns].div(result["count"], axis=0)
     result[SIGMAS] = np.sqrt(result[SIGMAS])
     measured = result["measured_rad"]
     result["ratio"] = result["predicted_rad"] / measured.where(measured > 0)
@@ -46,9 +48,10 @@ def mean_scores(scores: pd.DataFrame) -> pd.DataFrame:
     """Return the log scores in nats a sample by held-out motion or block (rows) and model
     (columns): sums over joints, means over horizons.
     """
-    part = ["motion", "block"]
-    joints = scores.groupby([*part, "horizon", "model"], sort=False)["score"].sum()
-    return joints.groupby([*part, "model"], sort=False).mean().unstack(sort=False)
+    keys = ["motion", "block", "horizon", "model"]
+    by_horizon = scores.groupby(keys, sort=False)["score"].sum()
+    by_model = by_horizon.groupby(["motion", "block", "model"], sort=False).mean()
+    return by_model.unstack(sort=False)
 
 
 def margins(scores: pd.DataFrame, model: str, rival: str) -> tuple[float, float, float]:
@@ -56,8 +59,8 @@ def margins(scores: pd.DataFrame, model: str, rival: str) -> tuple[float, float,
     nats a sample (:func:`mean_scores`). The interval is Student's t over held-out motions or blocks
     of them.
     """
-    by_part = mean_scores(scores)
-    gains = by_part[model] - by_part[rival]
+    means = mean_scores(scores)
+    gains = means[model] - means[rival]
     gains = gains.dropna().to_numpy()
     if len(gains) == 0:
         return np.nan, -np.inf, np.inf
@@ -70,10 +73,11 @@ def left_out(scores: pd.DataFrame) -> pd.DataFrame:
     """Return the :func:`pooled` numbers of ``scores`` as the first row, then without each of the
     held-out motions or blocks.
     """
-    parts = scores.groupby(["motion", "block"], sort=False).ngroup()
-    tables = [scores.assign(without=0)]
-    for part in range(parts.max() + 1):
-        tables.append(scores[parts != part].assign(without=part + 1))
+    numbers = scores.groupby(["motion", "block"], sort=False).ngroup()
+    tables = [scores.assign(without=-1)]
+    for number in numbers.unique():
+        remaining = scores[numbers != number]
+        tables.append(remaining.assign(without=number))
     return pooled(pd.concat(tables), ["without"])
 
 
@@ -124,10 +128,17 @@ def confirmations(scores: pd.DataFrame, model: str) -> pd.DataFrame:
     commanded = scores[scores["samples"] == "commanded"]
     of_model = commanded[commanded["model"] == model]
     rows = []
-    for place, group in of_model.groupby(["joint", "horizon"], sort=False):
-        ratio, low, high = pooled_interval(left_out(group), "ratio")[:3]
-        confirmed = bool(1 / CONFIRMED <= low and high <= CONFIRMED)
-        rows.append((*place, ratio, low, high, confirmed))
+    for (joint, horizon), group in of_model.groupby(["joint", "horizon"], sort=False):
+        ratio = pooled_interval(left_out(group), "ratio")
+        row = {
+            "joint": joint,
+            "horizon": horizon,
+            "ratio": ratio.difference,
+            "low": ratio.low,
+            "high": ratio.high,
+            "confirmed": 1 / CONFIRMED <= ratio.low and ratio.high <= CONFIRMED,
+        }
+        rows.append(row)
     columns = ["joint", "horizon", "ratio", "low", "high", "confirmed"]
     return pd.DataFrame(rows, columns=columns)
 
@@ -147,8 +158,9 @@ def unconfirmed(scores: pd.DataFrame, model: str) -> list[dict[str, str]]:
     of_model = scores[scores["model"] == model]
     entries = []
 
-    def add(parameter: str, found: str, required: str) -> None:
-        entries.append({"parameter": parameter, "found": found, "required": required})
+    def add(parameter: str, finding: str, required: str) -> None:
+        entry = {"parameter": parameter, "found": finding, "required": required}
+        entries.append(entry)
 
     if of_model["motion"].astype(str).str.startswith(QUARTER).any():
         add("σ on another motion", "unknown: one motion was recorded", "2 motions")
@@ -202,10 +214,12 @@ def chosen_law(scores: pd.DataFrame) -> tuple[str | None, str]:
     if not sound:
         return None, "; ".join(unsound)
     means = mean_scores(moving)[sound].mean()
-    best, *others = means.sort_values(ascending=False, kind="stable").index
-    if not others:
+    best, *rivals = means.sort_values(ascending=False, kind="stable").index
+    if not rivals:
         return best, "the only sound law"
-    mean, low, high = margins(moving, best, others[0])
-    interval = f"[{low:.3g}, {high:.3g}]" if np.isfinite(low) else "(no interval)"
-    margin = f"{mean:.3g} {interval} nats a sample above {others[0]}"
+    mean, low, high = margins(moving, best, rivals[0])
+    interval = "(no interval)"
+    if np.isfinite(low):
+        interval = f"[{low:.3g}, {high:.3g}]"
+    margin = f"{mean:.3g} {interval} nats a sample above {rivals[0]}"
     return best, f"highest mean log score of {len(sound)} sound laws, {margin}"

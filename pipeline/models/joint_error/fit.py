@@ -70,8 +70,8 @@ def truths(
     recorded: Recorded, options: Options, dispersions: Sequence[float]
 ) -> list[Truth]:
     """Return the parameters fitted to ``recorded`` as the known ones."""
-    known = estimate(recorded, options)
-    return [Truth("joint error", known.parameters, known.estimates)]
+    fitted = estimate(recorded, options)
+    return [Truth("joint error", fitted.parameters, fitted.estimates)]
 
 
 def runs_of(recorded: Recorded) -> list[JointRun]:
@@ -148,6 +148,7 @@ def unfitted_law(runs: Sequence[JointRun], power: float | str) -> JointErrorMode
     lags of ``runs``.
     """
     rate, n = runs[0].rate, len(runs[0].joints)
+    speeds = np.concatenate([lasting_speeds(run) for run in runs])
     lags = lags_of_logs(runs)
     lag_std = np.zeros(n)
     if len(lags) > 1:  # of one more run about the mean of these
@@ -160,7 +161,7 @@ def unfitted_law(runs: Sequence[JointRun], power: float | str) -> JointErrorMode
         scale=np.zeros((n, len(GROWTH))),
         drift=np.zeros(n),
         degrees=np.full(n, np.inf),
-        reach=np.max([np.abs(lasting_speeds(run)).max(axis=0) for run in runs], axis=0),
+        reach=np.abs(speeds).max(axis=0),
         quantum=np.max([run.quantum for run in runs], axis=0),
         jump=jump_threshold([run.command for run in runs], rate),
         lag=lags.mean(axis=0),

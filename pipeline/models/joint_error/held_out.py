@@ -47,19 +47,25 @@ Row = dict[str, object]
 MapTrials = Callable[[Callable, Sequence], Iterable]
 
 
-def parts_of(
-    runs: Sequence[JointRun],
-) -> dict[str, tuple[list[JointRun], list[JointRun]]]:
-    """Part that is held out → the other runs, its runs. A part is a motion; of a single motion, a
-    quarter of every run. Raises ModelDomainError if no other runs have LEAST samples.
+class Split(NamedTuple):
+    """Runs of which a part is held out."""
+
+    fitted: list[JointRun]  # runs of the other parts
+    scored: list[JointRun]  # runs of the part
+
+
+def parts_of(runs: Sequence[JointRun]) -> dict[str, Split]:
+    """Part that is held out → its split. A part is a motion; of a single motion, a quarter of every
+    run. Raises ModelDomainError if no other runs have LEAST samples.
     """
     if len({run.motion for run in runs}) == 1:
         runs = quarters_of(runs)
     parts = {}
     for name in dict.fromkeys(run.motion for run in runs):
-        others = [run for run in runs if run.motion != name]
-        if sum(len(run.command) for run in others) >= LEAST:
-            parts[name] = others, [run for run in runs if run.motion == name]
+        fitted = [run for run in runs if run.motion != name]
+        if sum(len(run.command) for run in fitted) >= LEAST:
+            scored = [run for run in runs if run.motion == name]
+            parts[name] = Split(fitted, scored)
     if not parts:
         raise ModelDomainError(
             "the runs are too short to fit a law to a part of them and score it on the rest: "
@@ -95,9 +101,10 @@ def of_first_motions(runs: Sequence[JointRun], count: int | None) -> list[JointR
 
 
 def held_out(
-    runs: Sequence[JointRun], laws: Mapping[str, Options], each: MapTrials = map
+    runs: Sequence[JointRun], laws: Mapping[str, Options], map_trials: MapTrials = map
 ) -> dict[str, pd.DataFrame]:
-    """Score the ``laws`` on the held-out parts of ``runs``; ``each`` maps a function over trials.
+    """Score the ``laws`` on the held-out parts of ``runs``; ``map_trials`` maps a function over
+    trials.
 
     Returns ``joint_scores``: a row for each model, held-out motion, joint, horizon and kind of
     samples, also of the last value (:func:`last_values`);
@@ -107,19 +114,19 @@ def held_out(
     """
     parts = parts_of(runs)
     trials = list(product([*laws, LAST_VALUE], parts))
-    results = each(partial(_score_part, laws=laws, parts=parts), trials)
-    first_part = trials[0][1]
-    longest = max(parts[first_part][1], key=lambda run: len(run.command))
+    results = map_trials(partial(_score_part, laws=laws, parts=parts), trials)
+    first_motion = next(iter(parts))
+    longest = max(parts[first_motion].scored, key=lambda run: len(run.command))
     rows, parameters, predictions = [], [], []
     standard: dict[str, list[list[ndarray]]] = {}
-    for (model, part), result in zip(trials, results, strict=True):
-        rows += [{"model": model, "motion": part} | row for row in result.rows]
+    for (model, motion), result in zip(trials, results, strict=True):
+        rows += [{"model": model, "motion": motion} | row for row in result.rows]
         if result.law is None:
             continue
         standard.setdefault(model, []).append(result.standard)
         numbers = law_numbers(result.law)
-        parameters.append(numbers.assign(model=model, motion=part))
-        if part == first_part:
+        parameters.append(numbers.assign(model=model, motion=motion))
+        if motion == first_motion:
             predicted = run_predictions(result.law, longest)
             predictions.append(predicted.assign(model=model))
     return {
@@ -193,19 +200,22 @@ class PartScores(NamedTuple):
     law: JointErrorModel | None  # fitted to the other runs
 
 
-def _score_part(trial: tuple[str, str], *, laws, parts) -> PartScores:
-    model, part = trial
-    others, runs = parts[part]
+def _score_part(
+    trial: tuple[str, str], *, laws: Mapping[str, Options], parts: Mapping[str, Split]
+) -> PartScores:
+    """Return the scores of a ``trial``: a model, and the motion that is held out."""
+    model, motion = trial
+    fitted, scored = parts[motion]
     blocks = 1 if len(parts) >= ENOUGH else BLOCKS
     if model == LAST_VALUE:
         rows = []
-        for number, law in enumerate(last_values(others)):
-            rows += score_runs(law, runs, blocks, horizons=[number])[0]
+        for number, law in enumerate(last_values(fitted)):
+            rows += score_runs(law, scored, blocks, horizons=[number])[0]
         return PartScores(rows, [], None)
-    law = fit_joint_error(others, **laws[model].law())
-    rows, standard = score_runs(law, runs, blocks)
-    if len(lags_of_logs(others)) > 1:
-        late = [at_lag(run, law.lag) for run in runs]
+    law = fit_joint_error(fitted, **laws[model].law())
+    rows, standard = score_runs(law, scored, blocks)
+    if len(lags_of_logs(fitted)) > 1:
+        late = [at_lag(run, law.lag) for run in scored]
         for row in score_runs(law, late, blocks, lag_known=False)[0]:
             if row["samples"] == MOVING:
                 rows.append(row | {"samples": UNKNOWN_LAG})
@@ -363,13 +373,13 @@ def joint_tables(
     runs: Sequence[JointRun],
     laws: Mapping[str, Options],
     unused: Mapping[str, str],
-    each=map,
+    map_trials: MapTrials = map,
 ) -> dict[str, pd.DataFrame]:
     """Return the tables of :func:`held_out`, of ``held_out_run`` the rows of the law of the card
     (:func:`chosen_law`, else the last law), and ``joint_parameters`` of the laws fitted to all
     ``runs``, ``motions``, ``motion_ranges`` and ``unused_recordings`` (name → reason, ``unused``).
     """
-    tables = held_out(runs, laws, each)
+    tables = held_out(runs, laws, map_trials)
     refits, predictions = tables.pop("held_out_parameters"), tables.pop("held_out_run")
     shown = chosen_law(tables["joint_scores"])[0] or [*laws][-1]
     unused_recordings = pd.DataFrame(unused.items(), columns=["recording", "reason"])

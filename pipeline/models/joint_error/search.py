@@ -9,7 +9,7 @@ mean. Scale, tails and drift maximise the composite likelihood of the held-out r
 commanded steps count.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise, product
 from typing import Literal, NamedTuple
@@ -226,15 +226,15 @@ class NoiseSearch:
         if self.theta is None:
             self.theta = self.start(level)
             rounds = LAST if regression is None else FIRST
-        found = minimize(
+        best = minimize(
             loss,
             np.clip(self.theta, *np.array(bounds).T),
             method="L-BFGS-B",
             bounds=bounds,
             options={"maxiter": rounds, "ftol": 1e-6},
         )
-        self.theta = found.x
-        noise = self.noise(found.x, law, regression)
+        self.theta = best.x
+        noise = self.noise(best.x, law, regression)
         scale = np.where(growth.any(axis=0), noise.scale * size**2, 0.0)
         return replace(
             law,
@@ -342,15 +342,35 @@ def _mean(
     total = moments.inputs.sum(axis=0)
     # of all groups: inputs that a fold lacks have no gain in it
     size_of_input = np.diag(total) + 1e-12 * np.trace(total) + 1e-300
-    jump_penalties = PENALTIES if x[:, JUMP_INPUTS].any() else PENALTIES[-1:]
     least, penalty, gains = np.inf, size_of_input, np.zeros_like(moments.across)
-    for smooth, jump in product(PENALTIES, jump_penalties):
-        trial = size_of_input * np.where(JUMP_INPUTS, jump, smooth)
+    for penalties in _penalties(jumps=x[:, JUMP_INPUTS].any()):
+        trial = size_of_input * penalties
         trial_gains = moments.gains(trial)
-        if (loss := moments.loss(trial_gains)) <= least:
+        loss = moments.loss(trial_gains)
+        if loss <= least:
             least, penalty, gains = loss, trial, trial_gains
     gain = ridge(total, moments.across.sum(axis=0), penalty) / unit
-    return gain, joint.error - np.sum(x * gains[groups], axis=1)
+    held_out_mean = np.sum(x * gains[groups], axis=1)
+    return gain, joint.error - held_out_mean
+
+
+def _penalties(jumps: bool) -> Iterator[ndarray]:
+    """Yield the penalties (len(INPUTS),) that are compared; without ``jumps`` of the speed the
+    inputs of the jumps have no gain.
+    """
+    of_jumps = PENALTIES if jumps else PENALTIES[-1:]
+    for smooth, jump in product(PENALTIES, of_jumps):
+        yield np.where(JUMP_INPUTS, jump, smooth)
+
+
+def _weights(law: JointErrorModel, error: ndarray, variance: ndarray) -> ndarray:
+    """(M,) weights of errors of one joint: the inverse ``variance``, smaller in the tails."""
+    weight = 1 / variance
+    nu = law.degrees[0]
+    if np.isfinite(nu):
+        square = error**2 / (variance * unit_variance_factor(law.degrees)[0])
+        weight *= (nu + 1) / (nu + square)
+    return weight
 
 
 def _moments(
@@ -362,17 +382,15 @@ def _moments(
     weights, impulse = law.response([*joint.before][-1])
     past_error, past_x = joint.past(law, joint.error), joint.past(law, x)
     std = np.sqrt(joint.inputs.growth @ law.scale[0])[:, None]
-    nu, factor = law.degrees[0], unit_variance_factor(law.degrees)[0]
     count, p = groups.max() + 1, x.shape[1]
     moments = Moments(np.zeros((count, p, p)), np.zeros((count, p)), np.zeros(count))
     for steps, before in joint.before.items():
-        row, end = weights[steps - 1, 0], before + steps
+        end = before + steps
+        row = weights[steps - 1, 0]
         error = joint.error[end] - past_error[before] @ row
         inputs = x[end] - np.einsum("kif,i->kf", past_x[before], row)
         variance = law.variance(std, end, steps, impulse)[:, 0] + 1e-14 * size**2
-        weight = 1 / variance
-        if np.isfinite(nu):
-            weight *= (nu + 1) / (nu + error**2 / (variance * factor))
+        weight = _weights(law, error, variance)
         for group in range(count):
             inside = groups[end] == group
             moments.add(group, weight[inside], inputs[inside], error[inside])

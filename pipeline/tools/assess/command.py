@@ -219,8 +219,8 @@ def _assessments(file: Path, law: ExportedModel, export: str) -> Iterator[str]:
     error, covariance = innovations_of(law, commands, poses)
     for number, name in enumerate(takes, len(names)):
         # a take of the dataset is compared with the others
-        others = np.pad(names != name, (0, len(takes)))
-        verdict = judge(error, covariance, number, others, dataset.robot.joints, rate)
+        compared = np.pad(names != name, (0, len(takes)))
+        verdict = judge(error, covariance, number, compared, dataset.robot.joints, rate)
         compared_and_fitted = int(np.sum(fitted_names & (names != name)))
         yield assessment(name, export, compared_and_fitted, verdict)
 
@@ -314,12 +314,12 @@ def judge(
     error: np.ndarray,
     covariance: np.ndarray,
     number: int,
-    others: np.ndarray,
+    compared: np.ndarray,
     joints: Sequence[str],
     rate: float,
 ) -> TakeVerdict:
     """Return the verdict on take ``number`` of T takes of n ``joints``, compared with the takes in
-    the mask ``others`` (T,); ``rate`` in Hz.
+    the mask ``compared`` (T,); ``rate`` in Hz.
 
     The evidence x of a take is the mean of ln N(e; 0, S) over its steps. The distance from N other
     takes is t = (x − x̄)/(s√(1 + 1/N)). Log evidence is skewed and heavy-tailed, so that t has no
@@ -335,12 +335,12 @@ def judge(
     spans = np.array_split(np.arange(evidence.shape[1]), SPANS)
     means = [evidence[:, steps, 1:].mean(axis=1) for steps in spans]
     by_span = np.stack(means, axis=-1)
-    of_whole = _distances(whole[number], whole[others])
-    of_spans = _distances(by_span[number], by_span[others])
+    of_whole = _distances(whole[number], whole[compared])
+    of_spans = _distances(by_span[number], by_span[compared])
     columns = {
         "own": whole[number],
-        "mean": whole[others].mean(axis=0),
-        "std": whole[others].std(axis=0, ddof=1),
+        "mean": whole[compared].mean(axis=0),
+        "std": whole[compared].std(axis=0, ddof=1),
         "p": of_whole.p,
     }
     ends = [0, *(steps[-1] + 1 for steps in spans)]
@@ -350,7 +350,7 @@ def judge(
         ends=np.array(ends) / rate,
         span_t=of_spans.t,
         p_spans=of_spans.p_greatest,
-        count=int(others.sum()),
+        count=int(compared.sum()),
     )
 
 
@@ -362,24 +362,28 @@ class Distances(NamedTuple):
     p: np.ndarray  # (...) rank of each |t|
 
 
-def _distances(take: np.ndarray, others: np.ndarray) -> Distances:
-    """Return the distances of ``take`` (...) from the ``others`` (N, ...)."""
-    t, count = _distance(take, others), len(others)
-    sizes = []
-    for number in range(count):
-        rest = np.delete(others, number, axis=0)
-        sizes.append(np.abs(_distance(others[number], rest)))
-    sizes = np.stack(sizes)
+def _distances(take: np.ndarray, references: np.ndarray) -> Distances:
+    """Return the distances of ``take`` (...) from the ``references`` (N, ...)."""
+    count = len(references)
+    t = _distance(take, references)
+    sizes = np.empty_like(references)  # |t| of each reference from the rest
+    for number, reference in enumerate(references):
+        rest = np.delete(references, number, axis=0)
+        sizes[number] = np.abs(_distance(reference, rest))
     greatest = sizes.reshape(count, -1).max(axis=1)
     farther = np.sum(greatest >= np.abs(t).max())
-    p = (1 + np.sum(sizes >= np.abs(t), axis=0)) / (1 + count)
-    return Distances(t, float((1 + farther) / (1 + count)), p)
+    farther_each = np.sum(sizes >= np.abs(t), axis=0)
+    return Distances(
+        t=t,
+        p_greatest=float((1 + farther) / (1 + count)),
+        p=(1 + farther_each) / (1 + count),
+    )
 
 
-def _distance(take: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """(...) t of ``take`` (...) from the ``others`` (N, ...)."""
-    scale = others.std(axis=0, ddof=1) * np.sqrt(1 + 1 / len(others))
-    return (take - others.mean(axis=0)) / scale
+def _distance(take: np.ndarray, references: np.ndarray) -> np.ndarray:
+    """(...) t of ``take`` (...) from the ``references`` (N, ...)."""
+    scale = references.std(axis=0, ddof=1) * np.sqrt(1 + 1 / len(references))
+    return (take - references.mean(axis=0)) / scale
 
 
 def assessment(take: str, model: str, fitted: int, verdict: TakeVerdict) -> str:

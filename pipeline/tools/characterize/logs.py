@@ -193,7 +193,8 @@ def _proposed_signals(log: Finding, clock: int | str | None) -> str:
     half, odd = divmod(len(columns), 2)
     if odd or not half:
         return "{actual: [COLUMN, …], target: [COLUMN, …]}"
-    actual, target = ", ".join(columns[:half]), ", ".join(columns[half:])
+    actual = ", ".join(columns[:half])
+    target = ", ".join(columns[half:])
     return f"{{actual: [{actual}], target: [{target}]}}"
 
 
@@ -203,8 +204,10 @@ def _recordings_by_suggestion(used: Mapping[str, ReadLog]) -> dict[str, list[str
     reasons: dict[str, str] = {}
     for name, log in used.items():
         for suggestion, reason in log.suggested.items():
-            first = reasons.setdefault(suggestion, reason)
-            recordings.setdefault(f"{suggestion} ({first})", []).append(name)
+            reasons.setdefault(suggestion, reason)
+            words = f"{suggestion} ({reasons[suggestion]})"
+            recordings.setdefault(words, [])
+            recordings[words].append(name)
     return recordings
 
 
