@@ -29,25 +29,27 @@ JOINTS, POSE = ["a", "b", "c"], np.diag([1.0, 2.0, 1.5]) * 1e-6
 @pytest.mark.parametrize("kind", PARAMETERS)
 def test_innovations_are_as_large_as_predicted(kind, share, chain, tmp_path):
     model = load(write_model(tmp_path / "model.json", kind, chain, share=share))
-    v = np.sin(np.linspace(0, 3, 40))[:, None] * np.array([0.0005, -0.0005, 0.01])
+    takes, steps = 60, 40
+    v = np.sin(np.linspace(0, 3, steps))[:, None] * np.array([0.0005, -0.0005, 0.01])
     rng, start = np.random.default_rng(1), np.array([0.3, 1.5, -0.4])
-    path, q = [start], np.tile(start, (60, 1))
-    for each in v:
-        path.append(path[-1] + model.chain.nominal_step(path[-1], each))
-    targets, true = model.chain.pose(np.array(path)), [q]
-    for each, target in zip(v, targets, strict=False):
-        q = model.step(q, task_step=model.command(q, target, task_step=each), rng=rng)
+    path = [start]
+    for step in v:
+        path.append(path[-1] + model.chain.nominal_step(path[-1], step))
+    targets = model.chain.pose(np.array(path))
+    q = np.tile(start, (takes, 1))
+    true = [q]
+    for step, target in zip(v, targets[:-1], strict=True):
+        commanded = model.command(q, target, task_step=step)
+        q = model.step(q, task_step=commanded, rng=rng)
         true.append(q)
-    poses = np.stack(true, axis=1) + rng.multivariate_normal(
-        np.zeros(3), POSE, (60, 41)
-    )
+    noise = rng.multivariate_normal(np.zeros(3), POSE, (takes, steps + 1))
+    poses = np.stack(true, axis=1) + noise
+    commands = Commands(v, targets[:-1], share)
 
     def square(pose: np.ndarray) -> float:
         """Mean normalised square for the noise ``pose``."""
         model.record["pose_covariance_rad2"] = pose.tolist()
-        error, covariance = command.innovations_of(
-            model, Commands(v, targets[:-1], share), poses
-        )
+        error, covariance = command.innovations_of(model, commands, poses)
         white = np.linalg.solve(covariance, error[..., None])[..., 0]
         return float(np.vecdot(error, white).mean())
 
@@ -66,9 +68,10 @@ def innovations(seed: int, takes: int = 51) -> np.ndarray:
 
 def verdict(drawn: np.ndarray) -> command.TakeVerdict:
     """On the last of the takes, compared with all before it."""
-    others = np.arange(len(drawn)) < len(drawn) - 1
+    last = len(drawn) - 1
+    earlier = np.arange(len(drawn)) < last
     predicted = np.broadcast_to(np.eye(3), (*drawn.shape, 3))
-    return command.judge(drawn, predicted, len(drawn) - 1, others, JOINTS, 100.0)
+    return command.judge(drawn, predicted, last, earlier, JOINTS, 100.0)
 
 
 def test_a_take_of_the_same_kind_is_called_another_as_seldom_as_the_level_says():
@@ -128,8 +131,12 @@ def test_a_single_run_is_assessed_by_an_exported_error_law_without_a_run_of_stag
     tmp_path, capsys, monkeypatch
 ):
     monkeypatch.chdir(tmp_path)
-    for name, seed in (("move_1", 1), ("move_2", 2), ("new", 3), ("loose", 4)):
-        noise = 5e-5 if name != "loose" else 1e-3
+    for name, seed, noise in (
+        ("move_1", 1, 5e-5),
+        ("move_2", 2, 5e-5),
+        ("new", 3, 5e-5),
+        ("loose", 4, 1e-3),
+    ):
         write_movement(tmp_path / name, 2, noise=noise, seed=seed)
     logs = folder_logs(tmp_path, {})
     read = {name: logs.movements[name] for name in ("move_1", "move_2")}
@@ -137,14 +144,17 @@ def test_a_single_run_is_assessed_by_an_exported_error_law_without_a_run_of_stag
     options = config.model_options(["joint_step"])["joint_step"]
     record = error_record("joint_step", options, runs, "bench")
     Path("model.json").write_text(json.dumps(record))
-    said = {}
+    printed = {}
     for name in ("new", "loose"):
         command.run(tmp_path / name, Path("model.json"))
-        said[name] = capsys.readouterr().out
-    one = re.search(r"one sample: ([\d.]+) to ([\d.]+) by joint", said["new"])
-    assert 0.8 < float(one[1]) and float(one[2]) < 1.25 and "of 5 runs" in said["new"]
-    assert "new_1" in said["new"] and "new_2" in said["new"]
-    assert "loose_1 does NOT behave as the 4 runs of model.json" in said["loose"]
+        printed[name] = capsys.readouterr().out
+    low, high = re.search(
+        r"one sample: ([\d.]+) to ([\d.]+) by joint", printed["new"]
+    ).groups()
+    assert 0.8 < float(low) < float(high) < 1.25
+    for words in ("of 5 runs", "new_1", "new_2"):
+        assert words in printed["new"]
+    assert "loose_1 does NOT behave as the 4 runs of model.json" in printed["loose"]
     assert not Path("data").exists()
     record["joints"] = record["parameters"]["joints"] = [f"axis_{j}" for j in range(6)]
     Path("model.json").write_text(json.dumps(record))

@@ -232,12 +232,14 @@ def last_values(runs: Sequence[JointRun]) -> list[JointErrorModel]:
         total = np.zeros(len(law.joints))
         count = np.zeros(len(law.joints))
         for run in runs:
-            error, moving = run.measured - run.command, run.moving[steps:]
+            error = run.measured - run.command
             change = error[steps:] - error[:-steps]
+            moving = run.moving[steps:]
             total += np.sum(change**2, axis=0, where=moving)
             count += np.sum(moving, axis=0)
+        variance = total / np.maximum(count, 1)
         scale = np.full((len(law.joints), len(GROWTH)), LEAST_VARIANCE)
-        scale[:, 0] += total / np.maximum(count, 1) / steps
+        scale[:, 0] += variance / steps
         laws.append(replace(law, scale=scale))
     return laws
 

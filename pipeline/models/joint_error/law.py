@@ -95,6 +95,11 @@ def past_of(r: ndarray, keep: float) -> ndarray:
     return np.stack([r, previous, smoothed(r, keep)], axis=-1)
 
 
+def weighted_sums(values: ndarray, weights: ndarray) -> ndarray:
+    """(N, n) sums over i of ``values`` (N, n, i) times ``weights`` (n, i)."""
+    return np.einsum("kji,ji->kj", values, weights)
+
+
 def _drive(
     speed: ndarray,
     acceleration: ndarray,
@@ -201,7 +206,8 @@ class JointErrorModel(MotionModel):
     def companion(self) -> ndarray:
         """(n, 3, 3) matrix that maps (r_k, r_{k−1}, z_k) to its mean one sample later."""
         result = np.zeros((len(self.joints), 3, 3))
-        result[:, 0], result[:, 1, 0] = self.memory, 1.0
+        result[:, 0] = self.memory
+        result[:, 1, 0] = 1.0
         result[:, 2] = (1 - self.keep) * self.memory
         result[:, 2, 2] += self.keep
         return result
@@ -225,11 +231,11 @@ class JointErrorModel(MotionModel):
 
     def mean_error(self, inputs: Drive) -> ndarray:
         """(N, n) m in rad at every sample."""
-        return np.einsum("kji,ji->kj", inputs.mean, self.mean_gain)
+        return weighted_sums(inputs.mean, self.mean_gain)
 
     def innovation_std(self, inputs: Drive) -> ndarray:
         """(N, n) s in rad at every sample."""
-        return np.sqrt(np.einsum("kji,ji->kj", inputs.growth, self.scale))
+        return np.sqrt(weighted_sums(inputs.growth, self.scale))
 
     def residuals(self, error: ndarray, inputs: Drive) -> ndarray:
         """(N, n, 3) r, previous r and z in rad at every sample of ``error`` (N, n)."""
@@ -241,20 +247,28 @@ class JointErrorModel(MotionModel):
         """(len(ends), n) variances in rad² of the errors at samples ``ends``, given those ``steps``
         samples before, for innovations of standard deviation ``std`` (N, n) at each sample.
         """
-        keep, share = self.persistence, self.drift
-        parts = []
+        variances = []
         for first in range(0, max(len(ends), 1), CHUNK):
-            back = ends[first : first + CHUNK] - np.arange(steps)[:, None]
+            chunk = ends[first : first + CHUNK]
+            back = chunk - np.arange(steps)[:, None]
             response = impulse[:steps, None] * std[back]
-            total = ((1 - share) * response**2).sum(axis=0)
-            if np.any(share > 0):
-                # response to an innovation of the drift i samples ago
-                for i in range(1, steps):
-                    response[i] += keep * response[i - 1]
-                drifted = (1 - keep**2) * (response**2).sum(axis=0)
-                total += share * (drifted + keep**2 * response[-1] ** 2)
-            parts.append(total)
-        return np.concatenate(parts)
+            variances.append(self._variance_of(response))
+        return np.concatenate(variances)
+
+    def _variance_of(self, response: ndarray) -> ndarray:
+        """(K, n) variances in rad² of errors whose innovation i samples ago adds a standard
+        deviation ``response`` (steps, K, n) in rad.
+        """
+        keep, share = self.persistence, self.drift
+        white = ((1 - share) * response**2).sum(axis=0)
+        if not np.any(share > 0):
+            return white
+        # response to an innovation of the drift i samples ago
+        for i in range(1, len(response)):
+            response[i] += keep * response[i - 1]
+        drifted = (1 - keep**2) * (response**2).sum(axis=0)
+        last_known = keep**2 * response[-1] ** 2
+        return white + share * (drifted + last_known)
 
     def outlook(
         self, error: ndarray, inputs: Drive, steps: int, lag_known: bool = True
@@ -267,14 +281,15 @@ class JointErrorModel(MotionModel):
         weights, impulse = self.response(steps)
         last = weights[-1]
         before = self.residuals(error, inputs)[: len(error) - steps]
-        mean = np.einsum("kji,ji->kj", before, last)
+        mean = weighted_sums(before, last)
         mean += self.mean_error(inputs)[steps:]
-        std, ends = self.innovation_std(inputs), np.arange(steps, len(error))
+        ends = np.arange(steps, len(error))
+        std = self.innovation_std(inputs)
         variance = self.variance(std, ends, steps, impulse)
         if not lag_known:
             speed = inputs.mean[..., INPUTS.index("speed")]
             past = past_of(speed, self.keep)[: len(error) - steps]
-            unforeseen = speed[steps:] - np.einsum("kji,ji->kj", past, last)
+            unforeseen = speed[steps:] - weighted_sums(past, last)
             variance += (self.lag_std * unforeseen) ** 2
         return Outlook(mean, variance, self.degrees)
 
@@ -411,7 +426,7 @@ class JointErrorModel(MotionModel):
         r = q - before.command - before.mean
         z = self.keep * before.z + (1 - self.keep) * r
         past = np.stack([r, before.previous, z], axis=-1)
-        expected = np.einsum("kji,ji->kj", past, self.memory)
+        expected = weighted_sums(past, self.memory)
         fade = self.persistence
         white = np.sqrt(1 - fade**2) * rng.standard_normal(q.shape)
         drift = fade * before.drift + white

@@ -63,9 +63,10 @@ def jump_threshold(commands: Sequence[ndarray], rate: float) -> ndarray:
     change = np.concatenate([accelerations(command, rate) for command in commands])
     moving = np.concatenate([moving_samples(command, rate) for command in commands])
     usual = np.full(change.shape[1], SMALL)
-    for j in np.flatnonzero(moving.any(axis=0)):
-        in_motion = change[moving[:, j], j]
-        usual[j] = max(np.quantile(in_motion, USUAL), SMALL)
+    for j, moves in enumerate(moving.T):
+        if moves.any():
+            in_motion = change[moves, j]
+            usual[j] = max(np.quantile(in_motion, USUAL), SMALL)
     return JUMP * usual
 
 

@@ -185,10 +185,10 @@ class NoiseSearch:
     """
 
     def __init__(self, joint: JointSamples, tails: bool):
-        self.joint, self.tails = joint, tails
-        self.size = (
-            float(np.sqrt(np.mean(joint.error**2))) or 1e-9
-        )  # rad, a typical error
+        self.joint = joint
+        self.tails = tails
+        # rad, a typical error
+        self.size = float(np.sqrt(np.mean(joint.error**2))) or 1e-9
         self.theta: ndarray | None = None  # result of the last search
         self.horizons = np.array([*joint.before])
         self.counts = np.array([len(samples) for samples in joint.before.values()])
@@ -270,8 +270,8 @@ class NoiseSearch:
 
     def start(self, level: float) -> ndarray:
         """Return the first variables: each growth has half of the variance ``level``."""
-        first = self.ends[: self.counts[0]]
-        growth = self.joint.inputs.growth[first]
+        of_one_sample = self.ends[: self.counts[0]]
+        growth = self.joint.inputs.growth[of_one_sample]
         typical = [typical_growth(column) for column in growth.T]
         scales = level - 0.7 - np.log(typical) / 2
         degrees, drift, damping = np.log(4.0), -4.0, -7.0
@@ -298,6 +298,15 @@ class Moments(NamedTuple):
     inputs: ndarray  # (G, p, p)
     across: ndarray  # (G, p) of inputs and errors
     square: ndarray  # (G,) of errors
+
+    @classmethod
+    def zero(cls, groups: int, p: int) -> "Moments":
+        """Moments of no samples of ``groups`` groups and ``p`` inputs."""
+        return cls(
+            inputs=np.zeros((groups, p, p)),
+            across=np.zeros((groups, p)),
+            square=np.zeros(groups),
+        )
 
     def add(self, group: int, weight: ndarray, inputs: ndarray, error: ndarray) -> None:
         """Add samples of ``group`` with ``weight`` (M,), ``inputs`` (M, p) and ``error`` (M,)."""
@@ -382,8 +391,8 @@ def _moments(
     weights, impulse = law.response([*joint.before][-1])
     past_error, past_x = joint.past(law, joint.error), joint.past(law, x)
     std = np.sqrt(joint.inputs.growth @ law.scale[0])[:, None]
-    count, p = groups.max() + 1, x.shape[1]
-    moments = Moments(np.zeros((count, p, p)), np.zeros((count, p)), np.zeros(count))
+    count = groups.max() + 1
+    moments = Moments.zero(count, x.shape[1])
     for steps, before in joint.before.items():
         end = before + steps
         row = weights[steps - 1, 0]
