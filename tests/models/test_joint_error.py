@@ -88,21 +88,20 @@ def test_draws_have_the_mean_and_the_variance_of_the_prediction(name, steps):
 
 def test_predictions_of_a_whole_run_are_those_of_each_sample():
     law, rng = LAWS["tails and drift"], np.random.default_rng(6)
-    run = runs_of_law(law, rng, motions=1, repeats=1)[0]
-    error, steps = run.measured - run.command, 7
-    outlook = law.outlook(error, law.inputs(run.command), steps)
+    (run,) = runs_of_law(law, rng, motions=1, repeats=1)
+    error, command, steps = run.measured - run.command, run.command, 7
+    outlook = law.outlook(error, law.inputs(command), steps)
     for k in (50, 200, 431):
-        mean, covariance = law.predict(
-            error[: k + 1], run.command[: k + 1 + steps], steps
-        )
+        count = k + 1
+        mean, covariance = law.predict(error[:count], command[: count + steps], steps)
         np.testing.assert_allclose(outlook.mean[k], mean, atol=1e-15)
         np.testing.assert_allclose(outlook.variance[k], np.diag(covariance), rtol=1e-12)
-    further = law.predict(error[:60], run.command, steps)  # more commands than needed
-    np.testing.assert_array_equal(
-        further[0], law.predict(error[:60], run.command[:67], 7)[0]
-    )
+    # more commands than needed change nothing; with fewer there is no prediction
+    mean, _ = law.predict(error[:60], command[:67], steps)
+    with_more, _ = law.predict(error[:60], command, steps)
+    np.testing.assert_array_equal(with_more, mean)
     with pytest.raises(ModelDomainError, match="the 7 next samples, got 8"):
-        law.predict(error[:3], run.command[:8], 7)
+        law.predict(error[:3], command[:8], steps)
 
 
 def test_a_law_comes_back_from_its_plain_parameters():
@@ -113,20 +112,21 @@ def test_a_law_comes_back_from_its_plain_parameters():
 @pytest.mark.parametrize("degrees", [np.inf, 4.5])
 def test_the_cells_of_quantised_angles_have_probability_one_together(degrees):
     law = Outlook(np.array([3e-5]), np.array([1e-9]), np.array([degrees]))
+    numbers = np.arange(-20000, 20001)[:, None]
     for quantum in (1e-6, 5e-5, 2e-3):
-        cells = quantum * (np.arange(-20000, 20001))[:, None]
-        mass = np.exp(law.log_probability(cells, np.array([quantum]))) * quantum
-        assert mass.sum() == pytest.approx(1.0, abs=1e-4)
-    fine = law.log_probability(np.array([[5e-5]]), np.array([1e-9]))
-    assert fine == pytest.approx(
-        law.log_probability(np.array([[5e-5]]), np.array([0.0])), abs=1e-4
-    )
+        density = np.exp(law.log_probability(quantum * numbers, np.array([quantum])))
+        assert quantum * density.sum() == pytest.approx(1.0, abs=1e-4)
+    # a narrow cell has the density of its middle
+    error = np.array([[5e-5]])
+    narrow = law.log_probability(error, np.array([1e-9]))
+    exact = law.log_probability(error, np.array([0.0]))
+    assert narrow == pytest.approx(exact, abs=1e-4)
 
 
 @pytest.mark.parametrize("name", LAWS)
 def test_the_compiled_loss_is_that_of_the_laws_own_predictions(name):
     law = LAWS[name]
-    run = runs_of_law(law, np.random.default_rng(6), motions=1, repeats=1)[0]
+    (run,) = runs_of_law(law, np.random.default_rng(6), motions=1, repeats=1)
     error, inputs = run.measured - run.command, law.inputs(run.command)
     past, horizons, least = law.residuals(error, inputs), [1, 10, 50], 1e-11
     ends = [np.arange(60, 600, 7), np.arange(60, 600, 9), np.arange(60, 600, 11)]
@@ -213,8 +213,8 @@ def test_sigma_at_the_horizons_is_determined_and_memory_and_sigma_at_full_speed_
     assert low.between(0.6, 0.8).all()
     # control: with the shape of the variance, that end is determined
     shaped = law_numbers(fit_joint_error(runs, tails=False, power=2.0))
-    known = shaped[column] / law_numbers(at_full_speed)[column]
-    assert known.between(0.9, 1.1).all()
+    right = shaped[column] / law_numbers(at_full_speed)[column]
+    assert right.between(0.9, 1.1).all()
 
 
 def test_predictions_of_rounded_angles_include_the_rounding():
@@ -239,13 +239,14 @@ def test_predictions_of_rounded_angles_include_the_rounding():
 
 
 def test_samples_after_a_jump_of_the_commanded_speed_are_not_settled():
-    command = np.zeros((300, 1))
-    ramp = np.cumsum(np.clip(np.arange(300) - 50, 0, 40) / 40) * 1e-3
-    command[:, 0] = ramp
+    smooth_start = np.clip(np.arange(300) - 50, 0, 40) / 40
+    command = 1e-3 * np.cumsum(smooth_start)[:, None]
     assert settled(command, 100.0).all()
-    command[200:, 0] = command[200, 0]  # from full speed to rest within a sample
-    calm = settled(command, 100.0)[:, 0]
-    assert calm[:200].all() and not calm[202:258].any() and calm[270:].all()
+    command[200:] = command[200]  # from full speed to rest within a sample
+    calm = settled(command, 100.0)
+    assert calm[:200].all()
+    assert not calm[202:258].any()
+    assert calm[270:].all()
 
 
 def jumping_runs(rng, motions: int = 4, repeats: int = 2) -> list[JointRun]:
@@ -375,26 +376,30 @@ def test_without_known_errors_the_arm_starts_at_rest():
     law, rng = known_law(), np.random.default_rng(6)
     command, draws = sweep(1)[:80], 3000
     mean, covariance = law.predict(np.empty((0, 2)), command, 80)
+    std = np.sqrt(np.diag(covariance))
+
     q = np.tile(command[0], (draws, 1)) + law.mean_gain[:, 0]
     memory = law.first_memory(q, command[0], rng)
     for step in np.diff(command, axis=0, prepend=command[:1]):
         q, memory = law.follow(q, step, memory, rng)
+
     drawn = q - command[-1]
-    std = np.sqrt(np.diag(covariance))
-    assert np.all(np.abs(drawn.mean(axis=0) - mean) < 5 * std / np.sqrt(draws))
+    off = np.abs(drawn.mean(axis=0) - mean)
+    assert np.all(off < 5 * std / np.sqrt(draws))
     np.testing.assert_allclose(drawn.std(axis=0), std, rtol=0.08)
 
 
 def test_the_lags_of_a_law_are_those_of_its_logs():
     runs = runs_of_law(known_law(), np.random.default_rng(1), motions=3, repeats=1)
-    lags = [[1e-3, 2e-3], [3e-3, 2e-3], [3e-3, 2e-3]]  # two runs of one log
-    runs = [
-        replace(run, lag=np.array(lag)) for run, lag in zip(runs, lags, strict=True)
-    ]
+    first, second = np.array([1e-3, 2e-3]), np.array([3e-3, 2e-3])
+    lags = (first, second, second)  # two runs of one log
+    runs = [replace(run, lag=lag) for run, lag in zip(runs, lags, strict=True)]
     assert len(lags_of_logs(runs)) == 2
     law = fit_joint_error(runs, memory="none", power=0.0, tails=False)
     np.testing.assert_allclose(law.lag, [2e-3, 2e-3])
-    np.testing.assert_allclose(law.lag_std, [2e-3 / np.sqrt(2) * np.sqrt(1.5), 0.0])
+    # of a third log about the mean of two
+    std_of_logs = 2e-3 / np.sqrt(2)
+    np.testing.assert_allclose(law.lag_std, [std_of_logs * np.sqrt(1.5), 0.0])
     of_one_log = fit_joint_error(runs[:1], memory="none", power=0.0, tails=False)
     np.testing.assert_array_equal(of_one_log.lag_std, 0.0)
 
@@ -420,17 +425,15 @@ def test_runs_without_errors_are_refused():
 
 def test_runs_shorter_than_the_longest_horizon_are_fitted_to_the_shorter_ones():
     runs = runs_of_law(known_law(), np.random.default_rng(1), motions=1, repeats=4)
-    short = [
-        replace(run, command=run.command[:45], measured=run.measured[:45])
-        for run in runs
-    ]
-    assert np.all(fit_joint_error(short).scale.sum(axis=1) > 0)
+
+    def cut(run: JointRun, count: int) -> JointRun:
+        return replace(run, command=run.command[:count], measured=run.measured[:count])
+
+    law = fit_joint_error([cut(run, 45) for run in runs])
+    assert np.all(law.scale.sum(axis=1) > 0)
     # a fourth of the rows, held out, leaves none to fit
-    runs = [
-        replace(runs[0], command=runs[0].command[:5], measured=runs[0].measured[:5])
-    ]
     with pytest.raises(ModelDomainError, match="too short to fit a law"):
-        parts_of(runs)
+        parts_of([cut(runs[0], 5)])
 
 
 def test_a_trial_run_holds_out_the_first_motions_with_all_their_repetitions():
