@@ -41,13 +41,17 @@ def pose_table(
         by_motion.setdefault(run.motion, []).append(run)
     samples: dict[tuple[str, str], list[tuple[ndarray, ndarray, ndarray]]] = {}
     for repetitions in by_motion.values():
+        earliest = min(repetitions, key=lambda run: run.lag.mean())
+        first = RunSteps(earliest, chain, models)
         steps = [RunSteps(run, chain, models) for run in repetitions]
-        parts = noise_parts([of_run.noise for of_run in steps])
+        late = [(run.lag - earliest.lag) * run.rate for run in repetitions]
+        parts = noise_parts([of_run.noise for of_run in steps], late)
         for part, noises in parts.items():
-            for name in steps[0].shapes:
+            for name in first.shapes:
                 selected = []
                 for of_run, noise in zip(steps, noises, strict=False):
-                    selected.append(of_run.samples(name, noise))
+                    compared = of_run if part == ALL else first
+                    selected.append(compared.samples(name, noise))
                 joined = tuple(map(np.concatenate, zip(*selected, strict=True)))
                 samples.setdefault((part, name), []).append(joined)
     rows = []
@@ -97,16 +101,33 @@ class RunSteps:
         )
 
 
-def noise_parts(noises: Sequence[ndarray]) -> dict[str, list[ndarray]]:
+def noise_parts(
+    noises: Sequence[ndarray], late: Sequence[ndarray]
+) -> dict[str, list[ndarray]]:
     """Return by name all noise of the repetitions of a motion, each (M, n) in rad, and of two or
     more repetitions over their common steps the mean over the repetitions, which is a repeated
     tracking error, and the deviations from it with the variance of the noise of one repetition.
+    Repetition i performs the motion ``late[i]`` (n,) samples later than the earliest one; without
+    this shift a repeated error would differ.
     """
     parts = {ALL: list(noises)}
     if len(noises) < 2:
         return parts
-    length = min(map(len, noises))
-    common = np.stack([noise[:length] for noise in noises])
+    shifted = [_earlier(*pair) for pair in zip(noises, late, strict=True)]
+    length = min(map(len, shifted))
+    common = np.stack([noise[:length] for noise in shifted])
     mean = common.mean(axis=0)
     factor = np.sqrt(len(noises) / (len(noises) - 1))
     return parts | {DIFFERING: [*(factor * (common - mean))], REPEATED: [mean]}
+
+
+def _earlier(noise: ndarray, late: ndarray) -> ndarray:
+    """Return ``noise`` (M, n) of the steps ``late`` (n,) samples later, between two steps by linear
+    interpolation, without the last steps.
+    """
+    steps = np.arange(len(noise))
+    whole = steps[: len(noise) - int(np.ceil(np.max(late, initial=0.0)))]
+    columns = []
+    for joint, samples in enumerate(late):
+        columns.append(np.interp(whole + samples, steps, noise[:, joint]))
+    return np.stack(columns, axis=1)

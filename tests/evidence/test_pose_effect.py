@@ -105,8 +105,23 @@ def test_noise_parts_are_what_repeats_and_what_differs_with_the_variance_of_one_
     rng = np.random.default_rng(9)
     repeated = np.sin(np.linspace(0, 9, 5000))[:, None] * [3e-3, 1e-3]
     runs = [repeated + rng.normal(0.0, 1e-4, (5000 + n, 2))[:5000] for n in range(4)]
-    parts = noise_parts(runs)
+    on_time = [np.zeros(2)] * 4
+    parts = noise_parts(runs, on_time)
     assert [*parts] == ["all", "differing", "repeated"]
     np.testing.assert_allclose(parts["repeated"][0], repeated, atol=3e-4)
     assert np.std(parts["differing"]) == pytest.approx(1e-4, rel=0.03)
-    assert [*noise_parts(runs[:1])] == ["all"]  # nothing repeats in a single run
+    # nothing repeats in a single run
+    assert [*noise_parts(runs[:1], on_time[:1])] == ["all"]
+
+
+def test_an_error_that_repeats_later_in_a_repetition_does_not_differ():
+    time = np.linspace(0, 9, 500)
+    late = np.array([1.5, 0.5])  # samples
+    delayed = time[:, None] - late * (time[1] - time[0])
+    first = np.sin(time)[:, None] * [3e-3, 1e-3]
+    second = np.sin(delayed) * [3e-3, 1e-3]
+    aligned = noise_parts([first, second], [np.zeros(2), late])
+    assert np.abs(aligned["differing"]).max() < 1e-7
+    # control: without the shift the repeated error differs
+    unaligned = noise_parts([first, second], [np.zeros(2), np.zeros(2)])
+    assert np.abs(unaligned["differing"]).max() > 1e-5
