@@ -156,7 +156,7 @@ def test_forces_alone_go_through_every_stage_and_are_scored_on_all_rows(
     tmp_path, monkeypatch
 ):
     monkeypatch.chdir(tmp_path)
-    for name in ("pipeline", "dvc.yaml"):
+    for name in ("pipeline", "dvc.yaml", "pyproject.toml"):
         Path(name).symlink_to(ROOT / name)
     raw = Path("data/raw/towing")
     raw.mkdir(parents=True)
