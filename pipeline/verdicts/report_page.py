@@ -183,11 +183,18 @@ def _row_name(row: Row) -> str:
 
 
 def _named(group: Group, failing: Sequence[Joined]) -> str:
-    """Return the ids of ``failing`` claims with the datasets in which they fail."""
+    """Return the ids of ``failing`` claims with the datasets in which they fail, "all" for every
+    dataset of several.
+    """
     texts = []
     for joined in failing:
-        place = f" ({', '.join(joined.datasets(FAILS))})"
-        texts.append(joined.claim.id + (place if len(group.verdicts) > 1 else ""))
+        datasets = joined.datasets(FAILS)
+        place = ""
+        if len(datasets) < len(group.verdicts):
+            place = f" ({', '.join(datasets)})"
+        elif len(datasets) > 1:
+            place = " (all)"
+        texts.append(joined.claim.id + place)
     return ", ".join(texts)
 
 

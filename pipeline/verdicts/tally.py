@@ -311,8 +311,12 @@ def correlations(verdict: Verdict) -> str:
 
 
 def _value_text(verdict: Verdict) -> str:
-    """Return the value of a verdict's only case, in per cent with its interval if the claim is."""
+    """Return the value of a verdict's only case, in per cent with its interval if the claim is; of
+    an order of two values their difference, which decides it.
+    """
     case = verdict.cases[0]
+    if case.difference is not None:
+        return f"difference {number(case.difference, 3)}"
     if "%" not in verdict.claim.statement or case.value is None:
         return number(case.value)
     value = number(100 * case.value, 3)

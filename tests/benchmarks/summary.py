@@ -208,7 +208,7 @@ def times_table(times: dict | None) -> str:
 
 
 def times_sentence(times: dict | None) -> str:
-    """What README.md says of the time that its commands take."""
+    """Return the sentence of README.md on the time that its commands take."""
     if times is None:
         return "They take minutes: `make bench` measures them."
     environment, repro = times["environment"], times["repro"]

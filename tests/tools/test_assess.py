@@ -59,8 +59,8 @@ def test_innovations_are_as_large_as_predicted(kind, share, chain, tmp_path):
 
 
 def innovations(seed: int, takes: int = 51) -> np.ndarray:
-    """Of heavy-tailed steps, whose scale differs from take to take, and which are predicted normal;
-    the evidence is then far from normal.
+    """Innovations of heavy-tailed steps that are predicted as normal, with another scale in every
+    take; the evidence is then far from normal.
     """
     rng = np.random.default_rng(seed)
     return rng.gamma(4, 1 / 4, (takes, 1, 1)) * rng.standard_t(4, (takes, 100, 3))

@@ -153,9 +153,12 @@ SHARP = ("decreasing", "interval_contains", "standard_errors", "follows")
 SLOW = ("follows", "varies")
 
 
-@pytest.mark.parametrize(
-    "rule", [pytest.param(r, marks=[pytest.mark.slow] * (r in SLOW)) for r in RULES]
-)
+def marked(rule: str):
+    """Return the parameter of a test of ``rule``, marked slow if its draws take seconds."""
+    return pytest.param(rule, marks=[pytest.mark.slow] if rule in SLOW else [])
+
+
+@pytest.mark.parametrize("rule", [marked(rule) for rule in RULES])
 def test_a_rule_passes_just_on_the_true_side_fails_just_on_the_false_and_errs_as_stated(
     rule,
 ):

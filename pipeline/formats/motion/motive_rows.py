@@ -82,7 +82,7 @@ class _Rows:
 
     @property
     def named(self) -> bool:
-        """Whether markers have IDs and names."""
+        """Return True if markers have IDs and names."""
         return self.infos["version"] not in ("1", "1.0", "1.00")
 
     def add(self, kind: str, cells: list[str], line: int) -> None:

@@ -49,7 +49,7 @@ def blurred_log_density(
 
 
 class Mixture(NamedTuple):
-    """What N steps and the measurement noise contribute to the density, whatever d."""
+    """Contribution of N steps and of the measurement noise to the density, equal for every d."""
 
     terms: ndarray  # (N, 3 + 3(m − 1)) of :func:`_terms`
     m: int

@@ -77,7 +77,7 @@ def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
     return {
         "norm": list(norm[is_decisive(norm)].itertuples()),
         "answers": ANSWERS,
-        "cells": pose[columns].to_numpy(),
+        "cells": norm.loc[is_decisive(norm), columns].to_numpy(),
     }
 
 
