@@ -153,15 +153,21 @@ def readme_with_results(text: str, groups: Sequence[Group], rows: Sequence[Row])
 
 
 def tally_table(rows: Sequence[Row]) -> str:
-    """Return the count of the paper's claims by group of datasets."""
-    cells = []
+    """Return the count of the paper's claims by group of datasets, and the groups without any."""
+    cells, undecided = [], []
     for row in rows:
+        if not any(row.claims[word] for word in COUNTED):
+            undecided.append(_row_name(row))
+            continue
         counts = {word: str(len(row.claims[word])) for word in COUNTED}
         failing = row.claims[FAILS]
         if failing and row.decides:
             counts[FAILS] += f": {_named(row.group, failing)}"
         cells.append([_row_name(row), *counts.values()])
-    return table(["recordings", *COUNTED], cells)
+    text = table(["recordings", *COUNTED], cells)
+    if undecided:
+        text += f"\n\nNo claim is decided: {join_names(undecided)}."
+    return text
 
 
 def _row_name(row: Row) -> str:

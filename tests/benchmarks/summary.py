@@ -216,9 +216,8 @@ def times_sentence(times: dict | None) -> str:
     for dataset, spent in times["smoke"].items():
         smoke.append(f"{spent['processor_seconds']:.0f} s on {dataset}")
     return (
-        f"On {times['machine']}, the environment takes {environment['seconds']:.0f} s and "
-        f"`make repro` from nothing {repro['seconds']:.0f} s; `make smoke`, which runs every stage "
-        f"at the smallest scale, takes a processor time of {' and '.join(smoke)}."
+        f"On {times['machine']}: `make env` {environment['seconds']:.0f} s, `make repro` "
+        f"{repro['seconds']:.0f} s, `make smoke` (a trial) {' and '.join(smoke)} of processor time."
     )
 
 

@@ -300,13 +300,13 @@ def draw(planning: pd.DataFrame, planning_predictions: pd.DataFrame) -> Figure:
     figure, (row,) = style.panels(style.TWO_COLUMNS, 2.8, columns=len(cases))
     for axes, ((arm, cause), rows) in zip(row, cases, strict=True):
         for point in rows.itertuples():
-            color = style.GREY
+            color, above = style.GREY, 2
             if point.motion == PLAN + point.model:
-                color = style.VERMILLION
+                color, above = style.VERMILLION, 3  # an equal motion is beneath
             elif point.motion == RECORDED_START:
                 color = style.BLACK
             look = {"marker": markers[point.model], "color": color, "ls": "none"}
-            axes.plot([point.predicted], [point.ratio], ms=4, **look)
+            axes.plot([point.predicted], [point.ratio], ms=4, zorder=above, **look)
         axes.axline((1, 1), slope=1, color=style.GREY, ls=":", lw=0.8)
         axes.set(title=f"{arm}, {cause}", xlabel="predicted (1)")
         axes.tick_params(labelsize=7)
