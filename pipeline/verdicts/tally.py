@@ -181,8 +181,10 @@ def _joined_verdict(group: Group, by_dataset: Mapping[str, Verdict]) -> Joined:
 
 
 def _of_datasets(words: Sequence[str]) -> str:
-    """Return the word of several datasets: one that fails makes the claim fail."""
-    for word in (FAILS, DEPENDS, FORCED, SPEED_LAW, HOLDS):
+    """Return the word of several datasets: one that fails makes the claim fail. If the claim
+    depends on the cause, it still does: a further dataset has only one of the causes.
+    """
+    for word in (DEPENDS, FAILS, FORCED, SPEED_LAW, HOLDS):
         if word in words:
             return word
     return UNKNOWN

@@ -155,6 +155,10 @@ def test_another_task_with_the_same_takes_is_no_cause():
     assert words(group)["of-method"] == FAILS
     expected = "✗ holds under 2 of 2 causes (2 of 2); fails in lab_task (0 of 3)"
     assert texts(group)["of-method"] == expected
+    # a claim that depends on the cause still does
+    runs[1] = a_run("lab_timing", 0.7, cause="timing", files=["2"])
+    _, group = groups(*runs)
+    assert words(group)["of-method"] == DEPENDS
 
 
 def test_synthetic_datasets_of_another_arm_or_without_a_cause_are_not_joined():
