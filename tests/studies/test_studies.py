@@ -136,7 +136,8 @@ def test_of_repeated_motions_the_differing_noise_answers_and_the_repeated_stands
     assert row.noise == pose.DIFFERING
     assert row.exponent == "+0.1 [-0.2, +0.6]"
     assert row.repeated == "+0.5 [-0.2, +0.6]"
-    assert [cells[1] for cells in facts["cells"]] == parts
+    assert [cells[1] for cells in facts["cells"]] == [pose.DIFFERING]
+    assert [*tables["pose"]["noise"]] == parts
 
 
 def test_a_study_leaves_the_tables_and_page_of_an_earlier_run_where_a_part_of_it_fails(
