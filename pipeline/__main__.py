@@ -70,9 +70,8 @@ def main() -> int:
     """Run the command line; return the exit code, 1 after an error and its message."""
     gc.disable()  # imports make no garbage, and collections during them take a quarter of a second
     for stream in filter(None, (sys.stdout, sys.stderr)):
-        stream.reconfigure(
-            errors="replace"
-        )  # prints ? for a character that the locale lacks
+        # prints ? for a character that the locale lacks
+        stream.reconfigure(errors="replace")
         stream.write = partial(_write_plain, stream)
     name = sys.argv[1] if len(sys.argv) > 1 else "--help"
     try:
@@ -97,9 +96,8 @@ def main() -> int:
             # else Python would fail again on the remaining output when it ends
             with suppress(OSError, ValueError, AttributeError):  # no file descriptor
                 os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        if not isinstance(
-            error, BrokenPipeError
-        ):  # the program that reads the output has ended
+        # the program that reads the output has ended
+        if not isinstance(error, BrokenPipeError):
             if os.environ.get(TRACE):
                 traceback.print_exception(error)
             print(
@@ -156,9 +154,10 @@ def _restore_hint() -> str:
     lock = Path(os.environ.get("DVC_ROOT", "."), folder, "dvc.lock")
     if not stage or not lock.is_file():
         return ""
+    # needs more than the standard library
     from pipeline.core.typed_yaml import (
         read_yaml,
-    )  # needs more than the standard library
+    )
 
     commands: dict[str, list[str]] = {}
     for out in read_yaml(lock).get("stages", {}).get(stage, {}).get("outs", []):
@@ -220,9 +219,10 @@ def tool_call(folder: str, words: list[str]) -> Callable[[], None]:
     """Return the call of the tool in ``folder`` with the command line ``words``. Its arguments.yaml
     maps names or flags to options of ``add_argument``; types and defaults are those of its ``run``.
     """
+    # needs more than the standard library
     from pipeline.core.typed_yaml import (
         read_yaml,
-    )  # needs more than the standard library
+    )
 
     tool = import_module(f"pipeline.tools.{folder}.command")
     text = _docstring(f"tools.{folder}.command")

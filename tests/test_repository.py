@@ -177,7 +177,8 @@ PLACES = re.compile(
     rb"(?<![\w.])/(hom[e]|roo[t]|User[s]|wor[k]|tm[p]|op[t]|mn[t])/\w|[A-Z]:\\\\?User[s]"
 )
 REGISTRIES = re.compile(
-    rb"pyp[i]\.org|pythonhoste[d]\.|anacond[a]\.org|artifactor[y]|index-ur[l]\s*=|extra-index-ur[l]"
+    rb"pyp[i]\.org|pythonhoste[d]\.|anacond[a]\.org|artifactor[y]|"
+    rb"index-ur[l]\s*=|extra-index-ur[l]"
 )
 
 

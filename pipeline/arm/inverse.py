@@ -63,9 +63,8 @@ def _any_near_singular(block, arm, lower, spare, out, count):
     """
     m = len(arm.rows)
     least = arm.least
-    if np.any(
-        arm.sliding > 0.0
-    ):  # columns without units may be shorter than those of J
+    # columns without units may be shorter than those of J
+    if np.any(arm.sliding > 0.0):
         least /= min(arm.reach, 1.0)
     fill(block, out, 1.0, count)
     fill(block, spare, 0.0, count)

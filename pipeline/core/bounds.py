@@ -146,9 +146,8 @@ class Sandbox:
         Raises the pipeline's errors of the function unchanged. Raises RecordingError for any other
         exception, and where the call exceeds ``seconds`` or ``memory_mib`` or ends the process.
         """
-        if (
-            current_process().daemon
-        ):  # a worker of Dask may not start a process: a hang ends it
+        # a worker of Dask may not start a process: a hang ends it
+        if current_process().daemon:
             faulthandler.dump_traceback_later(bounds().seconds, exit=True)
             try:
                 outcome = _outcome(function, arguments)

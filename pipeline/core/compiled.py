@@ -44,9 +44,8 @@ def cache_folder() -> Path:
     """
     name = f"pipeline-{sources_hash(compiled_sources())}"
     setting = os.environ.get(VARIABLE)
-    if (
-        setting and Path(setting).name == name
-    ):  # the process that started this one has set it
+    # the process that started this one has set it
+    if setting and Path(setting).name == name:
         return Path(setting)
     user = Path(os.path.expanduser("~"), ".cache", "pipeline")
     for base in [Path(setting)] if setting else [SOURCES / "__pycache__", user]:

@@ -215,9 +215,8 @@ def naming(place: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        if "requested and" in str(
-            error
-        ):  # by NumPy, which does not state the system's reason
+        # by NumPy, which does not state the system's reason
+        if "requested and" in str(error):
             error.errno = errno.ENOSPC
         if error.errno and error.filename is None:
             error.filename = os.fspath(place)

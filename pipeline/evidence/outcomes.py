@@ -40,9 +40,8 @@ from pipeline.models.steps import Estimate, Options, Recorded, measurement_covar
 from pipeline.recordings.commands import constant_speed
 from pipeline.statistics.scores import Filtered, training_mean
 
-Run = Callable[
-    [Callable, Sequence], Iterable
-]  # like the built-in map, with results in order
+# like the built-in map, with results in order
+Run = Callable[[Callable, Sequence], Iterable]
 PAPERS_ESTIMATE = "{}_paper"  # names of the estimates of the paper's estimator
 
 

@@ -22,10 +22,11 @@ BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
 BLUE, VERMILLION, PURPLE, GREY = "#0072B2", "#D55E00", "#CC79A7", "#999999"
 LIGHT_GREY = "#CCCCCC"
 
+# the label says if recorded or simulated
 RECORDED = {
     "color": VERMILLION,
     "linestyle": "-",
-}  # the label says if recorded or simulated
+}
 MODELS = {
     name: {"label": label, "color": color, "linestyle": dashes}
     for name, label, color, dashes in (

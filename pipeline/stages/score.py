@@ -43,16 +43,18 @@ MOTION, ARTICULATE, READINGS = (
 FIT, FILTER, WRENCH = Path("data/fit"), Path("data/filter"), Path("data/wrench")
 PREDICT, OUT = Path("data/predict"), Path("data/score")
 ONLY_DRAWN = "held_out_run"  # table of a figure that no page prints
+# tables that the report shows unchanged
 OF_WRENCH = (
     "sigma_s",
     "force_moments",
     "force_test",
-)  # tables that the report shows unchanged
+)
+# one model: all models
 FITTED = {
     "ridge": "ridges",
     "sigma_b_weights": "sigma_b_weights",
     "sigma_b_floors": "sigma_b_floors",
-}  # one model: all models
+}
 FLOORS = "sigma_b_floors"  # of these the one that the report shows
 EVIDENCE = "evidence"
 Tables = dict[str, pd.DataFrame]

@@ -77,9 +77,8 @@ def _configuration(
         )
     measured = measuring.measured_wrenches(record, nominal, force.length)
     tested = {form: estimate.mean for form, estimate in estimates.items()}
-    tested["none"] = np.zeros(
-        (len(rows), len(rows))
-    )  # the actuation without a random matrix
+    # the actuation without a random matrix
+    tested["none"] = np.zeros((len(rows), len(rows)))
     sample = (models.matrix_model(nominal), tested["diagonal"], len(measured), stream)
     wrenches = {"measured": measured, "modelled": models.sample_wrenches(*sample)}
     tests = [

@@ -16,9 +16,8 @@ NORMAL_QUANTILE = 1.959964  # 0.975 quantile of the normal law
 REPLICATES = 200  # resamplings of the takes
 PARTS = 8  # of a motion, whose means are tested
 
-Quantities = Callable[
-    [str, ndarray], ndarray
-]  # model, indices of the takes → values (q,)
+# model, indices of the takes → values (q,)
+Quantities = Callable[[str, ndarray], ndarray]
 
 
 class Difference(NamedTuple):

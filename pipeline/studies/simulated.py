@@ -183,9 +183,8 @@ def measure_poses(
 ) -> np.ndarray:
     """Return ``poses`` (takes, M+1, n) in rad with noise of ``factor``² · ``covariance``."""
     variances, axes = np.linalg.eigh(covariance)
-    root = axes * np.sqrt(
-        np.maximum(variances, 0.0)
-    )  # an eigenvalue may round to below zero
+    # an eigenvalue may round to below zero
+    root = axes * np.sqrt(np.maximum(variances, 0.0))
     return poses + factor * stream.standard_normal(poses.shape) @ root.T
 
 

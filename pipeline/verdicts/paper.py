@@ -39,11 +39,12 @@ CITED = re.compile(rf"((?:Eqs?|Figs?)\. )?{LABEL}(?:–{LABEL})?")
 CITED_BY_NUMBER = re.compile(rf"\b(?:{'|'.join(NUMBERED.values())}) \d+")
 MISSING = "(not in this dataset)"
 STEPS, RATE = 320, 100  # M of the paper's motion, and its steps in a second
+# on the root of a variance of a step
 FACTORS = {
     "std": 1,
     "speed": RATE,
     "walk": sqrt(STEPS),
-}  # on the root of a variance of a step
+}
 
 
 @options(frozen=True)

@@ -49,10 +49,11 @@ UNIVERSAL = [f"{name}_joint" for name in ("shoulder_pan", "shoulder_lift", "elbo
 UNIVERSAL += [f"wrist_{j}_joint" for j in (1, 2, 3)]
 PANDA, XARM = ([f"{name}{j}" for j in range(1, 8)] for name in ("panda_joint", "joint"))
 KINOVA = [f"j2s6s200_joint_{j}" for j in range(1, 7)]  # three of them are continuous
+# the torso slides
 TIAGO = [
     "torso_lift_joint",
     *(f"arm_{j}_joint" for j in range(1, 8)),
-]  # the torso slides
+]
 TALOS = [
     "torso_1_joint",
     "torso_2_joint",

@@ -18,11 +18,12 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
+# before numpy: it fixes the arithmetic
 from contests import (
     LEVELS,
     machine,
     write_results,
-)  # before numpy: it fixes the arithmetic
+)
 
 if "CORETYPE" in os.environ:  # of the control
     os.environ["OPENBLAS_CORETYPE"] = os.environ["CORETYPE"]

@@ -13,11 +13,12 @@ from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 
+# before numpy: it fixes the arithmetic
 from contests import (
     RESULTS,
     machine,
     write_results,
-)  # before numpy: it fixes the arithmetic
+)
 
 import numpy as np  # isort: skip
 import pandas as pd

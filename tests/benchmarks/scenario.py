@@ -79,9 +79,8 @@ class Take:
     """A motion of ``len(steps)`` steps and its measurements."""
 
     scene: Scene
-    steps: (
-        np.ndarray
-    )  # (M, m) commanded steps, or (M, m + n) of more joints than task rows
+    # (M, m) commanded steps, or (M, m + n) of more joints than task rows
+    steps: np.ndarray
     measurements: Measurements
 
     def filtered(self, particles: int, rng: np.random.Generator) -> Posterior:

@@ -73,9 +73,8 @@ def test_the_table_has_the_exponent_of_noise_that_grows_with_the_norm_but_for_si
 ):
     rng, t, runs = np.random.default_rng(5), np.linspace(0, 2 * np.pi, 801), []
     for number in range(4):
-        phase = (
-            number * np.pi / 4
-        )  # the elbow passes through straight: near it ‖J⁻¹‖ changes within a window
+        # the elbow passes through straight: near it ‖J⁻¹‖ changes within a window
+        phase = number * np.pi / 4
         moves = [
             0.5 * np.sin(t + phase),
             1.5 * np.sin(3 * t + phase),
@@ -95,9 +94,8 @@ def test_the_table_has_the_exponent_of_noise_that_grows_with_the_norm_but_for_si
     (row,) = pose_table(runs, chain, {}, partial(stream, 5)).itertuples()
     assert row.groups == 4 and 0.5 < row.low < 1 < row.high
     start = replace(runs[0], command=command[:30], measured=measured[:30])
-    table = pose_table(
-        [start], chain, {}, partial(stream, 5)
-    )  # too few windows: numbers without rows
+    # too few windows: numbers without rows
+    table = pose_table([start], chain, {}, partial(stream, 5))
     assert table.empty and set(table.dtypes[2:].astype(str)) == {"float64", "int64"}
 
 

@@ -42,10 +42,11 @@ GRID = np.arange(STEPS + 1) / RATE
 # s into the dataset's motion, shortly before the arm starts: its speeding up gives the clock offset
 START = 0.1
 FRAMES, FRAME_RATE = 27, 15.0  # of the depth camera
+# px, and how many of a Kinect's pixels one of these is wide
 SIZE, COARSER = (
     (141, 170),
     3.0,
-)  # px, and how many of a Kinect's pixels one of these is wide
+)
 
 
 class Recovered(NamedTuple):

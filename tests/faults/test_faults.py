@@ -39,11 +39,12 @@ class Fault(NamedTuple):
 TAKE, INDEX = "optitrack/*.csv", "kinect/*/depth.txt"
 CLOCK = ("clock_offset", "clock_drift")
 ANY, FIXED, COUNTED = (REPAIRED, REFUSED), (REFUSED,), (REPAIRED,)
+# within three standard errors a change is not seen
 SEEN = (
     REPAIRED,
     REFUSED,
     UNNOTICED,
-)  # within three standard errors a change is not seen
+)
 offset = d.retimed(lambda t, share, s: t + s)
 drift = d.retimed(lambda t, share, s: t * (1 + s))
 jump = d.retimed(lambda t, share, s: t + s * (share > 0.5))

@@ -235,9 +235,8 @@ def test_a_wrong_focal_length_gives_a_warning_with_its_mean_error(
     warning = bias_warning(pd.DataFrame(errors))
     assert bool(warning) == warned == ("rad off the motion capture" in warning)
     with pytest.raises(RecordingError, match="mirrored"):
-        bias_warning(
-            pd.DataFrame(errors) - 0.45
-        )  # rad, the least of the joints' for such images
+        # rad, the least of the joints' for such images
+        bias_warning(pd.DataFrame(errors) - 0.45)
 
 
 def test_images_of_another_take_have_a_share_beyond_the_limit(motion, dataset):
@@ -267,9 +266,8 @@ def test_images_of_another_take_have_a_share_beyond_the_limit(motion, dataset):
     limit = LIMITS.camera_residual_share
     assert max(share(n, n, 3e-4) for n in range(6)) < limit
     foreign = np.array([share(n, n + 1, 3e-4) for n in range(6)])
-    assert (
-        foreign.min() > 0.65 and np.mean(foreign > limit) > 0.8
-    )  # 24 of 24 in the laboratory
+    # 24 of 24 in the laboratory
+    assert foreign.min() > 0.65 and np.mean(foreign > limit) > 0.8
     # takes that differ by less than the noise cannot be told apart, and are kept
     assert share(0, 1, 0.02) < limit
 

@@ -11,9 +11,8 @@ def sliding_arm(axes: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> Seria
     """Three joints that slide along the unit vectors ``axes`` (3, 3), a row a joint."""
     placements, before = [], np.eye(3)
     for axis in np.asarray(axes, dtype=float):
-        frame = np.linalg.svd(axis[None])[2].T[
-            :, [1, 2, 0]
-        ]  # its third column along the axis
+        # its third column along the axis
+        frame = np.linalg.svd(axis[None])[2].T[:, [1, 2, 0]]
         frame[:, 2] = axis
         frame[:, 0] *= np.sign(np.linalg.det(frame))
         placements.append([*(before.T @ frame).ravel(), 0.0, 0.0, 0.0])

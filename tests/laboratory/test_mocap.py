@@ -158,8 +158,9 @@ def test_the_body_of_a_link_is_carried_by_the_arm_as_built():
     nominal, (link,) = chain_of(LWR4), link_chains(LWR4, ["link_5"], "key").values()
     longer, joints = 1.1 * nominal.placements, len(link.lower)
     built = mocap.as_built(link, replace(nominal, placements=longer))
+    # the link's frame is the drawing's
     expected = [
         *longer[:joints],
         link.placements[joints],
-    ]  # the link's frame is the drawing's
+    ]
     np.testing.assert_array_equal(built.placements, expected)

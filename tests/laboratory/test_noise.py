@@ -395,9 +395,8 @@ def test_steps_know_of_each_other_and_the_models_steps_do_not(recorded):
     moving = recorded.full_speed
     # successive steps: a wrong time is taken back, a sway lasts longer than a step
     correlation, band = later_noise(noise, moving, 1)
-    if (
-        recorded.cause == "poses"
-    ):  # a short motion sees slow noise as a part of its mean
+    # a short motion sees slow noise as a part of its mean
+    if recorded.cause == "poses":
         correlation, band = later_noise(recorded.deviation[:, 1:], moving, 1)
     assert np.all(np.abs(correlation) > 0.3)
     assert {*np.sign(correlation)} == ({-1} if recorded.cause == "timing" else {1})

@@ -343,11 +343,8 @@ def test_the_standard_error_is_the_spread_over_independent_recordings(
     ("kind", "estimator", "tolerance"),
     [
         ("wishart", "moments", 1e-12),
-        (
-            "wishart",
-            "paper",
-            1e-12,
-        ),  # the weights follow from a known measurement noise here
+        # the weights follow from a known measurement noise here
+        ("wishart", "paper", 1e-12),
         ("wishart", "likelihood", 2e-4),
         ("gaussian", "moments", 1e-12),
         ("gaussian", "likelihood", 5e-3),

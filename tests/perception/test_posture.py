@@ -123,9 +123,8 @@ def test_a_link_is_missed_where_the_rest_decides_and_a_gap_is_filled_where_it_do
     result = tracked(without_hand)
     assert result.counts["interpolated"] == 10
     assert np.isnan(result.residual[30:40]).all()
-    np.testing.assert_allclose(
-        result.q, motion(FRAMES), atol=1e-9
-    )  # the motion is a straight line
+    # the motion is a straight line
+    np.testing.assert_allclose(result.q, motion(FRAMES), atol=1e-9)
     without_hand[30:55, HAND] = np.nan
     with pytest.raises(RecordingError, match="longer than 20 frames"):
         tracked(without_hand)

@@ -251,6 +251,5 @@ def test_a_step_that_the_joint_cannot_make_is_refused_with_joint_time_speed_and_
     words = r"joint_5 \(actual\) steps by 0\.\d+ rad at 1\.6 s .* rad/s, where .* 3\.142 rad/s"
     with pytest.raises(RecordingError, match=words):
         read(logs)
-    assert not list(
-        Path("data/ingest").iterdir()
-    )  # what is refused leaves nothing behind
+    # what is refused leaves nothing behind
+    assert not list(Path("data/ingest").iterdir())

@@ -97,9 +97,8 @@ def test_every_link_of_the_report_leads_to_a_file_that_a_run_has():
     missing = {
         link for link in links if not any((place / link).exists() for place in here)
     }
-    assert all(
-        link.startswith("../studies/") for link in missing
-    )  # of a pipeline of their own
+    # of a pipeline of their own
+    assert all(link.startswith("../studies/") for link in missing)
     anchors = set(re.findall(r"errata\.md#([\w-]+)", page))
     errata = Path("reports/youbot/errata.md").read_text()
     assert anchors and all(f'<a id="{anchor}">' in errata for anchor in anchors)

@@ -60,9 +60,8 @@ def test_binning_agrees_with_direct_summation_also_on_a_grid_that_leaves_samples
 
 def test_the_bandwidth_of_a_normal_sample_is_the_normal_reference_and_outliers_leave_it_alone():
     samples = draw(40_000)
-    reference = np.sqrt(np.diag(COVARIANCE)) * 40_000 ** (
-        -1 / 6
-    )  # (4/((p+2)N))^{1/(p+4)} at p = 2
+    # (4/((p+2)N))^{1/(p+4)} at p = 2
+    reference = np.sqrt(np.diag(COVARIANCE)) * 40_000 ** (-1 / 6)
     np.testing.assert_allclose(
         normal_reference_bandwidth(samples), reference, rtol=0.03
     )
@@ -70,9 +69,8 @@ def test_the_bandwidth_of_a_normal_sample_is_the_normal_reference_and_outliers_l
     np.testing.assert_allclose(
         normal_reference_bandwidth(samples), reference, rtol=0.05
     )
-    column = np.array(
-        [0.0, 1.0, 2.0, 4.0, 9.0]
-    )  # median 2, deviations 2 1 0 2 7: MAD 2
+    # median 2, deviations 2 1 0 2 7: MAD 2
+    column = np.array([0.0, 1.0, 2.0, 4.0, 9.0])
     for p in (1, 2, 3):
         rule = 2 / 0.6745 * (4 / ((p + 2) * 5)) ** (1 / (p + 4))
         np.testing.assert_allclose(

@@ -120,9 +120,8 @@ def test_what_is_no_robot_or_motion_is_refused_by_its_key(changes, key):
 
 
 def test_errors_fall_with_the_number_of_cables():
-    assert lever(BOUNDS) == pytest.approx(
-        0.25
-    )  # a cube's root mean square, half its side
+    # a cube's root mean square, half its side
+    assert lever(BOUNDS) == pytest.approx(0.25)
     rows = [
         error_rows(BOUNDS, [3, 6, 12, 24], (200, 300), np.random.default_rng(n)).assign(
             repeat=n

@@ -62,9 +62,8 @@ def test_measured_poses_have_the_noise_of_the_motion_capture_times_its_factor(
     noise = measure_poses(poses, laboratory.pose_noise, factor, stream) - poses
     root = factor * np.linalg.cholesky(laboratory.pose_noise)
     squares = np.sum(np.linalg.solve(root, noise.reshape(-1, 3).T) ** 2, axis=1)
-    low, high = chi2.ppf(
-        [5e-4, 1 - 5e-4], noise.size // 3
-    )  # 1 in 1000 for each of three axes
+    # 1 in 1000 for each of three axes
+    low, high = chi2.ppf([5e-4, 1 - 5e-4], noise.size // 3)
     assert np.all((low < squares) & (squares < high))
     # the control: another factor would be seen
     assert not np.any((low < squares * 1.2) & (squares * 1.2 < high))

@@ -43,9 +43,8 @@ def test_a_lock_file_cut_off_at_any_byte_is_one_that_dvc_reads_and_keeps_what_is
         command.run()
         kept = read_yaml(lock)["stages"] if lock.is_file() else {}
         assert not kept or COMPILED_LOCKFILE_SCHEMA(read_yaml(lock))
-        whole = LOCK[:length].count(
-            "    outs:\n    - path"
-        )  # entries begun to their outputs
+        # entries begun to their outputs
+        whole = LOCK[:length].count("    outs:\n    - path")
         assert whole - 1 <= len(kept) <= 3
 
 

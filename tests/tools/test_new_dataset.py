@@ -71,9 +71,8 @@ def test_what_the_recordings_state_is_filled_in_and_the_rest_is_asked_for(
 ):
     shutil.copy(ROOT / "pipeline/arm/youbot.urdf", exports / "robot.urdf")
     whole = (exports / "force/C1.csv").read_text()
-    (exports / "force/C2.csv").write_text(
-        whole[: whole.index("\n") + 1]
-    )  # without samples
+    # without samples
+    (exports / "force/C2.csv").write_text(whole[: whole.index("\n") + 1])
     run("lab", "--from", exports)
     sheet, option = written()
     require_known_keys()
@@ -207,9 +206,8 @@ def test_labelled_tables_are_joint_logs_only_if_their_labels_say_it(root, tmp_pa
             )
         shutil.copy(ROOT / "pipeline/arm/youbot.urdf", tmp_path / place / "arm.urdf")
         run(place, "--from", tmp_path / place)
-    assert (
-        written("runs")[1]["robot"]["task"] == "???"
-    )  # five joints, a pose has six rows
+    # five joints, a pose has six rows
+    assert written("runs")[1]["robot"]["task"] == "???"
     log = written("runs")[0]["joint_log"]
     expected = {
         "movements": "run_*.csv",

@@ -190,10 +190,8 @@ def test_the_card_names_every_predicted_standard_deviation_that_is_not_confirmed
     ("changes", "law"),
     [
         ({"predicted": 1.9e-4}, "joint_error"),
-        (
-            {"predicted": 2.1e-4},
-            "joint_step",
-        ),  # σ beyond a factor of 2: the simpler law
+        # σ beyond a factor of 2: the simpler law
+        ({"predicted": 2.1e-4}, "joint_step"),
         ({"predicted": 4.9e-5}, "joint_step"),
         ({"gain": -0.5}, "joint_step"),
         ({"gain": -0.1}, "joint_error"),  # the interval of the margin contains zero

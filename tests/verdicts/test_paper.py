@@ -262,10 +262,11 @@ def test_every_claim_has_evidence_that_a_stage_writes_and_reasons_that_exist(
         for case in verdict.cases
         if case.value is None
     ]
+    # a û without a bound and its α̂ have no number
     assert {*missing} <= {
         "u: ",
         "alpha: ",
-    }  # a û without a bound and its α̂ have no number
+    }
     unless = [claim.unless for claim in CLAIMS if claim.unless]
     assert {u.limit for u in unless if u.value.quantity == scores.BETWEEN} == {
         scores.LIMIT

@@ -265,9 +265,8 @@ class Arrangement:
 @options(kw_only=True)
 class Force:
     tare: NotNegative  # s, unloaded at the start of each record
-    tension_std: list[
-        float
-    ]  # N, of each robot; a configuration with k robots uses the first k
+    # N, of each robot; a configuration with k robots uses the first k
+    tension_std: list[float]
     kappa_bounds: Bounds  # 1, the paper's σ_θ
     tension_std_bounds: Bounds  # N
     tension_bounds: Bounds  # N
@@ -376,9 +375,8 @@ class Dataset:
     recordings: (
         str  # folder of the raw files: in the project, beside it (../NAME) or absolute
     )
-    robot: (
-        Robot | None
-    )  # null where only forces were recorded, or logs without repetitions
+    # null where only forces were recorded, or logs without repetitions
+    robot: Robot | None
     motion: Motion | None  # null where only forces were recorded
     trajectory: str | None = None  # file of the commanded trajectory
     mocap: Mocap | None = None

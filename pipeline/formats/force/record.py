@@ -38,7 +38,8 @@ HEADER_LINES = 40  # lines in which the labels of a table of forces are looked f
 # least number of samples; fewer rows may be settings that look like numbers
 FEWEST = 10
 AXIS = re.compile(
-    r"(?:.*[./]|.*_(?=force|torque))?(f|force|t|torque|m|moment)[ _./-]?([xyz])\s*(?:[(\[].*[)\]])?"
+    r"(?:.*[./]|.*_(?=force|torque))?(f|force|t|torque|m|moment)[ _./-]?([xyz])"
+    r"\s*(?:[(\[].*[)\]])?"
 )
 TIMES = re.compile(r"t|x_value|time[ _-]?(stamp)?", re.IGNORECASE)
 NUMBERS = re.compile(

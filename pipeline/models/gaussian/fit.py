@@ -32,10 +32,11 @@ BOUND = 1.1  # u of :func:`truths` divided by the greatest norm ‖J⁺‖
 # α is searched from 1/30 to 30 times the value of the second moments
 ALPHA_RANGE = 30.0
 TOLERANCE = 1e-4  # of ln α
+# half width and points of the grid of ln α for a take's likelihood
 REACH, NODES = (
     0.4,
     9,
-)  # half width and points of the grid of ln α for a take's likelihood
+)
 RMS_NORM = "rms_norm_of_the_inverse_jacobian"
 Estimator = Literal["moments", "paper", "likelihood"]
 # ũ (G,) → least objectives, their α

@@ -26,10 +26,11 @@ from pipeline.wrench import models as cables
 from pipeline.wrench.study import averaged_sigma_s, covariance_errors, variance_errors
 
 LEGS = 6
+# the order of the task's rows does not change them
 DECOMPOSITIONS = (
     "qr_transposed",
     "qr",
-)  # the order of the task's rows does not change them
+)
 # Least accepted singular value of J⁻¹ over the greatest possible entry: below this value, an error
 # of a leg of a thousandth of the robot's size moves the platform by the whole size.
 LEAST_SINGULAR = 1e-3

@@ -40,13 +40,14 @@ QUANTITIES = {
     "small_difference": "with small difference",
 }
 PHI_LATER = [name for name, rows in PLAIN.items() if rows[0] != 2]
+# in the page's table
 SHOWN = (
     laws.PIVOTED,
     "lu_xzp",
     "lu_zxp",
     laws.QR,
     laws.QR_TRANSPOSED,
-)  # in the page's table
+)
 
 
 def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:

@@ -285,9 +285,8 @@ def innovations_of(
 class TakeVerdict(NamedTuple):
     """Distance of a take from N other takes, for all joints together and for each joint."""
 
-    evidence: (
-        pd.DataFrame
-    )  # all joints, then each joint: own, mean, std (nats per step), p
+    # all joints, then each joint: own, mean, std (nats per step), p
+    evidence: pd.DataFrame
     p_whole: float  # p of the greatest |t| of the whole take
     ends: np.ndarray  # (SPANS + 1,) s, limits of the spans
     span_t: np.ndarray  # (n, SPANS) t by joint and span

@@ -53,18 +53,15 @@ class Finding:
     version: str | None = None
     rate: float | None = None  # Hz
     duration: float | None = None  # s, from the first sample to the last
-    units: dict[str, str] = field(
-        default_factory=dict
-    )  # quantity → unit stated in the file
-    gaps: dict[str, int] = field(
-        default_factory=dict
-    )  # counts of missing or repaired samples
+    # quantity → unit stated in the file
+    units: dict[str, str] = field(default_factory=dict)
+    # counts of missing or repaired samples
+    gaps: dict[str, int] = field(default_factory=dict)
     facts: dict[str, object] = field(default_factory=dict)  # further facts by name
     files: list[Path] = field(default_factory=list)  # frames of a sequence
     open: list[Question] = field(default_factory=list)
-    stops: list[str] = field(
-        default_factory=list
-    )  # faults for which the stages raise an error
+    # faults for which the stages raise an error
+    stops: list[str] = field(default_factory=list)
 
     @property
     def suggested(self) -> dict[str, str]:

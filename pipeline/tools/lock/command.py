@@ -28,9 +28,8 @@ def run() -> None:
         for lock in sorted(Path().glob(place)):
             text = lock.read_text(encoding="utf-8")
             head, *entries = re.split(r"(?m)^(?=  \S)", text)
-            if not _is_sound(
-                text
-            ):  # DVC was killed while it wrote the last entry that is there
+            # DVC was killed while it wrote the last entry that is there
+            if not _is_sound(text):
                 entries = entries[:-1]
                 if CONFLICT in text or (
                     entries and not _is_sound(head + "".join(entries))

@@ -35,13 +35,14 @@ from pipeline.tools.new_dataset.values import KEYS, entries
 
 MOTION = Template(Path(__file__).with_name("motion.txt").read_text(encoding="utf-8"))
 BETWEEN = "\n---\n"  # line between the texts of datasheet and option file
+# keys of files and columns
 LOG_FILES = (
     "actual",
     "target",
     "speed",
     "signals",
     "time",
-)  # keys of files and columns
+)
 UNPLACED = 12  # greatest number of unplaced recordings that the datasheet lists
 
 

@@ -35,12 +35,13 @@ from pipeline.tools.new_dataset.template import (
     text_of,
 )
 
+# keys of a motion
 KEYS = (
     "motion.steps",
     "joint_log.start",
     "joint_log.end",
     "joint_log.rest",
-)  # keys of a motion
+)
 PLACE = f"{OPEN} # [x, y, z]"
 NEAR = 0.01  # rad, greatest excess of an angle over a joint's limit
 CABLE = {

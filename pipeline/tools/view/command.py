@@ -30,9 +30,8 @@ TRACK, FILTER, ARTICULATE = (
 DEPTH = Path("data/ingest/depth")
 MEASURED = (40, 40, 40)
 COLOURS = ((0, 114, 178), (213, 94, 0), (0, 158, 115), (204, 121, 167), (230, 159, 0))
-Clouds = list[
-    tuple[float, np.ndarray]
-]  # time (s) and points (I, 3) m of each depth frame
+# time (s) and points (I, 3) m of each depth frame
+Clouds = list[tuple[float, np.ndarray]]
 
 
 class Track(NamedTuple):

@@ -264,12 +264,13 @@ def test_written_intrinsics_read_back_exactly_in_the_sensors_own_format(tmp_path
 @pytest.mark.parametrize("name", made.CALIBRATIONS)
 def test_every_tools_format_gives_the_same_camera(tmp_path, name):
     assert read(tmp_path / name, made.CALIBRATIONS[name]) == CAMERA
+    # they state their size
     if name in (
         "ros.yaml",
         "printed.yaml",
         "plain.json",
         "opencv.xml",
-    ):  # they state their size
+    ):
         message = refusal(
             tmp_path / name, made.CALIBRATIONS[name], width=320, height=240
         )

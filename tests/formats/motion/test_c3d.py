@@ -51,10 +51,11 @@ def test_coordinates_that_no_camera_measured_are_missing_and_counted(
     tmp_path, processor
 ):
     xyz = points(6)
+    # m; in mm as NDI writes what it does not see
     xyz[2, 1], xyz[3, 0] = (
         -3.697314e25,
         -1e24,
-    )  # m; in mm as NDI writes what it does not see
+    )
     (tmp_path / "t.c3d").write_bytes(c3d(AB, xyz, processor=processor))
     take = read_c3d(tmp_path / "t.c3d")
     assert [
@@ -78,11 +79,12 @@ def test_labels_are_kept_apart_and_a_unit_is_stated_or_asked_for(tmp_path):
 
 
 MANY = [f"m{j}" for j in range(300)]
+# of a subject, or without
 OUTPUTS = {
     "FORCES": ["F"],
     "POWERS": ["Arm:P"],
     "SCALARS2": ["S"],
-}  # of a subject, or without
+}
 C3DS = {  # what is written, markers, first frame, counts
     "labels padded with blanks": (c3d([*AB, "", "", ""]), AB, 1, {"skipped_labels": 3}),
     "labels in two parameters": (
@@ -115,9 +117,8 @@ def test_a_c3d_of_another_program_is_read(tmp_path, name):
     assert_allclose(take.markers[markers[1]], xyz, rtol=0, atol=3e-7)
 
 
-DATA_START = (
-    c3d().index(b"DATA_START") + len("DATA_START") + 3
-)  # its number of dimensions
+# its number of dimensions
+DATA_START = c3d().index(b"DATA_START") + len("DATA_START") + 3
 CRASHES = c3d()[:DATA_START] + b"\x82" + c3d()[DATA_START + 1 :]
 REFUSED = {  # content: words
     c3d(processor=86): "big-endian (SGI, MIPS)",

@@ -245,14 +245,14 @@ def test_row_typed_takes_give_measured_markers_poses_and_strays(tmp_path, versio
             f'{kind},{k},{t},"Arm",7,0,2,{solved},{k},0,1,NAN,NAN,NAN,1,0,0.9,0.0,0.002',
         ]
     file = rows_file(tmp_path, *rows, head=head)
-    assert (
-        refusal(read_motive, file).evidence["key"] == "dataset.mocap.unit"
-    )  # it states none
+    # it states none
+    assert refusal(read_motive, file).evidence["key"] == "dataset.mocap.unit"
     result = read_motive(file, "m")
+    # the printed times are irregular
     assert (result.version, result.rate) == (
         version,
         250.0,
-    )  # the printed times are irregular
+    )
     wanted = {"Unlabeled 1": [[5, 5, 5]] * 3}
     seen = [[0, 0, 1], [1, 0, 1], [2, 0, 1]]
     # a solved place is no measured one; version 1.0 has no names of markers
