@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from pipeline.models.joint_error.law import GROWTH, INPUTS, JointErrorModel
+from pipeline.models.joint_error.drive import GROWTH, INPUTS
+from pipeline.models.joint_error.law import JointErrorModel
 from pipeline.models.joint_error.samples import JointRun
 
 RATE, JOINTS = 100.0, ("a", "b")
@@ -51,7 +52,10 @@ def sweep(number: int, samples: int = 600) -> np.ndarray:
 
 
 def runs_of_law(
-    law: JointErrorModel, rng: np.random.Generator, motions: int = 4, repeats: int = 2
+    law: JointErrorModel,
+    rng: np.random.Generator,
+    motions: int = 4,
+    repeats: int = 2,
 ) -> list[JointRun]:
     """Simulate ``repeats`` runs of each of several motions under ``law``."""
     runs, zero = [], np.zeros(len(law.joints))

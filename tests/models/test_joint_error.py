@@ -15,6 +15,7 @@ from scipy.stats import t as student
 from pipeline.core.delays import delayed_angles
 from pipeline.core.errors import ModelDomainError
 from pipeline.models.joint_error.choice import pooled
+from pipeline.models.joint_error.drive import GROWTH, INPUTS, JUMPS
 from pipeline.models.joint_error.fit import fit_joint_error
 from pipeline.models.joint_error.held_out import (
     law_numbers,
@@ -22,13 +23,7 @@ from pipeline.models.joint_error.held_out import (
     parts_of,
     score_runs,
 )
-from pipeline.models.joint_error.law import (
-    GROWTH,
-    INPUTS,
-    JUMPS,
-    JointErrorModel,
-    build,
-)
+from pipeline.models.joint_error.law import JointErrorModel, build
 from pipeline.models.joint_error.likelihood import (
     CALIBRATION,
     NoiseLaw,
@@ -46,7 +41,8 @@ from pipeline.models.joint_error.samples import (
 LAWS = {
     "normal": known_law(),
     "tails and drift": known_law(
-        degrees=np.array([5.0, 8.0]), drift=np.array([0.3, 0.1])
+        degrees=np.array([5.0, 8.0]),
+        drift=np.array([0.3, 0.1]),
     ),
 }
 
@@ -313,7 +309,9 @@ def test_a_jump_of_the_speed_counts_whole_and_is_no_acceleration():
     acceleration = drive.mean[2, :, INPUTS.index("acceleration")]
     np.testing.assert_allclose(acceleration, [4.9, 0.0])
     np.testing.assert_allclose(
-        drive.growth[2, :, JUMPS], [0.0, (5.1 / RATE) ** 2], atol=1e-15
+        drive.growth[2, :, JUMPS],
+        [0.0, (5.1 / RATE) ** 2],
+        atol=1e-15,
     )
 
 

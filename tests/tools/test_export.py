@@ -81,7 +81,10 @@ def folder(tmp_path_factory) -> Path:
 @pytest.mark.parametrize("module", [READER_NAME.removesuffix(".py"), "pipeline.models"])
 @pytest.mark.parametrize("kind", PARAMETERS)
 def test_both_readers_need_only_numpy_and_give_the_bits_of_compiled_code(
-    kind, module, folder, chain
+    kind,
+    module,
+    folder,
+    chain,
 ):
     file = folder / f"{kind}.json"
     write_model(file, kind, chain)
@@ -99,11 +102,12 @@ def test_both_readers_need_only_numpy_and_give_the_bits_of_compiled_code(
 
 def test_equal_names_in_two_modules_of_the_reader_stay_apart(folder, monkeypatch):
     reader = copied_reader(folder, monkeypatch)
-    for name in ("pipeline.models.joint_error.law", "pipeline.arm.rows"):
+    for name in ("pipeline.models.joint_error.drive", "pipeline.arm.rows"):
         module, copied = import_module(name), reader._module(name)
         assert copied.TURN == module.TURN
     assert (
-        import_module(name).TURN != reader._MADE["pipeline.models.joint_error.law"].TURN
+        import_module(name).TURN
+        != reader._MADE["pipeline.models.joint_error.drive"].TURN
     )
 
 
@@ -190,7 +194,8 @@ def test_what_the_fit_did_not_see_is_warned_of(errors, off):
     with pytest.warns(OutsideRanges, match="error of a: .* is outside the range"):
         model.predict(poses + 1.0, COMMANDED, AHEAD)
     with pytest.warns(
-        OutsideRanges, match=r"0\.6 s ahead is beyond 0\.5 s, the longest"
+        OutsideRanges,
+        match=r"0\.6 s ahead is beyond 0\.5 s, the longest",
     ):
         model.predict(off[0, :100], COMMANDED, 60)
     assert SCORED == max(HORIZONS)
@@ -199,7 +204,8 @@ def test_what_the_fit_did_not_see_is_warned_of(errors, off):
     white = errors.parent / "white.json"
     write_export(error_record("joint_step", options, runs, "bench"), white)
     with pytest.warns(
-        UnconfirmedBands, match=r"σ of [ab] at 0\.5 s is .* such in record"
+        UnconfirmedBands,
+        match=r"σ of [ab] at 0\.5 s is .* such in record",
     ):
         load(white)
 
@@ -318,7 +324,9 @@ def test_a_wishart_model_whose_step_has_no_covariance_is_not_exported(chain):
 
 @pytest.mark.parametrize("is_known", [True, False])
 def test_the_covariance_of_a_measured_pose_is_half_of_a_steps(
-    is_known, chain, monkeypatch
+    is_known,
+    chain,
+    monkeypatch,
 ):
     rng, takes, steps = np.random.default_rng(3), 6, 20
     q = np.array([0.3, 1.5, -0.4]) + 0.1 * rng.standard_normal((takes, steps, 3))
@@ -374,7 +382,10 @@ def error(names: dict, name: str) -> float:
 @pytest.mark.filterwarnings("ignore::UserWarning")
 @pytest.mark.parametrize("package", ["filterpy", "particles"])
 def test_the_readmes_filters_of_joint_errors_are_nearer_than_measured(
-    package, errors, tmp_path, monkeypatch
+    package,
+    errors,
+    tmp_path,
+    monkeypatch,
 ):
     pytest.importorskip(package, reason=f"{package} is missing here")
     for name, file in (
@@ -397,7 +408,9 @@ def test_the_readmes_filters_of_joint_errors_are_nearer_than_measured(
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
 def test_the_readmes_filters_are_nearer_than_measured_and_its_planner_swings_out(
-    folder, chain, monkeypatch
+    folder,
+    chain,
+    monkeypatch,
 ):
     write_model(folder / "model.json", "wishart", chain, speed=0.1)
     names = run_blocks(BLOCKS[3:], folder, monkeypatch)

@@ -109,12 +109,12 @@ def faults_of(scores: pd.DataFrame, model: str) -> list[str]:
         if np.isfinite(ratio) and not 1 / factor <= ratio <= factor:
             faults.append(
                 f"predicted σ of {joint} at {horizon} is {ratio:.2g} times the measured "
-                f"(required: {1 / factor:.2g} to {factor:g})"
+                f"(required: {1 / factor:.2g} to {factor:g})",
             )
         if covered < COVERED and not few:
             faults.append(
                 f"{covered:.3g} of the errors of {joint} at {horizon} are within 2σ "
-                f"(required: {COVERED:g})"
+                f"(required: {COVERED:g})",
             )
     return faults
 

@@ -9,13 +9,8 @@ import numpy as np
 from pipeline.core import validation
 from pipeline.core.errors import ModelDomainError
 from pipeline.models import steps as base
-from pipeline.models.joint_error.law import (
-    GROWTH,
-    INPUTS,
-    JUMPS,
-    SATURATING,
-    JointErrorModel,
-)
+from pipeline.models.joint_error.drive import GROWTH, INPUTS, JUMPS, SATURATING
+from pipeline.models.joint_error.law import JointErrorModel
 from pipeline.models.joint_error.samples import (
     JointRun,
     jump_threshold,
@@ -67,7 +62,9 @@ def estimate(recorded: Recorded, options: Options) -> Estimate:
 
 
 def truths(
-    recorded: Recorded, options: Options, dispersions: Sequence[float]
+    recorded: Recorded,
+    options: Options,
+    dispersions: Sequence[float],
 ) -> list[Truth]:
     """Return the parameters fitted to ``recorded`` as the known ones."""
     fitted = estimate(recorded, options)
@@ -81,7 +78,7 @@ def runs_of(recorded: Recorded) -> list[JointRun]:
     """
     if recorded.rate is None:
         raise ModelDomainError(
-            "the joint error law needs the rate of the recorded steps"
+            "the joint error law needs the rate of the recorded steps",
         )
     poses, chain = recorded.poses, recorded.chain
     command = np.empty_like(poses)

@@ -16,8 +16,9 @@ from scipy.special import ndtri
 from pipeline.core.delays import delayed_angles
 from pipeline.core.errors import ModelDomainError
 from pipeline.models.joint_error.choice import LAST_VALUE, QUARTER, chosen_law
+from pipeline.models.joint_error.drive import GROWTH
 from pipeline.models.joint_error.fit import Options, fit_joint_error, unfitted_law
-from pipeline.models.joint_error.law import GROWTH, JointErrorModel
+from pipeline.models.joint_error.law import JointErrorModel
 from pipeline.models.joint_error.samples import (
     HORIZONS,
     JointRun,
@@ -30,7 +31,7 @@ from pipeline.models.joint_error.search import LEAST, QUARTERS
 ENOUGH = 6  # held-out parts that show their variation
 BLOCKS = 4  # else: blocks of each part, by time
 QUANTILES = np.concatenate(
-    [[0.001, 0.005], np.linspace(0.01, 0.99, 49), [0.995, 0.999]]
+    [[0.001, 0.005], np.linspace(0.01, 0.99, 49), [0.995, 0.999]],
 )
 # kinds of samples
 MOVING = "commanded"  # to which a joint was commanded to move
@@ -101,7 +102,9 @@ def of_first_motions(runs: Sequence[JointRun], count: int | None) -> list[JointR
 
 
 def held_out(
-    runs: Sequence[JointRun], laws: Mapping[str, Options], map_trials: MapTrials = map
+    runs: Sequence[JointRun],
+    laws: Mapping[str, Options],
+    map_trials: MapTrials = map,
 ) -> dict[str, pd.DataFrame]:
     """Score the ``laws`` on the held-out parts of ``runs``; ``map_trials`` maps a function over
     trials.
@@ -175,7 +178,8 @@ def run_predictions(law: JointErrorModel, run: JointRun) -> pd.DataFrame:
 
 
 def quantile_table(
-    standard: Mapping[str, Sequence[Sequence[ndarray]]], joints: Sequence[str]
+    standard: Mapping[str, Sequence[Sequence[ndarray]]],
+    joints: Sequence[str],
 ) -> pd.DataFrame:
     """Return the quantiles QUANTILES of the ``standard`` errors (model → held-out parts → joints),
     beside those of the normal law.
@@ -201,7 +205,10 @@ class PartScores(NamedTuple):
 
 
 def _score_part(
-    trial: tuple[str, str], *, laws: Mapping[str, Options], parts: Mapping[str, Split]
+    trial: tuple[str, str],
+    *,
+    laws: Mapping[str, Options],
+    parts: Mapping[str, Split],
 ) -> PartScores:
     """Return the scores of a ``trial``: a model, and the motion that is held out."""
     model, motion = trial
@@ -296,7 +303,11 @@ def score_runs(
 
 
 def _predictions(
-    law: JointErrorModel, run: JointRun, steps: int, blocks: int, lag_known: bool
+    law: JointErrorModel,
+    run: JointRun,
+    steps: int,
+    blocks: int,
+    lag_known: bool,
 ) -> Predictions:
     """Return the predictions of ``run``, ``steps`` ahead, its time in ``blocks``."""
     error = run.measured - run.command
@@ -313,7 +324,10 @@ def _predictions(
 
 
 def _block_rows(
-    predictions: Predictions, j: int, mask: ndarray, place: Row
+    predictions: Predictions,
+    j: int,
+    mask: ndarray,
+    place: Row,
 ) -> list[Row]:
     """Return a row for each block that has samples of joint ``j`` in ``mask`` (N,)."""
     rows = []
@@ -396,7 +410,9 @@ def joint_tables(
 
 
 def _parameters_table(
-    runs: Sequence[JointRun], laws: Mapping[str, Options], refits: pd.DataFrame
+    runs: Sequence[JointRun],
+    laws: Mapping[str, Options],
+    refits: pd.DataFrame,
 ) -> pd.DataFrame:
     """Return the numbers of the ``laws`` fitted to all ``runs``, with their ranges in
     ``refits``.

@@ -5,9 +5,9 @@
 c are the commanded angles after the run's own lag, z is the exponential mean of r over
 :data:`MEMORY` s. The mean m = βᵀx depends on the command alone: x has a constant, the commanded
 speed, its step from sample to sample (acceleration), its sign, the part of the sign younger than
-:data:`YOUNG` s (a reversed joint first sticks), and the jumps of the speed that are younger: a
-step of the speed is a jump, and no acceleration, if it exceeds the greatest smooth one. The whole
-step counts: what exceeds a threshold by a hair would have a gain without bound. The scale
+:data:`~.drive.YOUNG` s (a reversed joint first sticks), and the jumps of the speed that are
+younger: a step of the speed is a jump, and no acceleration, if it exceeds the greatest smooth one.
+The whole step counts: what exceeds a threshold by a hair would have a gain without bound. The scale
 
     s² = a + b·g(|ċ|) + c·|ċ| + d·ρ² + e·σ²,   g = |ċ|ᵖ and c = 0, or g = ċ²/(ċ² + SLOW²),
 
@@ -23,7 +23,6 @@ Without memory, φ = 1 and ψ = χ = κ = 0, m = 0: the error persists, and its 
 are independent. The law needs no Jacobian.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any, ClassVar, NamedTuple
 
@@ -35,26 +34,20 @@ from pipeline.arm.chain import Chain
 from pipeline.arm.interface import Mechanism
 from pipeline.core.delays import delayed_angles
 from pipeline.core.errors import ModelDomainError
+from pipeline.models.joint_error.drive import (
+    GROWTH,
+    INPUTS,
+    SATURATING,
+    TURN,
+    YOUNG,
+    Drive,
+    drive_of,
+    smoothed,
+)
 from pipeline.models.joint_error.outlook import Outlook
 from pipeline.models.model import MotionModel, Traits, trace_factor
 
 MEMORY, DRIFT = 0.1, 0.1  # s, time constants of z and u
-YOUNG = (0.05, 0.2)  # s
-TURN = 0.01  # rad/s, speed at which the smoothed sign is tanh 1
-SLOW = 0.0125  # rad/s, speed at which a saturating variance has half of its growth
-GROWTH = ("rest", "growth", "speed", "late sign", "jumps")  # terms of the variance s²
-JUMPS = GROWTH.index("jumps")
-INPUTS = (
-    "offset",
-    "speed",
-    "acceleration",
-    "sign",
-    "fresh sign",
-    "late sign",
-    "fresh jumps",
-    "late jumps",
-)
-SATURATING = "saturating"
 # parameters with more than a number a joint: shape of the numbers of a joint
 SHAPES = {"memory": (3,), "mean_gain": (len(INPUTS),), "scale": (len(GROWTH),)}
 # parameters that may be negative, or are bounded
@@ -69,26 +62,6 @@ ROUNDED = 1e-9  # greatest excess of the memory's spectral radius over 1
 CHUNK = 1024  # samples whose variances are computed together
 
 
-class Drive(NamedTuple):
-    """Inputs of the law at N samples of a command of n joints."""
-
-    mean: ndarray  # (N, n, len(INPUTS)) x
-    growth: ndarray  # (N, n, len(GROWTH)) factors of a, b, c and d
-
-
-def smoothed(x: ndarray, keep: float) -> ndarray:
-    """Exponential mean of ``x`` (N, ...) over time, from its first value; the weight of a value
-    falls by the factor ``keep`` a sample.
-    """
-    result = (1 - keep) * x
-    result[:1] = x[:1]
-    lag = 1  # the sum of 2·lag terms is that of lag terms and, lag samples earlier, as many more
-    while lag < len(x):
-        result[lag:] = result[lag:] + keep**lag * result[:-lag]
-        lag *= 2
-    return result
-
-
 def past_of(r: ndarray, keep: float) -> ndarray:
     """(N, ..., 3) r, previous r and z at every sample of ``r`` (N, ...)."""
     previous = np.concatenate([r[:1], r[:-1]])
@@ -98,29 +71,6 @@ def past_of(r: ndarray, keep: float) -> ndarray:
 def weighted_sums(values: ndarray, weights: ndarray) -> ndarray:
     """(N, n) sums over i of ``values`` (N, n, i) times ``weights`` (n, i)."""
     return np.einsum("kji,ji->kj", values, weights)
-
-
-def _drive(
-    speed: ndarray,
-    acceleration: ndarray,
-    sign: ndarray,
-    young: Sequence[ndarray],
-    power: float | str,
-) -> Drive:
-    """Return the inputs of speed in rad/s, acceleration without jumps, sign and ``young`` parts:
-    two of the sign, then two of the jumps.
-    """
-    constant, zero, size = np.ones_like(speed), np.zeros_like(speed), np.abs(speed)
-    late = [young[1] ** 2, young[3] ** 2]
-    if power == 0:
-        growth = [constant, zero, zero, zero, zero]
-    elif power == SATURATING:
-        saturated = speed**2 / (speed**2 + SLOW**2)
-        growth = [constant, saturated, size, *late]
-    else:
-        growth = [constant, size**power, zero, *late]
-    mean = [constant, speed, acceleration, sign, *young]
-    return Drive(np.stack(mean, axis=-1), np.stack(growth, axis=-1))
 
 
 class Memory(NamedTuple):
@@ -156,7 +106,10 @@ class JointErrorModel(MotionModel):
     lag_std: ndarray  # (n,) s, standard deviation of the lag of another run about it
     power: float | str = SATURATING  # p
     traits: ClassVar = Traits(
-        noisy_at_rest=True, needs_jacobian=False, compiled=False, memory=True
+        noisy_at_rest=True,
+        needs_jacobian=False,
+        compiled=False,
+        memory=True,
     )
 
     @property
@@ -197,7 +150,7 @@ class JointErrorModel(MotionModel):
         for keep in self.keeps:
             fading_sum = smoothed(jumps, keep) / (1 - keep)
             young.append(fading_sum)
-        return _drive(speed, smooth, sign, young, self.power)
+        return drive_of(speed, smooth, sign, young, self.power)
 
     def smooth_part(self, acceleration: ndarray) -> ndarray:
         """(..., n) ``acceleration`` in rad/s², 0 where the commanded speed jumps."""
@@ -242,7 +195,11 @@ class JointErrorModel(MotionModel):
         return past_of(error - self.mean_error(inputs), self.keep)
 
     def variance(
-        self, std: ndarray, ends: ndarray, steps: int, impulse: ndarray
+        self,
+        std: ndarray,
+        ends: ndarray,
+        steps: int,
+        impulse: ndarray,
     ) -> ndarray:
         """(len(ends), n) variances in rad² of the errors at samples ``ends``, given those ``steps``
         samples before, for innovations of standard deviation ``std`` (N, n) at each sample.
@@ -271,7 +228,11 @@ class JointErrorModel(MotionModel):
         return white + share * (drifted + last_known)
 
     def outlook(
-        self, error: ndarray, inputs: Drive, steps: int, lag_known: bool = True
+        self,
+        error: ndarray,
+        inputs: Drive,
+        steps: int,
+        lag_known: bool = True,
     ) -> Outlook:
         """Law at samples ``steps`` … N−1 of ``error`` (N, n) in rad, each given the errors until
         ``steps`` samples before and the commands. Shapes (N − steps, n). If the lag of the run is
@@ -309,7 +270,7 @@ class JointErrorModel(MotionModel):
         if steps < 1 or len(commands) < len(errors) + steps:
             raise ModelDomainError(
                 f"commands must have a row for each of the {len(errors)} errors and each "
-                f"of the {steps} next samples, got {len(commands)}"
+                f"of the {steps} next samples, got {len(commands)}",
             )
         if not len(errors):  # at rest at the first command before it
             commands = np.concatenate([commands[:1], commands])
@@ -396,7 +357,12 @@ class JointErrorModel(MotionModel):
         return np.concatenate(memory, axis=-1)
 
     def advance(
-        self, chain: Chain, q: ndarray, v: ndarray, memory: ndarray, rng: Generator
+        self,
+        chain: Chain,
+        q: ndarray,
+        v: ndarray,
+        memory: ndarray,
+        rng: Generator,
     ) -> tuple[ndarray, ndarray]:
         """Return draws (P, n) of the next poses in rad, and their memory (P, 10n), after ``q``
         (P, n) and ``memory`` under the commands ``v`` (m,) or (P, m) of the commanded pose.
@@ -405,7 +371,11 @@ class JointErrorModel(MotionModel):
         return self.follow(q, chain.nominal_step(command, v), memory, rng)
 
     def follow(
-        self, q: ndarray, dq: ndarray, memory: ndarray, rng: Generator
+        self,
+        q: ndarray,
+        dq: ndarray,
+        memory: ndarray,
+        rng: Generator,
     ) -> tuple[ndarray, ndarray]:
         """Return :meth:`advance` for the commanded joint steps ``dq`` (n,) or (P, n) in rad."""
         before = Memory(*np.split(memory, len(Memory._fields), axis=-1))
@@ -421,7 +391,7 @@ class JointErrorModel(MotionModel):
         fresh_jumps = fresh * before.fresh_jumps + jump
         late_jumps = late * before.late_jumps + jump
         young = [sign - fresh_sign, sign - late_sign, fresh_jumps, late_jumps]
-        inputs = _drive(speed, smooth, sign, young, self.power)
+        inputs = drive_of(speed, smooth, sign, young, self.power)
 
         r = q - before.command - before.mean
         z = self.keep * before.z + (1 - self.keep) * r
@@ -477,7 +447,7 @@ def build(parameters: dict[str, Any]) -> JointErrorModel:
     if radius > 1 + ROUNDED:
         raise ModelDomainError(
             f"parameters.memory is unstable: errors grow {radius:.4g} times a sample; "
-            "a factor of at most 1 is required"
+            "a factor of at most 1 is required",
         )
     return law
 
@@ -490,6 +460,6 @@ def _array(name: str, value: object, n: int) -> ndarray:
     if array.shape != (n, *shape) or not np.all((low <= array) & (array <= high)):
         raise ModelDomainError(
             f"parameters.{name} must be numbers from {low:g} to {high:g} of shape "
-            f"{(n, *shape)}, got {array.tolist()}"
+            f"{(n, *shape)}, got {array.tolist()}",
         )
     return array

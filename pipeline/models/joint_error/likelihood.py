@@ -67,7 +67,10 @@ def companion_of(memory: ndarray, keep: float) -> ndarray:
 
 @compiled
 def composite_loss(
-    law: NoiseLaw, keep: float, persistence: float, residuals: Residuals
+    law: NoiseLaw,
+    keep: float,
+    persistence: float,
+    residuals: Residuals,
 ) -> float:
     """Mean negative log density of the residuals at their ends, summed over the horizons, plus the
     penalty CALIBRATION. ``keep`` is the weight of the last exponential mean in z, ``persistence``
@@ -111,7 +114,11 @@ def weights_ahead(memory: ndarray, keep: float, longest: int) -> ndarray:
 
 @compiled
 def variances(
-    impulse: ndarray, std: ndarray, ends: ndarray, drift: float, persistence: float
+    impulse: ndarray,
+    std: ndarray,
+    ends: ndarray,
+    drift: float,
+    persistence: float,
 ) -> ndarray:
     """(len(ends),) variances of the residuals at ``ends``, one horizon after the last known one.
 
@@ -136,7 +143,10 @@ def variances(
 
 @compiled
 def squared_errors(
-    weights: ndarray, residuals: Residuals, ends: ndarray, horizon: int
+    weights: ndarray,
+    residuals: Residuals,
+    ends: ndarray,
+    horizon: int,
 ) -> ndarray:
     """(len(ends),) squared errors of the mean ``horizon`` samples ahead with ``weights`` (3,)."""
     result = np.empty(len(ends))
@@ -150,7 +160,10 @@ def squared_errors(
 
 @compiled
 def mean_log_density(
-    square: ndarray, variance: ndarray, degrees: float, least: float
+    square: ndarray,
+    variance: ndarray,
+    degrees: float,
+    least: float,
 ) -> float:
     """Mean log density of errors of these squares under Student's t, normal for infinite degrees,
     of ``variance`` plus the squared scale ``least``.

@@ -17,7 +17,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy import ndarray
 
-from pipeline.models.joint_error.law import INPUTS, Drive, JointErrorModel, past_of
+from pipeline.models.joint_error.drive import INPUTS, Drive
+from pipeline.models.joint_error.law import JointErrorModel, past_of
 from pipeline.models.joint_error.likelihood import (
     NoiseLaw,
     Residuals,
@@ -57,7 +58,10 @@ class JointSamples:
 
 
 def joint_samples(
-    law: JointErrorModel, runs: Sequence[JointRun], j: int, memory: Memory
+    law: JointErrorModel,
+    runs: Sequence[JointRun],
+    j: int,
+    memory: Memory,
 ) -> JointSamples:
     """Return the samples of joint ``j`` of the ``runs`` with the inputs of its ``law``; without
     full ``memory`` only predictions one sample ahead.
@@ -110,7 +114,10 @@ def _pieces(runs: Sequence[JointRun], groups: ndarray) -> list[slice]:
 
 
 def _counted_samples(
-    runs: Sequence[JointRun], j: int, steps: int, groups: ndarray
+    runs: Sequence[JointRun],
+    j: int,
+    steps: int,
+    groups: ndarray,
 ) -> ndarray:
     """Return the samples ``steps`` before those to which joint ``j`` is commanded to move; of a
     joint that stands still, ``steps`` before all. Both are of one held-out group if any are.
@@ -127,7 +134,10 @@ def _counted_samples(
 
 
 def fit_joint(
-    law: JointErrorModel, joint: JointSamples, memory: Memory, tails: bool
+    law: JointErrorModel,
+    joint: JointSamples,
+    memory: Memory,
+    tails: bool,
 ) -> JointErrorModel:
     """Return the ``law`` of one joint, fitted to its samples."""
     search = NoiseSearch(joint, tails)
@@ -196,7 +206,10 @@ class NoiseSearch:
         self.ends = np.concatenate(ends)
 
     def fit(
-        self, law: JointErrorModel, r: ndarray, regression: Regression | None
+        self,
+        law: JointErrorModel,
+        r: ndarray,
+        regression: Regression | None,
     ) -> JointErrorModel:
         """Return ``law`` with the most likely noise of the residuals ``r`` (N,) in rad; without
         ``regression`` with its own memory.
@@ -245,7 +258,10 @@ class NoiseSearch:
         )
 
     def noise(
-        self, theta: ndarray, law: JointErrorModel, regression: Regression | None
+        self,
+        theta: ndarray,
+        law: JointErrorModel,
+        regression: Regression | None,
     ) -> NoiseLaw:
         """Return the law of the variables ``theta``, in units of the typical error."""
         bases = law.scale.shape[1]
@@ -259,7 +275,10 @@ class NoiseSearch:
         damping = 1 - np.exp(theta[bases + 2])
         shifted = regression.values + regression.root @ theta[bases + 3 :]
         return NoiseLaw(
-            damped_memory(shifted, damping, law.keep), scale, drift, degrees
+            damped_memory(shifted, damping, law.keep),
+            scale,
+            drift,
+            degrees,
         )
 
     def log_level(self, residuals: Residuals, memory: ndarray) -> float:
@@ -320,7 +339,7 @@ class Moments(NamedTuple):
         inputs = self.inputs.sum(axis=0) - self.inputs
         across = self.across.sum(axis=0) - self.across
         return np.stack(
-            [ridge(*group, penalty) for group in zip(inputs, across, strict=True)]
+            [ridge(*group, penalty) for group in zip(inputs, across, strict=True)],
         )
 
     def loss(self, gains: ndarray) -> float:
@@ -341,7 +360,9 @@ def ridge(inputs: ndarray, across: ndarray, penalty: ndarray) -> ndarray:
 
 
 def _mean(
-    law: JointErrorModel, joint: JointSamples, size: float
+    law: JointErrorModel,
+    joint: JointSamples,
+    size: float,
 ) -> tuple[ndarray, ndarray]:
     """Return β, and the residuals (N,) of the errors under a β fitted without their group."""
     unit = np.sqrt(np.mean(joint.inputs.mean**2, axis=0)) + 1e-12
@@ -383,7 +404,11 @@ def _weights(law: JointErrorModel, error: ndarray, variance: ndarray) -> ndarray
 
 
 def _moments(
-    law: JointErrorModel, joint: JointSamples, x: ndarray, groups: ndarray, size: float
+    law: JointErrorModel,
+    joint: JointSamples,
+    x: ndarray,
+    groups: ndarray,
+    size: float,
 ) -> Moments:
     """Return the moments of the errors and inputs ``x`` (N, p) that their past does not predict,
     each with the weight that the law's noise gives it, by the numbers ``groups`` (N,).
