@@ -74,7 +74,7 @@ bench-scale: $(READY)
 	python tests/benchmarks/summary.py
 
 lint: $(READY)
-	ruff check . && ruff format --check .
+	ruff check . && ruff check --quiet --select COM812 . && ruff format --check .
 
 # A new environment whenever a lock changes. uv only installs: every file is checked against its hash. The last file lets Python find the
 # project where PYTHONSAFEPATH is set.

@@ -117,7 +117,7 @@ def error_summary(error: Exception) -> str:
     if isinstance(error, PipelineError):
         return str(error)
     if isinstance(error, ModuleNotFoundError) and not (error.name or "").startswith(
-        "pipeline"
+        "pipeline",
     ):
         return f"no module {error.name}; {NO_ENVIRONMENT}"
     if isinstance(error, OSError) and error.errno:
@@ -229,7 +229,9 @@ def tool_call(folder: str, words: list[str]) -> Callable[[], None]:
     description, _, epilog = text.partition(": ")[2].partition("\n\n")
     program = f"python -m pipeline {folder.replace('_', '-')}"
     parser = argparse.ArgumentParser(
-        prog=program, description=description, epilog=epilog
+        prog=program,
+        description=description,
+        epilog=epilog,
     )
     for name, stated in read_yaml(HERE / f"tools/{folder}/arguments.yaml").items():
         parameter = signature(tool.run).parameters[stated.get("dest", name.strip("-"))]

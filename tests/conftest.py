@@ -39,7 +39,7 @@ def pytest_terminal_summary(terminalreporter, config: pytest.Config) -> None:
     if absent:
         folder = Path(__file__).parents[2] / "shared"
         terminalreporter.write_line(
-            f"{len(absent)} tests need the recordings in {folder}: skipped"
+            f"{len(absent)} tests need the recordings in {folder}: skipped",
         )
     file = config.getoption("durations_file")
     if file is not None:
@@ -72,7 +72,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         key=lambda item: (
             "reproduced" not in getattr(item, "fixturenames", ()),
             item.get_closest_marker("slow") is None,
-        )
+        ),
     )
 
 

@@ -59,7 +59,10 @@ def test_an_unknown_name_and_the_wrong_number_of_items_are_refused(monkeypatch, 
     ],
 )
 def test_an_option_in_the_notation_of_hydra_is_rejected_with_the_way_that_works(
-    monkeypatch, capsys, words, refused
+    monkeypatch,
+    capsys,
+    words,
+    refused,
 ):
     assert run(monkeypatch, *words.split()) == 1
     message = capsys.readouterr().err
@@ -106,7 +109,11 @@ def raises(fault: BaseException) -> Callable[[], None]:
 
 @pytest.mark.parametrize(("fault", "code", "words"), FAULTS)
 def test_every_error_is_one_line_that_names_the_stage(
-    monkeypatch, capsys, fault, code, words
+    monkeypatch,
+    capsys,
+    fault,
+    code,
+    words,
 ):
     monkeypatch.setattr(command, "_find_call", lambda *_: raises(fault))
     assert run(monkeypatch, "track") == code
@@ -118,13 +125,19 @@ def test_every_error_is_one_line_that_names_the_stage(
 
 
 def called(
-    words: str, shell: bool = False, **environment: str
+    words: str,
+    shell: bool = False,
+    **environment: str,
 ) -> subprocess.CompletedProcess:
     """Call of Python in the project's root."""
     line = f"{shlex.quote(sys.executable)} {words}"
     command = ["sh", "-c", line] if shell else shlex.split(line)
     return subprocess.run(
-        command, cwd=ROOT, env=environment, capture_output=True, text=True
+        command,
+        cwd=ROOT,
+        env=environment,
+        capture_output=True,
+        text=True,
     )
 
 

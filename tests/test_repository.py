@@ -174,11 +174,11 @@ CLOCKS = {"random", "secrets", "uuid", "datetime", "time"}
 GENERATORS = {"Generator", "PCG64", "SeedSequence"}
 # the brackets keep this file from matching itself
 PLACES = re.compile(
-    rb"(?<![\w.])/(hom[e]|roo[t]|User[s]|wor[k]|tm[p]|op[t]|mn[t])/\w|[A-Z]:\\\\?User[s]"
+    rb"(?<![\w.])/(hom[e]|roo[t]|User[s]|wor[k]|tm[p]|op[t]|mn[t])/\w|[A-Z]:\\\\?User[s]",
 )
 REGISTRIES = re.compile(
     rb"pyp[i]\.org|pythonhoste[d]\.|anacond[a]\.org|artifactor[y]|"
-    rb"index-ur[l]\s*=|extra-index-ur[l]"
+    rb"index-ur[l]\s*=|extra-index-ur[l]",
 )
 
 
@@ -216,7 +216,10 @@ def random_calls(module: ast.Module) -> set[str]:
 @pytest.mark.parametrize("pattern", [PLACES, REGISTRIES], ids=["place", "registry"])
 def test_no_committed_file_names_a_place_on_one_machine_or_a_package_registry(pattern):
     listed = subprocess.run(
-        ["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True
+        ["git", "ls-files", "-z"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
     )
     if listed.returncode:
         pytest.skip("not a git repository")

@@ -176,7 +176,7 @@ def test_a_further_model_changes_no_parameter_of_the_readings(tmp_path):
 def test_every_table_is_named_by_the_stages_that_write_it():
     """The whole reproduction compares the names with the files."""
     declared = yaml.safe_load(
-        (ROOT / "pipeline/tables.yaml").read_text(encoding="utf-8")
+        (ROOT / "pipeline/tables.yaml").read_text(encoding="utf-8"),
     )
     named = {name for stage in PAPER.values() for name in tables_of(stage)}
     assert named == {name for name in declared if name[0] != "."}

@@ -83,7 +83,10 @@ class Mechanism(Protocol):
 
 
 def trajectory_table(
-    chain: Mechanism, q: ndarray, rate: float, joints: Sequence[str] = ()
+    chain: Mechanism,
+    q: ndarray,
+    rate: float,
+    joints: Sequence[str] = (),
 ) -> "pd.DataFrame":
     """Table of xᵈ and ẋᵈ for commanded joint angles ``q`` (M+1, n) in rad at ``rate`` per second.
     Columns are k, t, the families x and v of the task rows (SI), and for a redundant arm the speeds

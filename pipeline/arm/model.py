@@ -90,7 +90,8 @@ def link_chains(robot: Robot, links: Iterable[str], key: str) -> dict[str, Seria
         joints = [name for name in robot.joints if name in above]
         if not joints:
             raise ConfigError(
-                f"{key}: no joint of the arm moves {link!r}", file=tree.file
+                f"{key}: no joint of the arm moves {link!r}",
+                file=tree.file,
             )
         to_link = replace(robot, joints=joints, tool=link, plane=False, task=["x"])
         chains[link] = layout_of(to_link, tree).serial(SPACE, 1.0)
@@ -171,7 +172,11 @@ class Layout:
             placements.append(np.append(turn, shift))
             previous, origin = frame, point
         return SerialChain(
-            task, length, np.array(placements), self.sliding, *self.limits
+            task,
+            length,
+            np.array(placements),
+            self.sliding,
+            *self.limits,
         )
 
     @property
@@ -195,7 +200,9 @@ def _whole_model(tree: Tree) -> pin.Model:
 
 @lru_cache(maxsize=1)
 def _reduced_model(
-    tree: Tree, names: tuple[str, ...], held: tuple[tuple[str, float], ...]
+    tree: Tree,
+    names: tuple[str, ...],
+    held: tuple[tuple[str, float], ...],
 ) -> tuple[pin.Model, pin.Data]:
     """Model of the joints ``names`` with all other joints fixed, at zero or where they are
     ``held``, and its placements and Jacobian at zero angles: one for all tips of these joints.
@@ -226,7 +233,8 @@ def layout_of(robot: Robot, tree: Tree | None = None) -> Layout:
         reason = " ".join(str(error).split())[:200]
         message = f"robot.urdf: Pinocchio cannot read it ({reason})"
         raise ConfigError(
-            f"{message}; check it with check_urdf", file=tree.file
+            f"{message}; check it with check_urdf",
+            file=tree.file,
         ) from None
     jacobian = data.J.reshape(6, -1)  # a single column is a vector in Pinocchio
     sliding = np.array([joint.kind == "prismatic" for joint in joints])

@@ -91,13 +91,13 @@ def compose_config(params_file: Path) -> Config:
         if option not in (names := option_names(group)):
             message = f"{group}: no option {option!r}; there are {', '.join(names)}"
             faults.append(
-                ConfigError(message, key="models" if group == "model" else group)
+                ConfigError(message, key="models" if group == "model" else group),
             )
     if twice := sorted(
-        {name for name in params.models if params.models.count(name) > 1}
+        {name for name in params.models if params.models.count(name) > 1},
     ):
         faults.append(
-            ConfigError(f"models: {', '.join(twice)} occurs twice", key="models")
+            ConfigError(f"models: {', '.join(twice)} occurs twice", key="models"),
         )
     if faults:
         raise joined_faults(faults, params_file)
@@ -110,7 +110,8 @@ def compose_config(params_file: Path) -> Config:
         values = _compose(overrides, sheet, option_file, *changes)
     except ConfigError as error:
         raise ConfigError(
-            error.message, **({"file": params_file} | error.evidence)
+            error.message,
+            **({"file": params_file} | error.evidence),
         ) from None
     open_keys = [*datasheet.unfilled_keys(values["dataset"])]
     config, faults = (
@@ -126,7 +127,10 @@ def compose_config(params_file: Path) -> Config:
 
 
 def _stating(
-    key: str, params: Params, params_file: Path, sheet: datasheet.Datasheet
+    key: str,
+    params: Params,
+    params_file: Path,
+    sheet: datasheet.Datasheet,
 ) -> Path:
     """Return the file that has the longest part of the nested ``key``: ``params_file``, the
     datasheet, or the option file of the section or model.
@@ -187,7 +191,9 @@ def _typed_models(models: Any) -> tuple[dict[str, Any], list[ConfigError]]:
         kind = model.get("kind") if isinstance(model, dict) else None
         try:
             typed_models[name], model_faults = all_faults(
-                options_type(kind), model, key
+                options_type(kind),
+                model,
+                key,
             )
             faults += model_faults
         except ConfigError as error:
@@ -250,7 +256,8 @@ def _compose(
 
     try:
         with initialize_config_dir(
-            str(option_file.resolve().parents[1]), version_base="1.3"
+            str(option_file.resolve().parents[1]),
+            version_base="1.3",
         ):
             composed = hydra_compose("config", overrides=overrides)
         OmegaConf.set_struct(composed, False)
@@ -282,7 +289,9 @@ def _require_plain(values: Any, key: str = "", **evidence: object) -> None:
     elif isinstance(values, str) and ENVIRONMENT.search(values):
         message = f"{values!r} reads a variable of the environment, whose value the run would write"
         raise ConfigError(
-            f"{message} to committed files: write the value", key=key, **evidence
+            f"{message} to committed files: write the value",
+            key=key,
+            **evidence,
         )
 
 
@@ -315,7 +324,9 @@ def composed_config() -> Config:
 
 
 def sections(
-    stage: str, dvc_file: Path = Path("dvc.yaml"), item: str | None = None
+    stage: str,
+    dvc_file: Path = Path("dvc.yaml"),
+    item: str | None = None,
 ) -> SimpleNamespace:
     """Return the typed sections that a stage declares, and ``compute``; ``item`` replaces the item
     of a matrix in a section such as ``models.${item.model}``.
@@ -326,7 +337,8 @@ def sections(
     config, stages = composed_config(), read_yaml(dvc_file).get("stages", {})
     if stage not in stages:
         raise ConfigError(
-            f"no stage {stage!r}; there are {', '.join(stages)}", file=dvc_file
+            f"no stage {stage!r}; there are {', '.join(stages)}",
+            file=dvc_file,
         )
     declared = []
     for entry in stages[stage].get("params", []):
@@ -346,7 +358,8 @@ def sections(
             value = value if isinstance(value, dict) else vars(value)
         if last not in value:
             raise ConfigError(
-                f"there is no {name} for the stage {stage}", file=COMPOSED
+                f"there is no {name} for the stage {stage}",
+                file=COMPOSED,
             )
         setattr(place, last, value[last])
     return settings

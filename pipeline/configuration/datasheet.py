@@ -49,7 +49,8 @@ def read(file: Path) -> Datasheet:
         raise ConfigError(message, key="about", file=file)
     if is_open(about):
         raise joined_faults(
-            to_fill_in([*unfilled_keys({"about": about} | values)]), file
+            to_fill_in([*unfilled_keys({"about": about} | values)]),
+            file,
         )
     validated(About, about, "about", file)
     return Datasheet(file, values)
@@ -59,8 +60,9 @@ def to_fill_in(keys: list[str]) -> list[ConfigError]:
     """Return the fault of ``keys`` of the dataset whose value is ???."""
     return [
         ConfigError(
-            f"fill in {', '.join(keys)}: the value is ???", key=f"dataset.{keys[0]}"
-        )
+            f"fill in {', '.join(keys)}: the value is ???",
+            key=f"dataset.{keys[0]}",
+        ),
     ]
 
 
@@ -71,7 +73,9 @@ def facts_beside(option: dict[str, Any], sheet: dict[str, Any]) -> dict[str, Any
 
 
 def common_keys(
-    option: dict[str, Any], sheet: dict[str, Any], prefix: str
+    option: dict[str, Any],
+    sheet: dict[str, Any],
+    prefix: str,
 ) -> Iterator[str]:
     """Yield the nested keys that are in both files."""
     for key in sheet:

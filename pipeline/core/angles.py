@@ -72,7 +72,10 @@ def unwrap(
 
 
 def _unlike_turns(
-    angles: np.ndarray, turns: np.ndarray, motion: np.ndarray, seconds: np.ndarray
+    angles: np.ndarray,
+    turns: np.ndarray,
+    motion: np.ndarray,
+    seconds: np.ndarray,
 ) -> np.ndarray:
     """Return the mask (N − 1, joints) of steps of ``angles`` (N, joints) in rad that are not whole
     ``turns``: the rest ``motion`` is too fast, the turns are too many, or the angles soon return
@@ -97,7 +100,9 @@ def _unlike_turns(
 
 
 def _spikes(
-    motion: np.ndarray, seconds: np.ndarray, measured: np.ndarray | bool
+    motion: np.ndarray,
+    seconds: np.ndarray,
+    measured: np.ndarray | bool,
 ) -> np.ndarray:
     """Return the mask (N − 1, joints) of steps to a single row far from the rows beside it, and of
     at most FEW steps of a ``measured`` angle far beyond all other steps; a command may step. A step
@@ -124,21 +129,27 @@ def _spikes(
 
 
 def turns_apart(
-    a: np.ndarray, b: np.ndarray, circular: np.ndarray | bool = True
+    a: np.ndarray,
+    b: np.ndarray,
+    circular: np.ndarray | bool = True,
 ) -> np.ndarray:
     """Return the whole turns (any shape) that bring the angles ``b`` in rad nearest to ``a``."""
     return np.where(circular, np.rint((a - b) / TURN), 0.0)
 
 
 def apart(
-    a: np.ndarray, b: np.ndarray, circular: np.ndarray | bool = True
+    a: np.ndarray,
+    b: np.ndarray,
+    circular: np.ndarray | bool = True,
 ) -> np.ndarray:
     """Return the distances ``a`` − ``b`` in rad on the circle, from −π to π."""
     return a - b - TURN * turns_apart(a, b, circular)
 
 
 def whole_turns(
-    a: np.ndarray, b: np.ndarray, circular: np.ndarray | bool = True
+    a: np.ndarray,
+    b: np.ndarray,
+    circular: np.ndarray | bool = True,
 ) -> np.ndarray:
     """Return median whole turns (joints,) of ``a`` − ``b`` (N, joints) rad; 0 if beyond ALIKE."""
     difference = a - b

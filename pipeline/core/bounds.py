@@ -109,7 +109,8 @@ def require_content(content: bytes, file: Path) -> bytes:
     if LINK.fullmatch(content) and (file.parent / content.decode("latin-1")).exists():
         message = f"the text of a link to {content.decode('latin-1')} in place of the file: name "
         raise RecordingError(
-            f"{message}the file, or check out with core.symlinks=true", file=file
+            f"{message}the file, or check out with core.symlinks=true",
+            file=file,
         )
     return content
 
@@ -165,7 +166,8 @@ class Sandbox:
             if not self._connection.poll(bounds().seconds):
                 self.__exit__()
                 raise _refusal(
-                    f"the file is not read within {bounds().seconds:g} s", "seconds"
+                    f"the file is not read within {bounds().seconds:g} s",
+                    "seconds",
                 )
             try:
                 outcome = pickle.loads(self._connection.recv_bytes())
@@ -176,7 +178,7 @@ class Sandbox:
                 if code == -SIGKILL:
                     message = "the reading process was killed, as where a machine lacks memory: "
                     raise RecordingError(
-                        f"{message}free memory, and run this again"
+                        f"{message}free memory, and run this again",
                     ) from None
                 how = Signals(-code).name if code < 0 else f"exit code {code}"
                 raise ReaderFailure(f"reading it ends the process ({how})") from None
@@ -203,7 +205,7 @@ def _serve(connection: Connection, callers_end: Connection) -> None:
         half = replace(bounds(), seconds=bounds().seconds / 2)
         outcome = within(half, _outcome, _call_pickled, (function, *arguments))
         connection.send_bytes(
-            outcome if isinstance(outcome, bytes) else pickle.dumps(outcome)
+            outcome if isinstance(outcome, bytes) else pickle.dumps(outcome),
         )
 
 
@@ -219,13 +221,14 @@ def _outcome(function: Callable, arguments: tuple) -> Any:
         return error
     except MemoryError:
         return _refusal(
-            f"it needs more than {bounds().memory_mib} MiB of memory", "memory_mib"
+            f"it needs more than {bounds().memory_mib} MiB of memory",
+            "memory_mib",
         )
     except RecursionError:
         return RecordingError("the file nests too deeply to be read")
     except ImportError as error:
         return RecordingError(
-            f"a package is missing ({error}): run `make`, which installs it"
+            f"a package is missing ({error}): run `make`, which installs it",
         )
     except Exception as error:
         if isinstance(error, OSError) and error.errno in NO_SPACE:
@@ -235,7 +238,7 @@ def _outcome(function: Callable, arguments: tuple) -> Any:
             return RecordingError(f"the file cannot be read ({error.strerror})")
         words = " ".join(str(error).split())[:200]
         return ReaderFailure(
-            f"its reader fails on it ({type(error).__name__}: {words})"
+            f"its reader fails on it ({type(error).__name__}: {words})",
         )
 
 

@@ -61,7 +61,9 @@ def matrices(table: "pd.DataFrame", family: str, names: Sequence[str]) -> np.nda
 
 
 def spread(
-    family: str, names: Sequence[str], array: np.ndarray
+    family: str,
+    names: Sequence[str],
+    array: np.ndarray,
 ) -> dict[str, np.ndarray]:
     """Columns of ``family`` by name, from ``array`` (..., n) with its leading axes flattened."""
     flat = np.reshape(array, (-1, len(names)))
@@ -69,7 +71,9 @@ def spread(
 
 
 def triangle(
-    family: str, names: Sequence[str], array: np.ndarray
+    family: str,
+    names: Sequence[str],
+    array: np.ndarray,
 ) -> dict[str, np.ndarray]:
     """Columns of ``family`` by name, from the upper triangles of ``array`` (..., n, n)."""
     first, second = np.triu_indices(len(names))

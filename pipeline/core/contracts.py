@@ -24,7 +24,7 @@ TABLES = Path(__file__).parents[1] / "tables.yaml"
 DECLARATION = re.compile(
     r"(?P<kind>real|log|count|flag|text)"
     r"(?: \((?P<among>[^)]*)\))?(?: (?P<low>[^ .]+)\.\.(?P<high>[^ ]*))?(?P<gaps> gaps)?"
-    r"(?P<optional> optional)? \| .+"
+    r"(?P<optional> optional)? \| .+",
 )
 TYPES = {"real": "float64", "log": "float64", "count": "int64", "flag": "bool"}
 
@@ -94,7 +94,8 @@ def read_declarations(file: Path = TABLES) -> dict[str, dict[str, Column]]:
 
 
 def expand_families(
-    declaration: dict[str, Column], present: list[str]
+    declaration: dict[str, Column],
+    present: list[str],
 ) -> dict[str, Column]:
     """Return the ``declaration`` with each family replaced by its members among ``present``."""
     columns = {}
@@ -108,7 +109,10 @@ def expand_families(
 
 
 def _require_fit(
-    table: pd.DataFrame, name: str, columns: dict[str, Column], file: Path
+    table: pd.DataFrame,
+    name: str,
+    columns: dict[str, Column],
+    file: Path,
 ) -> None:
     """Raise ContractError with the file and the column of the first fault."""
     faults = {column: "is missing" for column in columns if column not in table.columns}
@@ -124,12 +128,16 @@ def _require_fit(
 
 
 def write(
-    table: pd.DataFrame, name: str, folder: Path, declarations: Path = TABLES
+    table: pd.DataFrame,
+    name: str,
+    folder: Path,
+    declarations: Path = TABLES,
 ) -> None:
     """Check ``table`` and write ``folder/name.parquet``, with equal bytes for equal tables."""
     file = Path(folder) / f"{name}.parquet"
     columns = expand_families(
-        read_declarations(declarations)[name], list(table.columns)
+        read_declarations(declarations)[name],
+        list(table.columns),
     )
     undeclared = [column for column in table.columns if column not in columns]
     present = [column for column in columns if column in table.columns]
@@ -137,7 +145,7 @@ def write(
     for column in present:
         # integers of any width; numbers that would be rounded are refused below
         if columns[column].kind == "count" and pd.api.types.is_integer_dtype(
-            table[column]
+            table[column],
         ):
             table[column] = table[column].astype("int64")
     _require_fit(table, name, columns, file)
@@ -237,7 +245,8 @@ def _partial(place: Path) -> Path:
 
 
 def stacked(
-    table: pd.DataFrame, columns: str | list[str]
+    table: pd.DataFrame,
+    columns: str | list[str],
 ) -> tuple[list[str], np.ndarray]:
     """Return the names of the takes (N,) and the ``columns``, a list or a family, as (N, K, n).
 

@@ -6,7 +6,10 @@ import numpy as np
 
 
 def drawn_stream(
-    seed: int, stage: str, *trial: int, draw: int = 0
+    seed: int,
+    stage: str,
+    *trial: int,
+    draw: int = 0,
 ) -> np.random.Generator:
     """Return the :func:`stream` of the ``draw``; the run's own random numbers are the draw 0."""
     if draw == 0:

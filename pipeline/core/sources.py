@@ -27,7 +27,8 @@ def module_files() -> dict[str, Path]:
 
 
 def imported_sources(
-    modules: Iterable[str], statements: re.Pattern = AT_IMPORT
+    modules: Iterable[str],
+    statements: re.Pattern = AT_IMPORT,
 ) -> list[Path]:
     """Return the files of ``modules`` and of all modules that they import, by ``statements`` at the
     top of a module or ANYWHERE, sorted.

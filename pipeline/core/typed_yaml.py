@@ -21,7 +21,7 @@ class Loader(yaml.CSafeLoader):
         if twice:
             where = node.start_mark.line + 1
             raise yaml.YAMLError(
-                f"key {min(twice)!r} occurs twice in the mapping of line {where}"
+                f"key {min(twice)!r} occurs twice in the mapping of line {where}",
             )
         return super().construct_mapping(node, deep)
 
@@ -55,7 +55,7 @@ def _require_finite(text: str | bytes) -> None:
         if len(anchors) > MOST_DEEP:
             where = event.start_mark.line + 1
             raise yaml.YAMLError(
-                f"line {where} nests more than {MOST_DEEP} levels deep"
+                f"line {where} nests more than {MOST_DEEP} levels deep",
             )
 
 

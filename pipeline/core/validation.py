@@ -56,7 +56,10 @@ def options(**arguments: Any) -> Callable[[type[T]], type[T]]:
 
 
 def validated(
-    structure: type[T], values: Any, section: str = "", file: Path | None = None
+    structure: type[T],
+    values: Any,
+    section: str = "",
+    file: Path | None = None,
 ) -> T:
     """Return the object of ``values``; raises ConfigError with every fault and its key."""
     result, faults = all_faults(structure, values, section)
@@ -66,7 +69,9 @@ def validated(
 
 
 def all_faults(
-    structure: type[T], values: Any, section: str = ""
+    structure: type[T],
+    values: Any,
+    section: str = "",
 ) -> tuple[T | None, list[ConfigError]]:
     """Return the object of ``values``, None if they are faulty, and one ConfigError per fault."""
     try:

@@ -72,14 +72,20 @@ class Choices:
         defaults = {"filter": None, "clock": "", "batch": 0}
         closed = self.closed and self.models[name].kind in KINDS
         return replace(
-            self, models={name: self.models[name]}, closed=closed, **defaults
+            self,
+            models={name: self.models[name]},
+            closed=closed,
+            **defaults,
         )
 
     def filter_case(self, name: str, closed: bool) -> "Choices":
         """Return this case with one model, its loop, and defaults for choices without effect."""
         defaults = {"mode": "", "measurement": 1.0, "batch": 0}
         return replace(
-            self, models={name: self.models[name]}, closed=closed, **defaults
+            self,
+            models={name: self.models[name]},
+            closed=closed,
+            **defaults,
         )
 
     def with_wishart(self, **changes: object) -> "Choices":
@@ -147,7 +153,8 @@ class Recordings:
         if not self.described:
             return None
         return variation_limits(
-            self.takes.training.noise, self.generator("score.variation")
+            self.takes.training.noise,
+            self.generator("score.variation"),
         )
 
 
@@ -169,7 +176,9 @@ def camera_of(angles: pd.DataFrame, joints: pd.DataFrame, *, window: int) -> Cam
 
 
 def readings(
-    base: Choices, task: Sequence[str] = PLANE, joints: Sequence[str] = PLANE
+    base: Choices,
+    task: Sequence[str] = PLANE,
+    joints: Sequence[str] = PLANE,
 ) -> dict[str, Choices]:
     """Return by name ``base`` and the case of every other decomposition of the Wishart model, a
     reading of "LU or QR" (Eq. LUDecom); {} without a Wishart model.

@@ -49,7 +49,9 @@ def filter_evidence(
     laws, refusals = {}, []
     for name, filtered in filters.items():
         laws[name], refused = posterior_scores(
-            filtered.error, filtered.measured_covariance, joints
+            filtered.error,
+            filtered.measured_covariance,
+            joints,
         )
         if refused:
             message = (
@@ -158,7 +160,9 @@ def compared_scores(joints: Sequence[str]) -> dict[str, tuple[str, str]]:
 
 
 def score_rows(
-    laws: Laws, against_none: pd.DataFrame, joints: Sequence[str]
+    laws: Laws,
+    against_none: pd.DataFrame,
+    joints: Sequence[str],
 ) -> list[Row]:
     """Return the mean scores of every filter in the table ``against_none``, and its coverages."""
     scores = compared_scores(joints)
@@ -174,7 +178,8 @@ def score_rows(
 
 
 def score_difference_rows(
-    by_rival: Mapping[str, pd.DataFrame], joints: Sequence[str]
+    by_rival: Mapping[str, pd.DataFrame],
+    joints: Sequence[str],
 ) -> list[Row]:
     """Return the differences in the compared scores from tables of :func:`score_comparison`."""
     scores = compared_scores(joints)

@@ -29,7 +29,9 @@ RIVAL = "{}_jacobian"  # name of the Jacobian form of a model
 
 
 def smoothness_evidence(
-    outcomes: Mapping[str, Outcome], takes: Takes, generator: Callable[[str], Generator]
+    outcomes: Mapping[str, Outcome],
+    takes: Takes,
+    generator: Callable[[str], Generator],
 ) -> pd.DataFrame:
     """Return for each Gaussian matrix model the :func:`roughness` of the bounds of both forms, and
     inverse form minus Jacobian form with its interval over REPEATS pairs of bounds. No row
@@ -60,16 +62,19 @@ def smoothness_evidence(
         rival = RIVAL.format(name)
         for model, form in ((name, INVERSE), (rival, JACOBIAN)):
             rows.append(
-                evidence_row("bound_roughness", rough[form].mean(), model=model)
+                evidence_row("bound_roughness", rough[form].mean(), model=model),
             )
         rows.append(
-            difference_row("bound_roughness", smoother, model=name, rival=rival)
+            difference_row("bound_roughness", smoother, model=name, rival=rival),
         )
     return evidence_table(rows)
 
 
 def form_bounds(
-    jacobians: ndarray, v: ndarray, variances: ndarray, rng: Generator
+    jacobians: ndarray,
+    v: ndarray,
+    variances: ndarray,
+    rng: Generator,
 ) -> dict[str, ndarray]:
     """Return by form REPEATS bounds (REPEATS, M, n) in rad, standard deviations of REALIZATIONS
     steps with the ``jacobians`` (M, n, n) and the task steps ``v`` (M, n).

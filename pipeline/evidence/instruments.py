@@ -37,7 +37,8 @@ COMPONENTS = ("fx", "fy")
 
 
 def camera_evidence(
-    noise: pd.DataFrame, slopes: pd.DataFrame | None = None
+    noise: pd.DataFrame,
+    slopes: pd.DataFrame | None = None,
 ) -> pd.DataFrame:
     """Return bias and variation over time of the noise in the table ``kinect_noise``, and the
     ``slopes`` of :func:`pipeline.perception.depth_noise.error_slopes` near a sample.
@@ -115,7 +116,7 @@ def wrench_evidence(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
         rows.append(evidence_row("two_sample_p_value", p_value, **keys))
         share = test["matrix_share_fx"]
         rows.append(
-            evidence_row("share_of_sigma_s_in_the_variance", share, entry="fx", **keys)
+            evidence_row("share_of_sigma_s_in_the_variance", share, entry="fx", **keys),
         )
     return evidence_table(rows)
 
@@ -137,7 +138,7 @@ def _study_rows(errors: pd.DataFrame, spread: pd.DataFrame) -> list[Row]:
         rows.append(evidence_row(MEAN_ERROR, **control, **keys))
         ends = study.max_low, study.max_high
         rows.append(
-            evidence_row("greatest_error_of_variances", study.max, *ends, **keys)
+            evidence_row("greatest_error_of_variances", study.max, *ends, **keys),
         )
         rows.append(evidence_row("median_of_greatest_errors", medians[cables], **keys))
     return rows
@@ -148,7 +149,8 @@ def _records(tables: Mapping[str, pd.DataFrame], name: str) -> list[dict]:
 
 
 def _force_rows(
-    moments: Sequence[Mapping[str, float | str]], independent: Mapping[str, float]
+    moments: Sequence[Mapping[str, float | str]],
+    independent: Mapping[str, float],
 ) -> list[Row]:
     """Return the measured mean forces and variances, the modelled minus the measured ones, and the
     p-values of equal covariances of two configurations, from the table ``force_moments`` and the
@@ -170,7 +172,7 @@ def _force_rows(
             mean = {"value": record[component], "standard_error": error}
             rows.append(evidence_row("mean_force", **mean, **keys))
             rows.append(
-                evidence_row("force_variance", variance, model=RECORDED, **keys)
+                evidence_row("force_variance", variance, model=RECORDED, **keys),
             )
             if name not in modelled:
                 continue

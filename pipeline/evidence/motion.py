@@ -73,7 +73,9 @@ class Outcome:
 
 
 def noise_tests(
-    model: MotionModel, takes: Takes, rng: np.random.Generator
+    model: MotionModel,
+    takes: Takes,
+    rng: np.random.Generator,
 ) -> tuple[ModelledNoise, pd.DataFrame]:
     """Return the noise of ``model`` at the recorded total variance, and the :func:`following_tests`
     of the recorded standard deviations of the training takes, the speed law being the rival.
@@ -83,13 +85,21 @@ def noise_tests(
     rival = None if speed_noise is None else speed_noise.std
     steady = constant_speed(takes.poses)
     tests = following_tests(
-        noise.std, training.noise, steady, training.joints, rng, rival=rival
+        noise.std,
+        training.noise,
+        steady,
+        training.joints,
+        rng,
+        rival=rival,
     )
     return noise, tests
 
 
 def motion_evidence(
-    outcomes: Mapping[str, Outcome], takes: Takes, mode: str, limits: np.ndarray | None
+    outcomes: Mapping[str, Outcome],
+    takes: Takes,
+    mode: str,
+    limits: np.ndarray | None,
 ) -> pd.DataFrame:
     """Return the evidence of fits, realisations and predictions; ``outcomes`` by model.
 
@@ -117,7 +127,8 @@ def motion_evidence(
 
 
 def _mean_errors(
-    outcomes: Mapping[str, Outcome], takes: Takes
+    outcomes: Mapping[str, Outcome],
+    takes: Takes,
 ) -> dict[str, np.ndarray]:
     """Return by model the mean of its realisations minus the mean of the training takes (M, n) in
     rad, and the same of the nominal steps.
@@ -134,7 +145,9 @@ def _mean_errors(
 
 
 def _deviations(
-    outcomes: Mapping[str, Outcome], takes: Takes, mode: str
+    outcomes: Mapping[str, Outcome],
+    takes: Takes,
+    mode: str,
 ) -> dict[str, np.ndarray]:
     """Return the standard deviations over time (M, n) in rad of the recordings, and by model: of
     one step at the recorded total variance, or of free-running realisations.
@@ -187,7 +200,11 @@ def _estimate_rows(model: str, numbers: Mapping[str, float], joints: int) -> Row
             low = numbers.get(f"{name}_interval_low", np.nan)
             high = numbers.get(f"{name}_interval_high", np.nan)
             yield evidence_row(
-                value=numbers[name], low=low, high=high, model=model, **place
+                value=numbers[name],
+                low=low,
+                high=high,
+                model=model,
+                **place,
             )
 
 
@@ -198,7 +215,10 @@ def noise_rows(outcomes: Mapping[str, Outcome], training: Recorded) -> Rows:
     """
     for model, outcome in outcomes.items():
         yield from following_rows(
-            outcome.following, "std_correlation", "std_correlation", model
+            outcome.following,
+            "std_correlation",
+            "std_correlation",
+            model,
         )
     joints = training.joints
     modelled = {name: outcome.modelled for name, outcome in outcomes.items()}
@@ -237,7 +257,9 @@ def _mean_error_rows(modelled: Mapping[str, ModelledNoise]) -> Rows:
 
 
 def dexterity_evidence(
-    outcomes: Mapping[str, Outcome], takes: Takes, rng: np.random.Generator
+    outcomes: Mapping[str, Outcome],
+    takes: Takes,
+    rng: np.random.Generator,
 ) -> pd.DataFrame:
     """Return for each model the correlation between ln of ‖J⁺‖ and ln of its total variance, mean
     over the directions of a task step of one size, with Fisher's interval. The poses are drawn
@@ -269,7 +291,9 @@ def dexterity_evidence(
 
 
 def dexterity_poses(
-    chain: Chain, recorded: np.ndarray, rng: np.random.Generator
+    chain: Chain,
+    recorded: np.ndarray,
+    rng: np.random.Generator,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return poses (N, n) in rad drawn within the joint limits, and their ‖J⁺‖ (N,), which is below
     the greatest of the ``recorded`` poses (..., n).

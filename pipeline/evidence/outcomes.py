@@ -66,7 +66,9 @@ class CaseEvidence(NamedTuple):
 
 
 def evaluate(
-    cases: Sequence[Choices], recordings: Recordings, run: Run
+    cases: Sequence[Choices],
+    recordings: Recordings,
+    run: Run,
 ) -> list[CaseEvidence]:
     """Return the evidence of every case; only models of the paper's kinds are filtered."""
 
@@ -99,7 +101,9 @@ def evaluate(
 
 
 def _filter_trials(
-    case: Choices, recordings: Recordings, outcomes: Mapping[str, Outcome]
+    case: Choices,
+    recordings: Recordings,
+    outcomes: Mapping[str, Outcome],
 ) -> dict[str, dict[str, FilterTrial]]:
     """Return by filter the trials of ``case``, by a key that equal trials of all cases share."""
     camera = recordings.cameras.get(case.clock)
@@ -119,7 +123,14 @@ def _filter_trials(
             of_filter = {}
             for number, measured in batch:
                 of_filter[f"{measured.take} {choices}"] = FilterTrial(
-                    name, loop, closed, measured, number, start, case.filter, case.draw
+                    name,
+                    loop,
+                    closed,
+                    measured,
+                    number,
+                    start,
+                    case.filter,
+                    case.draw,
                 )
             trials[names.closed(name) if closed else name] = of_filter
     return trials
@@ -134,7 +145,8 @@ def _loops(result: Outcome, recordings: Recordings) -> dict[bool, Loop]:
 
 
 def _posterior_moments(
-    trial: FilterTrial, recordings: Recordings
+    trial: FilterTrial,
+    recordings: Recordings,
 ) -> PosteriorMoments | str:
     """Return the posterior's moments of one take, or the reason why there are none."""
     chain, rate, seed = (
@@ -169,7 +181,11 @@ def outcome(case: Choices, recordings: Recordings) -> Outcome:
         result.log_score = _log_scores(case, fit, takes)
         drawn = recordings.generator(f"simulate.{case.name}", draw=case.draw)
         realized = realize_recorded(
-            result.model, training, case.mode, recordings.realizations, drawn
+            result.model,
+            training,
+            case.mode,
+            recordings.realizations,
+            drawn,
         )
         result.mean, result.deviation = realized.mean, realized.deviation
         if realized.refused:
@@ -183,7 +199,10 @@ def outcome(case: Choices, recordings: Recordings) -> Outcome:
 
 
 def compare_noise(
-    model: str, result: Outcome, recordings: Recordings, draw: int = 0
+    model: str,
+    result: Outcome,
+    recordings: Recordings,
+    draw: int = 0,
 ) -> None:
     """Add to ``result`` the noise of its ``model`` at the recorded total variance and its tests
     against the recordings, or the reason why there are none.
@@ -198,7 +217,9 @@ def compare_noise(
 
 
 def _papers_estimate(
-    options: Options, recorded: Recorded, fit: Estimate
+    options: Options,
+    recorded: Recorded,
+    fit: Estimate,
 ) -> Estimate | None:
     """Return the estimate of the paper's estimator, for comparison with the published parameters;
     None if the model has no such estimator or it fails.
@@ -235,19 +256,29 @@ def _log_scores(case: Choices, fit: Estimate, takes: Takes) -> dict[str, np.ndar
 
 
 def _log_density(
-    model: MotionModel, training: Recorded, poses: np.ndarray, factor: float
+    model: MotionModel,
+    training: Recorded,
+    poses: np.ndarray,
+    factor: float,
 ) -> np.ndarray:
     """(takes, M) nats of the steps between ``poses`` (takes, M+1, n); NaN at rest without noise."""
     q, q_next = poses[:, :-1], poses[:, 1:]
     v = np.broadcast_to(training.v, (*q.shape[:-1], training.v.shape[-1]))
     if factor:
         return model.log_density(
-            training.chain, q, v, q_next, factor * training.measurement
+            training.chain,
+            q,
+            v,
+            q_next,
+            factor * training.measurement,
         )
     moving = np.any(v, axis=-1)
     density = np.full(moving.shape, np.nan)
     density[moving] = model.log_density(
-        training.chain, q[moving], v[moving], q_next[moving]
+        training.chain,
+        q[moving],
+        v[moving],
+        q_next[moving],
     )
     return density
 
@@ -296,7 +327,9 @@ def case_evidence(
 
 
 def _speed_control(
-    case: Choices, recordings: Recordings, outcomes: Mapping[str, Outcome]
+    case: Choices,
+    recordings: Recordings,
+    outcomes: Mapping[str, Outcome],
 ) -> dict[str, Outcome]:
     """Return by name noise and log scores of the speed law, the control of the other models;
     {} without its fit, where it is among the models, and for free-running realisations.
@@ -361,7 +394,9 @@ def all_filters(
 
 
 def speed_filter(
-    takes: Takes, measured: Sequence[Measurements], dt: float
+    takes: Takes,
+    measured: Sequence[Measurements],
+    dt: float,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the exact posterior of the speed law as :func:`linear_filter`: its steps are the
     commanded ones, and their independent noise does not depend on the pose.

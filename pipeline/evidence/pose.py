@@ -70,7 +70,10 @@ class RunSteps:
     """Steps of one run: noise (M, n) in rad, and pose quantities (M, n) by name in ``shapes``."""
 
     def __init__(
-        self, run: JointRun, chain: Chain, models: Mapping[str, MotionModel]
+        self,
+        run: JointRun,
+        chain: Chain,
+        models: Mapping[str, MotionModel],
     ) -> None:
         q, dq = run.measured[:-1], np.diff(run.command, axis=0)
         self.regular = ~chain.singular(q)
@@ -102,7 +105,8 @@ class RunSteps:
 
 
 def noise_parts(
-    noises: Sequence[ndarray], late: Sequence[ndarray]
+    noises: Sequence[ndarray],
+    late: Sequence[ndarray],
 ) -> dict[str, list[ndarray]]:
     """Return by name all noise of the repetitions of a motion, each (M, n) in rad, and of two or
     more repetitions over their common steps the mean over the repetitions, which is a repeated

@@ -69,7 +69,10 @@ def difference_row(quantity: str, difference: NamedTuple, **keys: object) -> Row
 
 
 def following_rows(
-    tests: pd.DataFrame, correlation: str, prefix: str, model: str
+    tests: pd.DataFrame,
+    correlation: str,
+    prefix: str,
+    model: str,
 ) -> Iterator[Row]:
     """Yield the quantity ``correlation``, and with the ``prefix`` the limit and the powers against
     constant noise and the speed law, of :func:`pipeline.statistics.curves.following_tests`.

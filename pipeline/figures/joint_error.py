@@ -51,7 +51,8 @@ def _draw_bands(axes: Axes, rows: pd.DataFrame) -> None:
 
 
 def sigma_over_horizon(
-    joint_scores: pd.DataFrame, held_out_run: pd.DataFrame
+    joint_scores: pd.DataFrame,
+    held_out_run: pd.DataFrame,
 ) -> Figure:
     """Draw a panel for each joint: standard deviation predicted by the law of the card, and that of
     its errors and of the yardsticks' errors.
@@ -62,7 +63,11 @@ def sigma_over_horizon(
     across = style.panels_across(len(joints))
     lines = -(-len(joints) // across)
     figure, grid = style.panels(
-        style.TWO_COLUMNS, 0.6 + 1.6 * lines, lines, across, sharex=True
+        style.TWO_COLUMNS,
+        0.6 + 1.6 * lines,
+        lines,
+        across,
+        sharex=True,
     )
     for joint, axes in zip(joints, grid.flat, strict=False):
         rows = moving[moving["joint"] == joint]

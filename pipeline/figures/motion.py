@@ -109,7 +109,8 @@ def ridge(ridges: pd.DataFrame, models: list[str]) -> Figure:
         excess.plot(rows["excess"], color=line["color"])
         excess.plot(best.name, best["excess"], **dot, clip_on=False)
         excess.set(
-            ylabel=f"{line['label']}\nexcess objective (unit: caption)", ylim=(0, None)
+            ylabel=f"{line['label']}\nexcess objective (unit: caption)",
+            ylim=(0, None),
         )
         for name, label, dashes in RIDGE_SHAPES:
             look = {"color": line["color"], "linestyle": dashes, "label": label}

@@ -45,7 +45,11 @@ def articulation(cloud: pd.DataFrame, skeleton: pd.DataFrame) -> Figure:
     width, depth = np.ptp(cloud[["x", "z"]].to_numpy(), axis=0)
     height = 1.6 + 2 * (style.ONE_COLUMN - 0.6) * depth / width
     figure, grid = style.panels(
-        style.ONE_COLUMN, height, rows=2, sharex=True, sharey=True
+        style.ONE_COLUMN,
+        height,
+        rows=2,
+        sharex=True,
+        sharey=True,
     )
     dots = {
         "color": style.SKY,
@@ -91,7 +95,9 @@ def kinect_noise(kinect_noise: pd.DataFrame) -> Figure:
         row[1].plot(np.sqrt(rows[column("r", joint, joint)]), **line)
     row[0].axhline(0, color=style.GREY, linewidth=0.5, zorder=0)
     for axes, label in zip(
-        row, ("mean (rad)", "standard deviation (rad)"), strict=True
+        row,
+        ("mean (rad)", "standard deviation (rad)"),
+        strict=True,
     ):
         axes.set(xlabel="time (s)", ylabel=label)
         axes.xaxis.set_major_locator(MultipleLocator(1))
@@ -103,7 +109,9 @@ def kinect_noise(kinect_noise: pd.DataFrame) -> Figure:
 
 
 def filter_errors(
-    filter_error: pd.DataFrame, models: list[str], joints: list[str]
+    filter_error: pd.DataFrame,
+    models: list[str],
+    joints: list[str],
 ) -> Figure:
     """Draw Fig. (PartFiltRes): rows of panels in the order of ``models``, all on one scale."""
     figure, grid = style.model_panels(models, joints, "error (rad)")
@@ -139,7 +147,9 @@ def filter_errors(
 
 
 def filter_closed_loop(
-    filter_error: pd.DataFrame, models: list[str], joints: list[str]
+    filter_error: pd.DataFrame,
+    models: list[str],
+    joints: list[str],
 ) -> Figure:
     """Draw rows of panels in the order of ``models``, the panels of a joint on one scale."""
     figure, grid = style.model_panels(models, joints, "rms error (rad)")
@@ -179,7 +189,10 @@ def recording_quality(takes: pd.DataFrame) -> Figure:
 
     height = 0.62 * len(measures) + 0.9
     figure, grid = style.panels(
-        style.TWO_COLUMNS, height, rows=len(measures), sharex=True
+        style.TWO_COLUMNS,
+        height,
+        rows=len(measures),
+        sharex=True,
     )
     boundaries = np.flatnonzero(listed["part"] != listed["part"].shift())[1:] + 0.5
     for axes, measure in zip(grid[:, 0], measures, strict=True):

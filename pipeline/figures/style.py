@@ -62,10 +62,12 @@ mpl.rcParams.update(
         **dict.fromkeys(["font.size", "axes.titlesize", "axes.labelsize"], 8),
         **dict.fromkeys(["xtick.labelsize", "ytick.labelsize", "legend.fontsize"], 7.5),
         **dict.fromkeys(
-            ["legend.frameon", "axes.spines.top", "axes.spines.right"], False
+            ["legend.frameon", "axes.spines.top", "axes.spines.right"],
+            False,
         ),
         **dict.fromkeys(
-            ["axes.linewidth", "xtick.major.width", "ytick.major.width"], 0.5
+            ["axes.linewidth", "xtick.major.width", "ytick.major.width"],
+            0.5,
         ),
         **dict.fromkeys(["xtick.major.size", "ytick.major.size"], 2.5),
         "legend.handlelength": 2.6,
@@ -73,7 +75,7 @@ mpl.rcParams.update(
         "figure.dpi": 300,  # of rasterised parts of the SVG
         "svg.hashsalt": "manipulator-uncertainty",
         "svg.fonttype": "path",
-    }
+    },
 )
 
 
@@ -106,7 +108,11 @@ def joint_lines(joints: Sequence[str]) -> dict[str, dict]:
 
 
 def panels(
-    width: float, height: float, rows: int = 1, columns: int = 1, **layout: object
+    width: float,
+    height: float,
+    rows: int = 1,
+    columns: int = 1,
+    **layout: object,
 ) -> tuple[Figure, np.ndarray]:
     """Return a figure of ``width`` × ``height`` in inches and its axes (rows, columns)."""
     figure = Figure(figsize=(width, height), layout="constrained")
@@ -140,12 +146,18 @@ def joint_panels(
 
 
 def model_panels(
-    models: Sequence[str], joints: Sequence[str], quantity: str
+    models: Sequence[str],
+    joints: Sequence[str],
+    quantity: str,
 ) -> tuple[Figure, np.ndarray]:
     """Return a figure over time and its axes (models, joints) on one scale, a group per model."""
     across, size = panels_across(len(joints)), (TWO_COLUMNS, 1.25, 0.55)
     figure, grid = joint_panels(
-        len(joints), across, size, groups=len(models), sharey=True
+        len(joints),
+        across,
+        size,
+        groups=len(models),
+        sharey=True,
     )
     for row, line in zip(grid, model_lines(models).values(), strict=True):
         for first in row[::across]:
@@ -174,12 +186,20 @@ def legend(figure: Figure, ncols: int = 4) -> Legend:
     for axes in figure.axes:
         entries |= dict(zip(*axes.get_legend_handles_labels()[::-1], strict=True))
     return figure.legend(
-        entries.values(), entries, loc="outside upper center", ncols=ncols
+        entries.values(),
+        entries,
+        loc="outside upper center",
+        ncols=ncols,
     )
 
 
 def arrow(
-    axes: Axes, start, end, color: str, arrowstyle: str = "-|>", linewidth: float = 0.8
+    axes: Axes,
+    start,
+    end,
+    color: str,
+    arrowstyle: str = "-|>",
+    linewidth: float = 0.8,
 ):
     """Draw an arrow from ``start`` (2,) to ``end`` (2,)."""
     look = {"arrowstyle": arrowstyle, "color": color, "linewidth": linewidth}
@@ -199,7 +219,8 @@ def save(figure: Figure, folder: Path, name: str) -> None:
         axes.set_position(np.round(axes.get_position(original=True).bounds, 6))
     # savefig would compute the layout, and so draw every figure, a second time
     FigureCanvasSVG(figure).print_svg(
-        folder / f"{name}.svg", metadata={"Date": None, "Creator": None}
+        folder / f"{name}.svg",
+        metadata={"Date": None, "Creator": None},
     )
     figure.set_dpi(PNG_RESOLUTION)
     FigureCanvasAgg(figure).print_png(

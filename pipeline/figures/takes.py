@@ -63,7 +63,11 @@ def looks_of_takes(take_paths: pd.DataFrame) -> dict[str, dict]:
 
 
 def draw_takes(
-    axes: Axes, take_paths: pd.DataFrame, right: str, up: str, looks: dict[str, dict]
+    axes: Axes,
+    take_paths: pd.DataFrame,
+    right: str,
+    up: str,
+    looks: dict[str, dict],
 ) -> None:
     """Draw the columns ``up`` over ``right`` of every take in its look, else as STAYING."""
     staying = STAYING | {"label": "takes that stay"}

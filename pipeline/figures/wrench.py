@@ -51,20 +51,26 @@ def cable_robot() -> Figure:
     ):
         for direction, name in zip(frame.T, names, strict=True):
             style.arrow(
-                axes, origin, origin + 0.75 * direction, style.BLACK, arrowstyle="->"
+                axes,
+                origin,
+                origin + 0.75 * direction,
+                style.BLACK,
+                arrowstyle="->",
             )
             axes.text(*(origin + 0.92 * direction), f"${name}$", **CENTRED)
     for i, (local, *states) in enumerate(CABLES, start=1):
         point = turn @ local
         style.arrow(axes, (0, 0), point, style.GREY)
         aside = np.array([-abs(point[1]), np.sign(point[1]) * point[0]]) / np.hypot(
-            *point
+            *point,
         )
         axes.text(*(0.36 * point + 0.28 * aside), f"$r_{i}$", **CENTRED)
         level = np.column_stack([point, point + np.array([1.6, 0])])
         axes.plot(*level, color=style.GREY, linestyle=":", linewidth=0.7)
         for (degrees, tension), (symbol, radius, line) in zip(
-            states, STATES, strict=True
+            states,
+            STATES,
+            strict=True,
         ):
             along, color = unit_vector(np.radians(degrees)), line["color"]
             tip = point + tension * along
@@ -74,7 +80,7 @@ def cable_robot() -> Figure:
             axes.add_patch(Arc(point, **size, color=color, linewidth=0.7))
             # clear of the platform for a long arc
             middle = point + (radius + 0.3) * unit_vector(
-                np.radians(min(degrees / 2, 70))
+                np.radians(min(degrees / 2, 70)),
             )
             for place, name in ((tip + 0.45 * along, "T"), (middle, r"\theta")):
                 axes.text(*place, f"${symbol.format(name, i)}$", color=color, **CENTRED)
@@ -115,7 +121,9 @@ def wrench_density(
     """Draw Fig. (WrenchExprmnt): one range and one colour scale for all ``configurations``."""
     layout = {"rows": len(configurations), "columns": 3, "width_ratios": (1.3, 1, 1)}
     figure, grid = style.panels(
-        style.TWO_COLUMNS, 0.4 + 1.75 * layout["rows"], **layout
+        style.TWO_COLUMNS,
+        0.4 + 1.75 * layout["rows"],
+        **layout,
     )
     tension = max(max(robots.tension) for robots in configurations.values())
     limits = [(force_density[c].min(), force_density[c].max()) for c in ("fx", "fy")]
@@ -123,7 +131,8 @@ def wrench_density(
     cross = {"color": style.SKY, "markersize": 6, "markeredgewidth": 1.0}
     for row, (name, robots) in zip(grid, configurations.items(), strict=True):
         pulls = np.multiply(
-            robots.tension, [np.cos(robots.direction), np.sin(robots.direction)]
+            robots.tension,
+            [np.cos(robots.direction), np.sin(robots.direction)],
         )
         _draw_robots(row[0], robots, pulls, ROBOTS * tension)
         row[0].set_title(style.plain_label(name), loc="left", fontweight="bold")
@@ -144,17 +153,26 @@ def wrench_density(
     for axes in grid[-1, 1:]:
         axes.set_xlabel("$F_x$ (N)")
     for axes, title in zip(
-        grid[0], ("robots", recordings, "matrix model"), strict=True
+        grid[0],
+        ("robots", recordings, "matrix model"),
+        strict=True,
     ):
         axes.set_title(title)
     figure.colorbar(
-        image, ax=grid[:, 1:], label="density (N$^{-2}$)", shrink=0.5, aspect=30
+        image,
+        ax=grid[:, 1:],
+        label="density (N$^{-2}$)",
+        shrink=0.5,
+        aspect=30,
     )
     return figure
 
 
 def _draw_robots(
-    axes: Axes, robots: Arrangement, pulls: np.ndarray, far: float
+    axes: Axes,
+    robots: Arrangement,
+    pulls: np.ndarray,
+    far: float,
 ) -> None:
     """Draw cables from the platform to the robots, and the robots' forces ``pulls`` (2, m) in N."""
     circle = {
@@ -167,7 +185,10 @@ def _draw_robots(
     for i, (direction, tension, pull) in enumerate(cables, start=1):
         robot = far * unit_vector(direction)
         axes.plot(
-            *np.column_stack([(0, 0), robot]), color=style.GREY, linewidth=0.8, zorder=1
+            *np.column_stack([(0, 0), robot]),
+            color=style.GREY,
+            linewidth=0.8,
+            zorder=1,
         )
         axes.plot(*robot, "o", **circle)
         axes.text(*robot, str(i), **CENTRED)
@@ -204,7 +225,9 @@ def wrench_marginals(wrench_marginals: pd.DataFrame, recordings: str) -> Figure:
             for source, look in LINES.items():
                 curve = curves[curves["source"] == source]
                 axes.plot(
-                    curve["value"], curve["density"], **{"label": recordings} | look
+                    curve["value"],
+                    curve["density"],
+                    **{"label": recordings} | look,
                 )
             label = f"$F_{row[1]}$ (N)" if row[0] == "f" else rf"$M_{row[1]}/\ell$ (N)"
             axes.set(xlabel=label, ylim=(0, None), yticks=[])

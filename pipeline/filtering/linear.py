@@ -85,7 +85,10 @@ def _posterior(
 
 
 def _innovations(
-    path: ndarray, covariance: ndarray, frames: Frames, observation: ndarray
+    path: ndarray,
+    covariance: ndarray,
+    frames: Frames,
+    observation: ndarray,
 ) -> tuple[ndarray, ndarray, ndarray]:
     """Return the innovations (F, n) in rad of the ``frames``, the covariances HP (F, n, M+1, n) of
     each frame with each pose, and S (F, n, F, n), in rad².
@@ -110,7 +113,9 @@ def _innovations(
 
 
 def baseline_predictions(
-    training: ndarray, poses: ndarray, measurement: ndarray
+    training: ndarray,
+    poses: ndarray,
+    measurement: ndarray,
 ) -> dict[str, tuple[ndarray, ndarray]]:
     """Return the prediction errors (..., K − 1, n) in rad of ``poses`` (..., K, n) and the
     predicted covariances (K − 1, n, n) in rad², by baseline. MEMORY uses the pose y_k = e_k + N(0,
@@ -132,7 +137,10 @@ def baseline_predictions(
 
 
 def autocorrelated_filter(
-    poses: ndarray, measurement: ndarray, takes: Sequence[Measurements], dt: float
+    poses: ndarray,
+    measurement: ndarray,
+    takes: Sequence[Measurements],
+    dt: float,
 ) -> tuple[ndarray, ndarray]:
     """Return the result of :func:`linear_filter` with the law of the training takes. ``poses``
     (takes, K, n) rad are the training takes, ``measurement`` (n, n) rad² is the covariance of the

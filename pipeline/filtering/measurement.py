@@ -101,7 +101,7 @@ def measurements(angles: pd.DataFrame, noise: pd.DataFrame) -> list[Measurements
                 y=values(rows, "q"),
                 bias=values(noise_of_frames, "b"),
                 covariance=matrices(noise_of_frames, "r", joints),
-            )
+            ),
         )
     return takes
 

@@ -69,7 +69,10 @@ class FilterTrial:
 
 
 def take_posterior(
-    trial: FilterTrial, chain: Chain, rate: float, seed: int
+    trial: FilterTrial,
+    chain: Chain,
+    rate: float,
+    seed: int,
 ) -> Posterior:
     """Return the posterior of one take of a motion at ``rate`` steps per second. The random stream
     belongs to model, loop, draw and take.
@@ -205,7 +208,11 @@ def _move_by_draws(
 
 
 def initial_particles(
-    start: Start, chain: Chain, count: int, rng: Generator, take: str
+    start: Start,
+    chain: Chain,
+    count: int,
+    rng: Generator,
+    take: str,
 ) -> tuple[ndarray, int]:
     """Return (count, n) draws in rad of the ``start`` within D_q, and the number of rejected draws.
     Raises ModelDomainError for a covariance that is not finite, and DegenerateFilterError where

@@ -255,7 +255,11 @@ def update(k, setting, before, q, particles, record, rng):
     frames, n, count = setting.frames, len(q), len(weights)
     if k > 0:
         record.outside[k] = keep_inside(
-            setting.limits, before, q, log_weights, scratch[0]
+            setting.limits,
+            before,
+            q,
+            log_weights,
+            scratch[0],
         )
     for frame in range(frames.first[k], frames.first[k + 1]):
         weigh(frames, frame, before, q, log_weights, scratch)
@@ -281,7 +285,15 @@ def update(k, setting, before, q, particles, record, rng):
 
 @compiled
 def sequential_importance_sampling(
-    law, arm, block, commands, setting, q, particles, record, rng
+    law,
+    arm,
+    block,
+    commands,
+    setting,
+    q,
+    particles,
+    record,
+    rng,
 ):
     """Fill the ``record`` of particles that the compiled ``law`` moves from their first poses ``q``
     (n, P) in rad, which are overwritten. Return the step at which all weights vanished, or −1.

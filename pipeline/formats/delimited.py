@@ -126,7 +126,10 @@ def numbers_of(
 
 
 def _fast_numbers(
-    rows: list[str], columns: list[int], separator: str, decimal: str
+    rows: list[str],
+    columns: list[int],
+    separator: str,
+    decimal: str,
 ) -> np.ndarray:
     """Return the numbers (N, len(columns)), (0, 0) where a cell is no number."""
     try:
@@ -196,7 +199,7 @@ def counts_on(cells: list[str]) -> bool:
         return False
     numbers = [int(cell) for cell in cells[1:] if re.fullmatch(r"\d{1,4}", cell)]
     return bool(numbers) and numbers == [
-        *range(numbers[0], numbers[0] + len(cells) - 1)
+        *range(numbers[0], numbers[0] + len(cells) - 1),
     ]
 
 
@@ -226,7 +229,10 @@ def separator_of(line: str) -> str:
 
 
 def with_nanoseconds(
-    rows: list[str], labels: list[str], mark: str, sign: str
+    rows: list[str],
+    labels: list[str],
+    mark: str,
+    sign: str,
 ) -> list[str]:
     """Return the ``rows`` with whole nanoseconds, of a column right of whole seconds by the
     ``labels``, as fraction of the seconds also: secs and nsecs, or sec and nanosec.

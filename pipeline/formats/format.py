@@ -174,7 +174,11 @@ def advised(advice: str, **evidence: object) -> Iterator[None]:
 
 
 def compare_announced(
-    items: str, announced: float | None, number: int, refusal: str = "", **where: object
+    items: str,
+    announced: float | None,
+    number: int,
+    refusal: str = "",
+    **where: object,
 ) -> dict[str, int]:
     """Return the counts ``announced_ITEMS`` (None: not stated), ``found_ITEMS`` (the ``number``
     that is there) and, unless 0, ``lacking_ITEMS`` or ``surplus_ITEMS``; RecordingError (``where``)

@@ -157,7 +157,10 @@ class Sheet:
         )
 
     def samples(
-        self, columns: list[int], clock: int | None = None, at: Collection[int] = ()
+        self,
+        columns: list[int],
+        clock: int | None = None,
+        at: Collection[int] = (),
     ) -> Samples:
         """Return the rows with a number in one of the columns ``at`` (default all but ``clock``),
         between the first and the last number of each column. A missing cell is interpolated
@@ -293,7 +296,10 @@ def _sheet(
         units=layout.units,
         label_line=layout.label_line,
         rows=delimited.with_nanoseconds(
-            layout.rows, layout.labels, layout.separator, decimal
+            layout.rows,
+            layout.labels,
+            layout.separator,
+            decimal,
         ),
         lines=layout.lines,
         separator=layout.separator,

@@ -109,7 +109,9 @@ def _summary(file: Path) -> Summary:
 
 
 def _compared_counts(
-    reader: Any, topics: Collection[str], announced: int
+    reader: Any,
+    topics: Collection[str],
+    announced: int,
 ) -> dict[str, int]:
     """Return the counts of messages of the ``topics``, if the bag's storages also state numbers."""
     storages = getattr(getattr(reader, "storage", None), "storages", ())
@@ -196,7 +198,11 @@ def _stream(file: Path, topic: str) -> Iterator[Any]:
                 yield _decoder(connection)(raw)
         where = {"file": file, "topic": topic}
         compare_announced(
-            "messages", announced, number, "truncated or damaged", **where
+            "messages",
+            announced,
+            number,
+            "truncated or damaged",
+            **where,
         )
 
 
@@ -217,7 +223,10 @@ def _topic_list(types: dict[str, str]) -> str:
 
 
 def image_pixels(
-    message: object, *, shape: tuple[int, int], **evidence: object
+    message: object,
+    *,
+    shape: tuple[int, int],
+    **evidence: object,
 ) -> np.ndarray:
     """Return the pixels (H, W) of an Image of ``shape`` = (H, W): uint16 (16UC1) or float32
     (32FC1), either byte order, rows padded or not. RecordingError (with ``evidence``) for another
@@ -234,7 +243,11 @@ def image_pixels(
 
 
 def _records(
-    message: object, row: int, kind: np.dtype, items: str, evidence: dict
+    message: object,
+    row: int,
+    kind: np.dtype,
+    items: str,
+    evidence: dict,
 ) -> np.ndarray:
     """Return the items (height, width) of ``kind`` in a message whose rows have ``row`` bytes."""
     height, width = message.height, message.width
@@ -276,7 +289,11 @@ def cloud_points(message: object, **evidence: object) -> np.ndarray:
 
 
 def camera_info(
-    message: object, *, width: int, height: int, **evidence: object
+    message: object,
+    *,
+    width: int,
+    height: int,
+    **evidence: object,
 ) -> Intrinsics:
     """Return the intrinsics from K and D of a CameraInfo of ``width`` × ``height`` pixels;
     RecordingError (with ``evidence``) for another size, a zero K and another distortion model.
@@ -371,7 +388,10 @@ def _link_without_foreign(file: Path, folder: Path) -> dict[str, str]:
 
 @lru_cache(maxsize=64)
 def _types(
-    kind: str, definition: MessageDefinition, digest: str, form: str
+    kind: str,
+    definition: MessageDefinition,
+    digest: str,
+    form: str,
 ) -> Typestore:
     if form not in (ROS1, ROS2):
         raise RecordingError(FOREIGN.format(kind, form))
@@ -380,7 +400,7 @@ def _types(
         if kind not in store.fielddefs:
             raise RecordingError(
                 f"the bag has no definition of {kind}: `ros2 bag convert` it to an MCAP, which has "
-                "the definitions of its types"
+                "the definitions of its types",
             )
         return store
     store = get_typestore(Stores.EMPTY)

@@ -26,7 +26,7 @@ HEADER_END = "***End_of_Header***"
 MEND = "export it again, or mend the line"
 # number with a mark for thousands and a decimal mark, or with two marks for thousands
 THOUSANDS = re.compile(
-    r"[+-]?\d{1,3}(?:([.'\u2019 ])\d{3}(?:\1\d{3})*,\d+|([,'\u2019 ])\d{3}(?:\2\d{3})*\.\d+)"
+    r"[+-]?\d{1,3}(?:([.'\u2019 ])\d{3}(?:\1\d{3})*,\d+|([,'\u2019 ])\d{3}(?:\2\d{3})*\.\d+)",
 )
 
 
@@ -185,7 +185,12 @@ def is_thousands(cell: str) -> bool:
 
 
 def _first_row(
-    lines: list[str], start: int, mark: str, numeric: list[int], width: int, file: Path
+    lines: list[str],
+    start: int,
+    mark: str,
+    numeric: list[int],
+    width: int,
+    file: Path,
 ) -> int:
     """Return the first line from ``start`` on with only numbers in ``numeric`` cells, or with no
     content above such a line; RecordingError for none.

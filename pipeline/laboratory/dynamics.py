@@ -60,7 +60,10 @@ Commanded = TrajectoryOptions | JointPath
 
 
 def _require_followable(
-    chain: Chain, q: np.ndarray, speed: np.ndarray, motion: str
+    chain: Chain,
+    q: np.ndarray,
+    speed: np.ndarray,
+    motion: str,
 ) -> None:
     slow = np.all(np.abs(speed) <= (1 + ROUNDING) * chain.max_speed, axis=1)
     lower, upper, fastest = chain.lower, chain.upper, chain.max_speed
@@ -118,7 +121,9 @@ def desired_trajectory(chain: Chain, options: TrajectoryOptions) -> pd.DataFrame
 
 
 def lagged_noise(
-    shape: tuple[int, ...], steps_per_lag: float, rng: Generator
+    shape: tuple[int, ...],
+    steps_per_lag: float,
+    rng: Generator,
 ) -> np.ndarray:
     """Draw stationary normal paths of variance 1 along the last axis: white noise behind LAGS."""
     from scipy.signal import lfilter
@@ -174,7 +179,10 @@ class Chance(NamedTuple):
 
 
 def draw(
-    chain: Chain, motion: Commanded, options: DynamicsOptions, rng: Generator
+    chain: Chain,
+    motion: Commanded,
+    options: DynamicsOptions,
+    rng: Generator,
 ) -> Chance:
     """Draw the variates of one take, which depend on ``motion`` only by its duration."""
     n, m, rate = len(chain.lower), len(chain.task), options.rate
@@ -310,7 +318,10 @@ class DepthFrames(NamedTuple):
 
 
 def depth_frames(
-    take: Swing, duration: float, clock: ClockOptions, rng: Generator
+    take: Swing,
+    duration: float,
+    clock: ClockOptions,
+    rng: Generator,
 ) -> DepthFrames:
     """Draw the frames of a take of ``duration`` s."""
     frames = np.arange(int(duration * clock.rate) + 1) / clock.rate
@@ -322,7 +333,9 @@ def depth_frames(
 
 
 def log_joints(
-    take: Swing, trajectory: TrajectoryOptions, encoders: EncoderOptions
+    take: Swing,
+    trajectory: TrajectoryOptions,
+    encoders: EncoderOptions,
 ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """Return times (N,) in s on the motion clock and the signals ``target`` and ``actual``, each
     (N, n) in rad. The encoders measure the motors' angles, rounded to the encoders' resolution,

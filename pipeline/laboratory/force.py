@@ -26,7 +26,9 @@ class RiggedForce(NamedTuple):
 
 
 def _autoregressive(
-    innovation: np.ndarray, decay: float, start: np.ndarray
+    innovation: np.ndarray,
+    decay: float,
+    start: np.ndarray,
 ) -> np.ndarray:
     """Return x (N, m), x_k = decay·x_{k−1} + innovation_k, with x_{−1} = ``start`` (m,)."""
     from scipy.signal import lfilter
@@ -35,7 +37,11 @@ def _autoregressive(
 
 
 def wander(
-    sd: np.ndarray, correlation_time: float, samples: int, rate: float, rng: Generator
+    sd: np.ndarray,
+    correlation_time: float,
+    samples: int,
+    rate: float,
+    rng: Generator,
 ) -> np.ndarray:
     """Draw exact Ornstein–Uhlenbeck paths (samples, m) of standard deviation ``sd`` (m,)."""
     decay = np.exp(-1 / (rate * correlation_time))
@@ -46,7 +52,11 @@ def wander(
 
 
 def slipping(
-    sd: np.ndarray, robots: Robots, samples: int, rate: float, rng: Generator
+    sd: np.ndarray,
+    robots: Robots,
+    samples: int,
+    rate: float,
+    rng: Generator,
 ) -> np.ndarray:
     """Draw the deviation (samples, m) in N of the tension from its mean by wheel slip, with
     standard deviation ``sd`` (m,): shot noise, exact in law at ``rate`` (Hz). The loss of tension
@@ -66,7 +76,11 @@ def slipping(
 
 
 def directions(
-    cables: Arrangement, robots: Robots, samples: int, rate: float, rng: Generator
+    cables: Arrangement,
+    robots: Robots,
+    samples: int,
+    rate: float,
+    rng: Generator,
 ) -> np.ndarray:
     """Draw unit vectors (samples, m, 3) that wander about the mean directions of ``cables``, with
     the mean resultant length of a von Mises–Fisher law of concentration κ (option of the robots).

@@ -30,7 +30,9 @@ Window = tuple[slice, slice]  # rows and columns of an image
 
 
 def place_solid(
-    ends: np.ndarray, rotation: np.ndarray, translation: np.ndarray
+    ends: np.ndarray,
+    rotation: np.ndarray,
+    translation: np.ndarray,
 ) -> np.ndarray:
     """Return the prism with every point p moved to ``rotation @ p + translation``."""
     return (ends[..., None, :] * rotation).sum(axis=-1) + translation
@@ -95,7 +97,8 @@ def _static_solids(chain: PlanarChain, options: SceneOptions) -> list[np.ndarray
 
 
 def _arm_solids(
-    chain: PlanarChain, options: SceneOptions
+    chain: PlanarChain,
+    options: SceneOptions,
 ) -> list[tuple[int, np.ndarray]]:
     """Return (index of the link, solid in the link's segment frame) of all solids of the arm."""
     first, second, third = chain.lengths
@@ -127,7 +130,9 @@ def _arccos(cosine: np.ndarray) -> np.ndarray:
 
 
 def cast(
-    solid: np.ndarray, x: np.ndarray, y: np.ndarray
+    solid: np.ndarray,
+    x: np.ndarray,
+    y: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return depth (h, w) in m along z (infinite if the ray misses the ``solid``) and grazing angle
     (h, w) in rad of the rays (x, y, 1), ``x`` (w,), ``y`` (h,), in the camera's frame. Raises
@@ -216,7 +221,11 @@ class DepthCamera:
         return place_solid(solid, self._rotation.T, -self._rotation.T @ self._position)
 
     def _draw(
-        self, solid, window: Window, depth: np.ndarray, grazing: np.ndarray
+        self,
+        solid,
+        window: Window,
+        depth: np.ndarray,
+        grazing: np.ndarray,
     ) -> None:
         """Draw a solid, given in the camera's frame, into the ``window`` of the images."""
         images = cast(solid, self._x[window[1]], self._y[window[0]])

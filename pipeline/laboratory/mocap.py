@@ -23,14 +23,20 @@ Base = tuple[np.ndarray, np.ndarray]
 
 
 def place_markers(
-    template: np.ndarray, options: MocapOptions, rng: Generator
+    template: np.ndarray,
+    options: MocapOptions,
+    rng: Generator,
 ) -> np.ndarray:
     """Draw the true positions (..., 3) m of a session's markers, planned at ``template``."""
     return template + options.placement_std * rng.standard_normal(template.shape)
 
 
 def bursts(
-    frames: int, shape: tuple[int, ...], rate: float, mean: float, rng: Generator
+    frames: int,
+    shape: tuple[int, ...],
+    rate: float,
+    mean: float,
+    rng: Generator,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Draw the masks (frames, *shape) of frames that start a burst, and of frames in a burst."""
     starts = rng.random((frames, *shape)) < rate
@@ -45,7 +51,9 @@ def bursts(
 
 
 def _exchange_labels(
-    observed: np.ndarray, options: MocapOptions, rng: Generator
+    observed: np.ndarray,
+    options: MocapOptions,
+    rng: Generator,
 ) -> np.ndarray:
     """Return the positions (N, 3, 3, xyz) with two labels of a link exchanged during bursts."""
     frames = observed.shape[0]
@@ -63,7 +71,9 @@ def _exchange_labels(
 
 
 def _lose_labels(
-    observed: np.ndarray, options: MocapOptions, rng: Generator
+    observed: np.ndarray,
+    options: MocapOptions,
+    rng: Generator,
 ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """Return the positions (N, 9, 3) without the labels lost in bursts, and name → positions (N, 3)
     of the resulting unlabeled markers.

@@ -30,7 +30,8 @@ class TrajectoryOptions:
     def _consistent(self) -> Self:
         if len(self.folded) != len(self.extended):
             raise Fault(
-                "extended", "folded and extended must have an angle for every joint"
+                "extended",
+                "folded and extended must have an angle for every joint",
             )
         if 2 * self.ramp > self.duration / 2 - 2 * self.rest:
             message = f"twice rest and ramp must fit into half the duration of {self.duration} s"
@@ -192,7 +193,8 @@ class Robots:
     def _one_value_each(self) -> Self:
         if len(self.tension_sd) != len(self.concentration):
             raise Fault(
-                "concentration", "tension_sd and concentration need one value per robot"
+                "concentration",
+                "tension_sd and concentration need one value per robot",
             )
         return self
 

@@ -50,7 +50,9 @@ def replicate(
 
 
 def spreads(
-    replicates: list[Estimates | None], estimates: Estimates, takes: int
+    replicates: list[Estimates | None],
+    estimates: Estimates,
+    takes: int,
 ) -> dict[str, Spread]:
     """Return the spread of every one of the ``estimates`` from ``takes`` takes that all replicates
     have. The interval is centred on the estimate: percentiles of the replicates are shifted by the

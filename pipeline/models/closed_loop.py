@@ -154,7 +154,9 @@ class StateSpace(NamedTuple):
 
 
 def closed_loop_of(
-    recorded: Recorded, options: Options, open_estimate: Estimate
+    recorded: Recorded,
+    options: Options,
+    open_estimate: Estimate,
 ) -> tuple[ClosedLoopFit | None, str]:
     """Return the result of :func:`fit_closed_loop`, or None and the reason for a failed fit."""
     if not options.closed_loop:
@@ -166,7 +168,9 @@ def closed_loop_of(
 
 
 def fit_closed_loop(
-    recorded: Recorded, options: Options, open_estimate: Estimate
+    recorded: Recorded,
+    options: Options,
+    open_estimate: Estimate,
 ) -> ClosedLoopFit:
     """Estimate κ and the model's parameters alternately, from ``open_estimate`` until κ converges.
     Raises ModelDomainError for a single take, unknown measurement noise or a model without a
@@ -175,7 +179,8 @@ def fit_closed_loop(
     poses, path = recorded.poses, mean_path(recorded)
     if len(poses) < 2:
         raise ModelDomainError(
-            "the mean path of a closed loop needs two takes", takes=len(poses)
+            "the mean path of a closed loop needs two takes",
+            takes=len(poses),
         )
     deviation = poses - path.poses
     share, estimate = 0.5, open_estimate
@@ -196,7 +201,10 @@ def fit_closed_loop(
 
 
 def state_space(
-    model: MotionModel, recorded: Recorded, path: MeanPath, share: float
+    model: MotionModel,
+    recorded: Recorded,
+    path: MeanPath,
+    share: float,
 ) -> StateSpace:
     """Return the law of deviations from ``path`` under ``model``; the noise covariance is taken at
     the commands of the loop with ``share`` κ. ModelDomainError without a mean or covariance.
@@ -248,7 +256,9 @@ def most_likely_share(space: StateSpace, deviation: ndarray) -> tuple[float, flo
 
 
 def take_log_likelihoods(
-    space: StateSpace, deviation: ndarray, shares: ndarray
+    space: StateSpace,
+    deviation: ndarray,
+    shares: ndarray,
 ) -> ndarray:
     """Log-likelihoods (K, takes), up to a constant, of ``deviation`` (takes, M+1, n) in rad for
     each κ of ``shares`` (K,), given the first pose after each rest. −inf for a κ with an innovation
@@ -291,7 +301,9 @@ def _transitions(space: StateSpace, shares: ndarray) -> ndarray:
 
 
 def _after_rest(
-    space: StateSpace, deviation: ndarray, grid: int
+    space: StateSpace,
+    deviation: ndarray,
+    grid: int,
 ) -> tuple[ndarray, ndarray]:
     """Return mean (K, takes, 2n) and covariance (K, 2n, 2n), K = ``grid``, given the first measured
     ``deviation`` (takes, n) after a rest.
@@ -307,7 +319,10 @@ def _after_rest(
 
 
 def _predict(
-    mean: ndarray, covariance: ndarray, transition: ndarray, added: ndarray
+    mean: ndarray,
+    covariance: ndarray,
+    transition: ndarray,
+    added: ndarray,
 ) -> tuple[ndarray, ndarray]:
     """Return mean and covariance after a step with noise of the covariance ``added``."""
     transposed = transition.swapaxes(-1, -2)
@@ -315,7 +330,10 @@ def _predict(
 
 
 def _condition(
-    mean: ndarray, covariance: ndarray, weighted: ndarray, precision: ndarray
+    mean: ndarray,
+    covariance: ndarray,
+    weighted: ndarray,
+    precision: ndarray,
 ) -> tuple[ndarray, ndarray]:
     """Return mean and covariance given a measurement of e + b, by its innovation times the
     ``precision``, ``weighted``.

@@ -40,7 +40,12 @@ def _solve(problem: cp.Problem, **evidence: object) -> float:
 
 
 def solve_perturbation(
-    noise: ndarray, v: ndarray, j1: ndarray, j2: ndarray, weights: Weights, floor: float
+    noise: ndarray,
+    v: ndarray,
+    j1: ndarray,
+    j2: ndarray,
+    weights: Weights,
+    floor: float,
 ) -> tuple[ndarray, float]:
     """Return B⁻¹ (m, m) and the objective F of (BsampOpt), with (const10) as B⁻¹ ⪰ εI.
 
@@ -64,7 +69,11 @@ def solve_perturbation(
 
 
 def solve_noise_covariance(
-    norm: float, alpha: float, u: float, n: int, m: int
+    norm: float,
+    alpha: float,
+    u: float,
+    n: int,
+    m: int,
 ) -> ndarray:
     """(m, m) Σ_k of (cost)–(const2) for a matrix J (n, m) of ``norm`` ‖J‖_F: maximise ln|Σ| subject
     to tr{nΣ} ≤ α²(u² − ‖J‖_F²), Σ ≥ 0, with scale ``alpha`` α and bound ``u``. The unit of the
@@ -108,7 +117,11 @@ def perturbation_gap(
 
 
 def noise_covariance_gap(
-    norms: ndarray, alpha: float, u: float, n: int, m: int
+    norms: ndarray,
+    alpha: float,
+    u: float,
+    n: int,
+    m: int,
 ) -> float:
     """Greatest relative difference between the closed-form Σ_k of (cost)–(const2) and the solver's
     Σ_k, at ``norms`` (K,) ‖J̲_k⁺‖_F of matrices (n, m). Raises SolverError.

@@ -24,7 +24,11 @@ def compiled_arm(chain: Chain) -> tuple[ArmConstants, ndarray]:
 
 
 def draw_steps(
-    model: MotionModel, chain: Chain, q: ndarray, v: ndarray, rng: Generator
+    model: MotionModel,
+    chain: Chain,
+    q: ndarray,
+    v: ndarray,
+    rng: Generator,
 ) -> tuple[ndarray, int]:
     """Return one draw of q_{k+1} for each pose of ``q`` (..., n) in rad, and the number of draws
     with a noise covariance clipped at zero.
@@ -60,7 +64,12 @@ def draw_steps(
 
 
 def realize(
-    model: MotionModel, chain: Chain, q: ndarray, v: ndarray, mode: str, rng: Generator
+    model: MotionModel,
+    chain: Chain,
+    q: ndarray,
+    v: ndarray,
+    mode: str,
+    rng: Generator,
 ) -> tuple[ndarray, int, int]:
     """Realise the motion once for each take of the recorded angles ``q`` (N, M+1, n) in rad, under
     the commands ``v`` (M, m) or (M, m + n). Return the angles (N, M+1, n) in rad and the numbers of
@@ -108,7 +117,11 @@ class RealizedMoments(NamedTuple):
 
 
 def realize_recorded(
-    model: MotionModel, recorded: Recorded, mode: str, count: int, rng: Generator
+    model: MotionModel,
+    recorded: Recorded,
+    mode: str,
+    count: int,
+    rng: Generator,
 ) -> RealizedMoments:
     """Return the moments of ``count`` realisations by :func:`realize` that start at the poses of
     the takes of ``recorded`` in turn; raises as :func:`realize` and :func:`realized_moments`.
@@ -127,7 +140,11 @@ def realize_recorded(
 
 
 def realized_moments(
-    chain: Chain, q: ndarray, v: ndarray, mode: str, realized: ndarray
+    chain: Chain,
+    q: ndarray,
+    v: ndarray,
+    mode: str,
+    realized: ndarray,
 ) -> tuple[ndarray, ndarray]:
     """Return mean and standard deviation (M+1, n) in rad of the ``realized`` angles (N, M+1, n)
     from the poses ``q`` (N, M+1, n) in rad, as in :class:`RealizedMoments`. Raises ModelDomainError

@@ -51,7 +51,7 @@ def move(law, arm, block, command, target, share, q, moved, rng) -> int:
     """
     if law.kind not in LAWS:
         raise ModelDomainError(
-            "the compiled step has no law of this kind; use one of model.py"
+            "the compiled step has no law of this kind; use one of model.py",
         )
     n = len(arm.sliding)
     m = len(arm.rows)
@@ -73,7 +73,13 @@ def move(law, arm, block, command, target, share, q, moved, rng) -> int:
         lower = rows.lower
         inverse.cholesky(block, rows.jacobian, lower, rows.inverse, m, n, 0.0, count)
         singular = inverse.mark_singular(
-            block, arm, rows.jacobian, lower, rows.spare, rows.singular, count
+            block,
+            arm,
+            rows.jacobian,
+            lower,
+            rows.spare,
+            rows.singular,
+            count,
         )
         if law.kind == laws.QR_TRANSPOSED_LAW:
             inverse.solve_lower(block, lower, rows.inverse, m, rows.task, count)

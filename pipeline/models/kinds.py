@@ -37,7 +37,8 @@ def kinds() -> list[str]:
 def sources(kind: str) -> list[Path]:
     """Files by which a model of ``kind`` is built and fitted."""
     return imported_sources(
-        [f"pipeline.models.{kind}.{name}" for name in ("law", "fit")], ANYWHERE
+        [f"pipeline.models.{kind}.{name}" for name in ("law", "fit")],
+        ANYWHERE,
     )
 
 
@@ -49,7 +50,8 @@ def options_type(kind: object) -> type:
     """Type of the options of a model of ``kind``; raises ConfigError for an unknown kind."""
     if kind not in kinds():
         raise ConfigError(
-            f"kind: no kind {kind!r}; there are {', '.join(kinds())}", key="kind"
+            f"kind: no kind {kind!r}; there are {', '.join(kinds())}",
+            key="kind",
         )
     return _fit(kind).Options
 
@@ -109,7 +111,9 @@ def fitted_model(folder: Path) -> MotionModel:
 
 
 def fitted_models(
-    names: Iterable[str], folder: Path, stage: str
+    names: Iterable[str],
+    folder: Path,
+    stage: str,
 ) -> dict[str, MotionModel]:
     """Fitted models of ``names`` in ``folder``; prints ``stage`` and reason of a missing fit."""
     models = {}

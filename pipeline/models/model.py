@@ -67,7 +67,11 @@ def task_step(chain: Mechanism, command: ndarray) -> ndarray:
 
 
 def corrected_command(
-    chain: Mechanism, q: ndarray, v: ndarray, target: ndarray, share: float
+    chain: Mechanism,
+    q: ndarray,
+    v: ndarray,
+    target: ndarray,
+    share: float,
 ) -> ndarray:
     """Commands v + κ(x* − x(q)) (..., m) or (..., m + n) of a closed loop with ``share`` κ at the
     poses ``q`` (..., n) in rad, x* the ``target`` poses (..., p) of the tip.
@@ -119,7 +123,8 @@ def trace_factor(covariances: ndarray, trace: float) -> float:
 
 
 def without_measurement(
-    covariance: ndarray, measurement: ndarray
+    covariance: ndarray,
+    measurement: ndarray,
 ) -> tuple[ndarray, int]:
     """Return ``covariance`` minus ``measurement`` (n, n) in rad² with negative variances set to
     zero, and the number of negative variances.
@@ -170,7 +175,11 @@ class MotionModel(ABC):
 
     @abstractmethod
     def with_trace(
-        self, chain: Mechanism, q: ndarray, v: ndarray, trace: float
+        self,
+        chain: Mechanism,
+        q: ndarray,
+        v: ndarray,
+        trace: float,
     ) -> "MotionModel":
         """Return the model with the noise level (σ_B, α or a factor on a covariance) at which the
         covariances of the steps have the mean ``trace`` > 0 in rad². ModelDomainError if none has.
@@ -181,7 +190,11 @@ class MotionModel(ABC):
         return q + chain.nominal_step(q, v)
 
     def sample(
-        self, chain: Mechanism, q: ndarray, v: ndarray, rng: Generator
+        self,
+        chain: Mechanism,
+        q: ndarray,
+        v: ndarray,
+        rng: Generator,
     ) -> ndarray:
         """(..., n) one draw of q_{k+1} for each pose, with NumPy alone; the compiled
         :func:`pipeline.models.draws.draw_steps` is many times as fast.

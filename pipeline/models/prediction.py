@@ -39,12 +39,15 @@ def score_take(
         return score_steps(model, recorded, poses)
     except SingularJacobianError as error:
         raise SingularJacobianError(
-            error.message, **error.evidence | {"take": take}
+            error.message,
+            **error.evidence | {"take": take},
         ) from None
 
 
 def score_steps(
-    model: MotionModel, recorded: Recorded, poses: ndarray
+    model: MotionModel,
+    recorded: Recorded,
+    poses: ndarray,
 ) -> tuple[Steps, dict[str, str]]:
     """Scores by name of the steps between the measured ``poses`` (M+1, n) in rad of one take under
     the commands of ``recorded``, with Σ_m added, and the reasons for missing (NaN) scores.
@@ -88,7 +91,7 @@ def normal_steps(error: ndarray, covariance: ndarray) -> tuple[Steps, dict[str, 
     except ModelDomainError as refused:
         gaps = np.full(len(error), np.nan)
         return {"z": z, "log_density": gaps, "nees": gaps}, {
-            "log density": str(refused)
+            "log density": str(refused),
         }
     return {"z": z, "log_density": log_density, "nees": squared}, {}
 
@@ -105,7 +108,10 @@ def groups_by_speed(recorded: Recorded, rate: float) -> Mapping[str, ndarray]:
         groups["at rest"] = ~moving
     ends = np.quantile(speeds[moving], [0, 1 / 3, 2 / 3, 1])
     for name, low, high in zip(
-        ("slow", "middle", "fast"), ends, ends[1:], strict=False
+        ("slow", "middle", "fast"),
+        ends,
+        ends[1:],
+        strict=False,
     ):
         third = moving & (low <= speeds) & ((speeds < high) | (high == ends[-1]))
         groups[f"{name}, {low:.3g} to {high:.3g} rad/s"] = third

@@ -28,7 +28,9 @@ def errors_of(angles: pd.DataFrame, joints: pd.DataFrame) -> pd.DataFrame:
 
 
 def _interpolate(
-    times: pd.Series, joints: pd.DataFrame, names: tuple[str, ...]
+    times: pd.Series,
+    joints: pd.DataFrame,
+    names: tuple[str, ...],
 ) -> np.ndarray:
     """Return the joint angles (times, n) in rad at ``times`` in s by linear interpolation."""
     angles = []
@@ -118,7 +120,10 @@ def error_slopes(table: pd.DataFrame, step: float, pose: np.ndarray) -> pd.DataF
 
 
 def _slope(
-    d: np.ndarray, e: np.ndarray, takes: pd.Series, noise: float
+    d: np.ndarray,
+    e: np.ndarray,
+    takes: pd.Series,
+    noise: float,
 ) -> tuple[float, float]:
     """Return the slope of ``e`` on ``d`` (rows,) and its standard error; Σd² has ``noise`` rad²."""
     number, power = takes.nunique(), np.sum(d**2)

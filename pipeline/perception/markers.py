@@ -57,7 +57,11 @@ def follower(robot: Robot, mocap: Mocap) -> Callable[..., JointTrack]:
 
 
 def track(
-    positions: np.ndarray, points: MarkedArm, *, max_gap: int, take: str = ""
+    positions: np.ndarray,
+    points: MarkedArm,
+    *,
+    max_gap: int,
+    take: str = "",
 ) -> JointTrack:
     """Return the joint angles of one ``take`` from the ``positions`` (N, P + U, 3) m of its P
     ``points`` and of U unlabelled markers in the base frame, NaN where missing.
@@ -118,7 +122,9 @@ def _heading_angles(positions: np.ndarray, points: MarkedArm) -> np.ndarray:
 
 
 def _solve_blocks(
-    positions: np.ndarray, points: MarkedArm, take: str
+    positions: np.ndarray,
+    points: MarkedArm,
+    take: str,
 ) -> tuple[np.ndarray, ...]:
     """Return joint angles (N, n) and residuals (N,) m, solved both ways from the start frame."""
     frames = len(positions)
@@ -138,7 +144,9 @@ def _solve_blocks(
 
 
 def _start_frame(
-    positions: np.ndarray, points: MarkedArm, take: str
+    positions: np.ndarray,
+    points: MarkedArm,
+    take: str,
 ) -> tuple[int, np.ndarray]:
     """Return the first frame that exactly one posture fits, and the posture; or RecordingError."""
     key = "markers"
@@ -231,7 +239,11 @@ def _predict(q: np.ndarray, solved: np.ndarray, k: int) -> np.ndarray:
 
 
 def fill_gaps(
-    q: np.ndarray, solved: np.ndarray, sliding: np.ndarray, max_gap: int, take: str
+    q: np.ndarray,
+    solved: np.ndarray,
+    sliding: np.ndarray,
+    max_gap: int,
+    take: str,
 ) -> tuple[np.ndarray, dict[str, int]]:
     """Return ``q`` (N, n) without gaps, and the numbers of frames ``interpolated`` and ``held`` at
     the ends. Angles are unwrapped except of ``sliding`` (n,) joints. Raises RecordingError if more

@@ -106,7 +106,9 @@ class MarkedArm:
         return Solution(q, residual, distances, normal, decided)
 
     def _equations(
-        self, q: np.ndarray, measured: np.ndarray
+        self,
+        q: np.ndarray,
+        measured: np.ndarray,
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return JᵀJ (S, n, n), Jᵀr (S, n), ‖r‖ (S, P) in m; r is ``measured`` minus modelled."""
         starts, n = q.shape

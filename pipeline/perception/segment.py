@@ -110,7 +110,11 @@ def _rays(camera: Intrinsics) -> ndarray:
 
 
 def cut_cloud(
-    arm: Arm, rotation: ndarray, translation: ndarray, crop: Workspace, cloud: ndarray
+    arm: Arm,
+    rotation: ndarray,
+    translation: ndarray,
+    crop: Workspace,
+    cloud: ndarray,
 ) -> ndarray:
     """Return the arm's points (I, 2) (x, z in the plane, m) in a ``cloud`` (N, 3) m at ``rotation``
     (3, 3) and ``translation`` (3,) m in the base frame, by the rules of :class:`ArmSegmenter`.

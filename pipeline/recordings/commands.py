@@ -65,7 +65,9 @@ class Pairing(NamedTuple):
     delay: int  # rows by which the command is early
 
     def apply(
-        self, actual: np.ndarray, target: np.ndarray
+        self,
+        actual: np.ndarray,
+        target: np.ndarray,
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the paired rows of ``actual`` and ``target``, (N − |delay|, n) in rad."""
         actual, target = shift_rows(actual, target, self.delay)
@@ -81,7 +83,9 @@ def _plain(n: int, factor: float = 1.0, delay: int = 0) -> Pairing:
 
 
 def shift_rows(
-    actual: np.ndarray, target: np.ndarray, rows: int
+    actual: np.ndarray,
+    target: np.ndarray,
+    rows: int,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the pairs of a measured row and the commanded row ``rows`` rows earlier."""
     length = len(actual) - abs(rows)
@@ -231,7 +235,10 @@ def require_pair(
 
 
 def _suspected_cause(
-    actual: np.ndarray, target: np.ndarray, rate: float, limit: float
+    actual: np.ndarray,
+    target: np.ndarray,
+    rate: float,
+    limit: float,
 ) -> str:
     """Return, as text, the options with which ``actual`` and ``target`` agree within ``limit``."""
     pairing = find_pairing(actual, target, rate)
@@ -246,7 +253,10 @@ def _suspected_cause(
 
 
 def suspects(
-    pairing: Pairing, actual: np.ndarray, target: np.ndarray, rate: float
+    pairing: Pairing,
+    actual: np.ndarray,
+    target: np.ndarray,
+    rate: float,
 ) -> Iterator[tuple[str, str, str, float]]:
     """Yield name, option and value of each change of a ``pairing``, and the error without it."""
     plain, (factor, order, delay) = _plain(len(pairing.order)), pairing
@@ -353,7 +363,10 @@ def require_velocities(trajectory: pd.DataFrame, rate: float, file: Path) -> Non
 
 
 def require_commanded(
-    q: np.ndarray, trajectory: pd.DataFrame, chain: Chain, take: str
+    q: np.ndarray,
+    trajectory: pd.DataFrame,
+    chain: Chain,
+    take: str,
 ) -> None:
     """Raise RecordingError where the tip at ``q`` (M+1, n) rad is far from the commanded path."""
     tip, path = chain.coordinates(q), values(trajectory, "x")
@@ -366,7 +379,10 @@ def require_commanded(
 
 
 def require_encoders(
-    q: pd.DataFrame, readings: pd.DataFrame, joints: Sequence[str], take: str
+    q: pd.DataFrame,
+    readings: pd.DataFrame,
+    joints: Sequence[str],
+    take: str,
 ) -> None:
     """Raise RecordingError where ``readings`` (rows of the table ``encoders``) differ from the
     tracked angles ``q`` (rows of the table ``joints``) at the same times.
@@ -409,7 +425,9 @@ def _require_near(
 
 
 def beyond_speed(
-    steps: np.ndarray, limits: np.ndarray, seconds: np.ndarray | float
+    steps: np.ndarray,
+    limits: np.ndarray,
+    seconds: np.ndarray | float,
 ) -> np.ndarray:
     """Return the mask of ``steps`` (..., n) in ``seconds`` s that exceed the ``limits`` (n,)."""
     return np.abs(steps) > FASTER * limits * seconds + STEP_NOISE
@@ -429,7 +447,7 @@ def speed_scores(
     moving = np.any(nominal, axis=-1)
     beyond = beyond_speed(steps, limits, 1 / rate).any(axis=-1)
     scores = {
-        "true_moving_steps_beyond_a_speed_limit_share": float(beyond[moving].mean())
+        "true_moving_steps_beyond_a_speed_limit_share": float(beyond[moving].mean()),
     }
     for j, joint in enumerate(joints):
         step, command = steps[..., j], nominal[..., j]

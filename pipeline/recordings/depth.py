@@ -41,7 +41,11 @@ def depth_paths(raw: Path, depth: Depth) -> dict[str, Path]:
 
 
 def frame_rows(
-    named: tuple[str, Path], depth: Depth, arm: Arm, raw: Path, folder: Path
+    named: tuple[str, Path],
+    depth: Depth,
+    arm: Arm,
+    raw: Path,
+    folder: Path,
 ) -> tuple[pd.DataFrame, list[dict]]:
     """Return the rows of the table ``frames`` of a take (name, and folder or bag) and the quality
     rows; write the arm's points in m below ``folder``. Times are in s since the start of the motion
@@ -84,7 +88,10 @@ def _frozen_clouds(clouds: Sequence[np.ndarray]) -> np.ndarray:
 
 
 def _points(
-    frames: Frames, camera: Intrinsics | None, depth: Depth, arm: Arm
+    frames: Frames,
+    camera: Intrinsics | None,
+    depth: Depth,
+    arm: Arm,
 ) -> Iterator[tuple[np.ndarray, float]]:
     """Yield the arm's points (I, 2), m in the arm's plane, and the measured share per frame."""
     rotation = Rotation.from_euler("xyz", depth.camera.rpy).as_matrix()

@@ -132,7 +132,9 @@ def find_offset(
 
 
 def _least_unexplained(
-    signals: SignalPair, search: tuple[float, float], refusal: Callable
+    signals: SignalPair,
+    search: tuple[float, float],
+    refusal: Callable,
 ) -> float:
     """Return the offset in s with the least unexplained share, by a grid over ``search`` and then
     between its neighbours on the grid; raise ``refusal`` for an offset at the edge.
@@ -204,7 +206,9 @@ class CameraTake(NamedTuple):
 
 
 def with_markers(
-    frames: pd.DataFrame, markers: pd.DataFrame, joints: pd.DataFrame
+    frames: pd.DataFrame,
+    markers: pd.DataFrame,
+    joints: pd.DataFrame,
 ) -> list[CameraTake]:
     """Return the depth takes with markers and joint angles; RecordingError without markers."""
     by_take = dict(list(markers.groupby("take")))
@@ -243,7 +247,9 @@ def camera_residuals(
 
 
 def on_motion_clock(
-    take: CameraTake, depth: Depth, arm: Arm
+    take: CameraTake,
+    depth: Depth,
+    arm: Arm,
 ) -> tuple[pd.DataFrame, list[dict]]:
     """Return the rows of the table ``frames`` of a ``take`` on the motion capture's clock, and the
     quality of the offset. Unless stated, :func:`find_offset` compares the centroids of the arm's
@@ -263,7 +269,9 @@ def on_motion_clock(
 
 
 def _estimated_offset(
-    take: CameraTake, depth: Depth, arm: Arm
+    take: CameraTake,
+    depth: Depth,
+    arm: Arm,
 ) -> tuple[Offset, dict[str, tuple[float, str]]]:
     """Return the offset of the camera's clock in a ``take``, and quantity → value and unit of its
     quality; RecordingError where no frame shows the arm.

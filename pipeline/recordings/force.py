@@ -54,14 +54,21 @@ def force_rows(raw: Path, name: str, force: Force) -> tuple[pd.DataFrame, list[d
     options = ForceLogOptions(**stated, calibration=calibration)
     record = formats[log.format].read(file, options)
     sound, faults = sound_samples(
-        record, ratings, log.frozen_after, log.max_faulty, file=file
+        record,
+        ratings,
+        log.frozen_after,
+        log.max_faulty,
+        file=file,
     )
     wrench = record.force
     if np.isfinite(record.torque).any():
         moment = record.torque - np.cross(force.point, record.force)
         wrench = np.hstack([record.force, moment])
     time, wrench, biases = remove_bias(
-        record.time[sound], wrench[sound], force.tare, file=file
+        record.time[sound],
+        wrench[sound],
+        force.tare,
+        file=file,
     )
     axes = dict(zip(WRENCH, wrench.T, strict=False))
     notes = [*(record.counts | faults).items()]
@@ -73,7 +80,10 @@ def force_rows(raw: Path, name: str, force: Force) -> tuple[pd.DataFrame, list[d
 
 
 def remove_bias(
-    time: np.ndarray, wrench: np.ndarray, tare_seconds: float, **evidence: object
+    time: np.ndarray,
+    wrench: np.ndarray,
+    tare_seconds: float,
+    **evidence: object,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the time and the wrench minus bias after the tare interval, and the bias. The bias is
     the mean of ``wrench`` (N, c) in N and N·m over the first ``tare_seconds`` of ``time`` (N,) s;

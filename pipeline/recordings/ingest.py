@@ -18,7 +18,11 @@ from pipeline.recordings.quality import REPETITIONS, require_distinct, rounding
 
 
 def read_part(
-    part: str, dataset: Dataset, compute: Any, folder: Path, errors: list | None = None
+    part: str,
+    dataset: Dataset,
+    compute: Any,
+    folder: Path,
+    errors: list | None = None,
 ) -> list[dict]:
     """Write the tables of ``part`` (motion, depth or force) into ``folder``, within the bounds of
     ``dataset.reading``, and return the rows of the table ``quality``.
@@ -117,7 +121,11 @@ def _motion(dataset: Dataset, raw: Path, folder: Path, errors: list) -> list[dic
 
 
 def _depth(
-    dataset: Dataset, raw: Path, folder: Path, errors: list, compute: Any
+    dataset: Dataset,
+    raw: Path,
+    folder: Path,
+    errors: list,
+    compute: Any,
 ) -> list[dict]:
     """Write the time of every depth frame on the camera's clock, and the arm's points."""
     if dataset.depth is None:

@@ -58,7 +58,8 @@ def read_dataset_movement(name: str, place: Path, dataset: Dataset) -> LoggedMov
 
 
 def read_movements(
-    dataset: Dataset, guard: Callable[[], AbstractContextManager] = nullcontext
+    dataset: Dataset,
+    guard: Callable[[], AbstractContextManager] = nullcontext,
 ) -> dict[str, LoggedMovement]:
     """Return name → movement of all logs of the ``dataset``, each read in a context of ``guard``.
     RecordingError where there is no log.
@@ -95,7 +96,8 @@ class JointLogTables(NamedTuple):
 
 
 def joint_log_rows(
-    movements: Mapping[str, LoggedMovement], dataset: Dataset
+    movements: Mapping[str, LoggedMovement],
+    dataset: Dataset,
 ) -> JointLogTables:
     """Return the tables of the repetitions of the dataset's motion in the ``movements``.
 
@@ -180,7 +182,8 @@ def align_takes(
 
 
 def _measures_of(
-    aligned: Mapping[str, AlignedTake], dataset: Dataset
+    aligned: Mapping[str, AlignedTake],
+    dataset: Dataset,
 ) -> dict[str, tuple[np.ndarray, str]]:
     """Return quantity → values (takes,) and unit of :func:`compare_takes`, and greatest error."""
     errors = np.stack([take.error for take in aligned.values()])
@@ -192,7 +195,9 @@ def _measures_of(
 
 
 def _disturbed_takes(
-    aligned: Mapping[str, AlignedTake], scores: np.ndarray, dataset: Dataset
+    aligned: Mapping[str, AlignedTake],
+    scores: np.ndarray,
+    dataset: Dataset,
 ) -> dict[str, AlignedTake]:
     """Return the repetitions whose disturbance ``scores`` (takes,) are beyond the limit."""
     limit = dataset.limits.disturbance
@@ -203,7 +208,9 @@ def _disturbed_takes(
 
 
 def _require_repetitions(
-    takes: Mapping[str, AlignedTake], observed: list[str], dataset: Dataset
+    takes: Mapping[str, AlignedTake],
+    observed: list[str],
+    dataset: Dataset,
 ) -> None:
     """Raise RecordingError where measured and commanded angles of a repetition disagree, and for
     fewer than two repetitions, with the ``observed`` motions.
@@ -227,7 +234,9 @@ def _require_repetitions(
 
 
 def _command_deviations(
-    takes: Mapping[str, AlignedTake], command: np.ndarray, dataset: Dataset
+    takes: Mapping[str, AlignedTake],
+    command: np.ndarray,
+    dataset: Dataset,
 ) -> dict[str, float]:
     """Return name → greatest distance in rad of a repetition's command from the mean ``command``
     (K, n) in motion; RecordingError beyond the option ``tolerance``.
@@ -275,7 +284,8 @@ def _with_units(counts: Mapping[str, float]) -> Iterator[tuple[str, float, str]]
 
 
 def movement_paths(
-    movements: Mapping[str, LoggedMovement], rate: float
+    movements: Mapping[str, LoggedMovement],
+    rate: float,
 ) -> pd.DataFrame:
     """Return the rows of the table ``take_paths`` of ``movements`` at ``rate`` (Hz) of a dataset
     without robot, at most MOST_ROWS of a movement.
@@ -291,7 +301,8 @@ def movement_paths(
 
 
 def find_takes(
-    movements: Mapping[str, LoggedMovement], dataset: Dataset
+    movements: Mapping[str, LoggedMovement],
+    dataset: Dataset,
 ) -> tuple[dict[str, LoggedTake], list[str], list[tuple]]:
     """Return name → repetition, descriptions of all motions, and notes on the movements (name, and
     quantity, value and unit of a quality row).
@@ -322,7 +333,9 @@ def find_takes(
 
 
 def _sound_repetitions(
-    log: LoggedMovement, motions: Sequence[Excursion], dataset: Dataset
+    log: LoggedMovement,
+    motions: Sequence[Excursion],
+    dataset: Dataset,
 ) -> Repetitions:
     """Return the repetitions of the dataset's motion among the ``motions`` of a movement whose rows
     have no wrong command; ``log`` has the joints of the robot.
@@ -360,7 +373,10 @@ def _description(run: Excursion, target: np.ndarray) -> str:
 
 
 def _require_locked(
-    read: LoggedMovement, rows: slice, dataset: Dataset, take: str
+    read: LoggedMovement,
+    rows: slice,
+    dataset: Dataset,
+    take: str,
 ) -> None:
     """Raise RecordingError where a joint is more than REACH off its locked angle in ``rows``."""
     for joint, angle in sorted(dataset.robot.locked.items()):

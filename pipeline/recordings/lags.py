@@ -49,7 +49,9 @@ def joint_lags(command: np.ndarray, measured: np.ndarray, rate: float) -> np.nda
 
 
 def _errors_in_motion(
-    command: np.ndarray, measured: np.ndarray, late: float
+    command: np.ndarray,
+    measured: np.ndarray,
+    late: float,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the error and the step of the command delayed by ``late`` rows, in the rows in motion
     whose error is below FAR times the median.

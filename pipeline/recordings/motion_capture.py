@@ -88,7 +88,10 @@ def read_take(file: Path, unit: str | None) -> MotionTake:
 
 
 def marker_rows(
-    name: str, file: Path, part: str, dataset: Dataset
+    name: str,
+    file: Path,
+    part: str,
+    dataset: Dataset,
 ) -> tuple[pd.DataFrame, list[dict]]:
     """Return the markers of the take ``name`` in m in the arm's base frame, and the quality rows.
 
@@ -170,7 +173,9 @@ def _is_named_by(stated: str, file: Path) -> bool:
 
 
 def _tracks(
-    take: MotionTake, mocap: Mocap, file: Path
+    take: MotionTake,
+    mocap: Mocap,
+    file: Path,
 ) -> tuple[dict[tuple[int, int], np.ndarray], list[np.ndarray]]:
     """Return (link, marker) → positions (N, 3) m in the world frame, and other markers'."""
     unknown = sorted({*mocap.bodies} - {*mocap.markers})
@@ -205,7 +210,10 @@ def _tracks(
 
 
 def _full_names(
-    kind: str, names: Iterable[str], recorded: Iterable[str], **where: object
+    kind: str,
+    names: Iterable[str],
+    recorded: Iterable[str],
+    **where: object,
 ) -> dict[str, str]:
     """Return name → name in the take of each marker or body, which may have its asset's name and a
     colon before it; RecordingError for a missing or ambiguous one.
@@ -232,7 +240,10 @@ def _full_names(
 
 
 def _require_size(
-    tracks: Mapping[tuple, np.ndarray], mocap: Mocap, unit: str, file: Path
+    tracks: Mapping[tuple, np.ndarray],
+    mocap: Mocap,
+    unit: str,
+    file: Path,
 ) -> None:
     """Raise RecordingError where the root mean square distance of a link's markers from their
     centre is ANOTHER_UNIT times the template's or more, or as small, in the median over the rows;

@@ -47,7 +47,9 @@ class FoundMotion:
 
 
 def find_motions(
-    movements: Mapping[str, LoggedMovement], robot: Robot, rate: float
+    movements: Mapping[str, LoggedMovement],
+    robot: Robot,
+    rate: float,
 ) -> list[FoundMotion]:
     """Return the motions of the ``robot``'s joints in the ``movements`` at ``rate`` (Hz), most
     repetitions first: commands from rest to rest with equal ends and steps. If no command ever
@@ -93,7 +95,12 @@ def _repetitions_in(
     runs = []
     for name, log in logs.items():
         repetitions = find_repetitions(
-            log.target, log.motions, ends, steps, int(resting), circular
+            log.target,
+            log.motions,
+            ends,
+            steps,
+            int(resting),
+            circular,
         )
         runs += [(name, run) for run in repetitions.runs]
     return runs

@@ -38,7 +38,9 @@ PACE, MOVING, HELD = 0.1, 0.1, 0.3
 
 
 def read_movement(
-    files: Mapping[Path, LogOptions], rate: float, clock: str | None = None
+    files: Mapping[Path, LogOptions],
+    rate: float,
+    clock: str | None = None,
 ) -> tuple[dict[str, np.ndarray], dict[str, float]]:
     """Return the signals (N, joints) of the logs ``files`` of one movement, with the number of rows
     of the shortest log, and the counts.
@@ -206,14 +208,18 @@ def require_plausible(
 
 
 def require_fresh(
-    actual: np.ndarray, target: np.ndarray, rate: float, **where: object
+    actual: np.ndarray,
+    target: np.ndarray,
+    rate: float,
+    **where: object,
 ) -> None:
     """Raise RecordingError where more than HELD of the rows in motion of ``actual`` and ``target``
     (N, joints) rad equal the row before: a logger that is faster than the controller. Rows of a
     motion by less than the resolution of the angles are also equal, and no fault.
     """
     steps = np.abs(np.diff(np.hstack([actual, target]), axis=0)).max(
-        axis=1, initial=0.0
+        axis=1,
+        initial=0.0,
     )
     pace = uniform_filter1d(steps, max(round(PACE * rate), 1)) if len(steps) else steps
     moving = steps[pace > MOVING * pace.max(initial=0.0)]
@@ -386,7 +392,9 @@ def _delay_of(name: str, options: JointLogSection, rate: float) -> int:
 
 
 def _files_of_signals(
-    movement: Path, options: JointLogSection, common: Mapping[str, object]
+    movement: Path,
+    options: JointLogSection,
+    common: Mapping[str, object],
 ) -> dict[Path, LogOptions]:
     """Return file → what to read of it: the ``movement`` if it is one file of all signals, else one
     table per signal in its folder, or beside it with the words of ``options`` in their names.

@@ -63,7 +63,10 @@ def quality_row(
 
 
 def quality_rows(
-    take: str, part: str, instrument: str, notes: Iterable[tuple]
+    take: str,
+    part: str,
+    instrument: str,
+    notes: Iterable[tuple],
 ) -> list[dict[str, object]]:
     """Return a row of the table ``quality`` of each of the ``notes``: quantity, value, and unit
     unless the value is a count.
@@ -84,7 +87,9 @@ def summarise(quality: pd.DataFrame) -> pd.DataFrame:
 
 
 def are_equal(
-    first: np.ndarray, second: np.ndarray, tolerance: np.ndarray | float = SAME_SAMPLES
+    first: np.ndarray,
+    second: np.ndarray,
+    tolerance: np.ndarray | float = SAME_SAMPLES,
 ) -> bool:
     """Return whether two arrays are equal to within ``tolerance``, with NaN in the same places."""
     if first.shape != second.shape:
@@ -120,7 +125,8 @@ def require_distinct(
     """
     for first, second in combinations(samples, 2):
         tolerance = np.maximum(
-            tolerances.get(first, SAME_SAMPLES), tolerances.get(second, SAME_SAMPLES)
+            tolerances.get(first, SAME_SAMPLES),
+            tolerances.get(second, SAME_SAMPLES),
         )
         if are_equal(samples[first], samples[second], tolerance):
             names = sorted((first, second))
@@ -133,7 +139,10 @@ def require_distinct(
 
 
 def compare_takes(
-    angles: np.ndarray, residuals: np.ndarray, rate: float, limit: float | None
+    angles: np.ndarray,
+    residuals: np.ndarray,
+    rate: float,
+    limit: float | None,
 ) -> dict[str, tuple[np.ndarray, str]]:
     """Return quantity → values (takes,) and unit of what each take is beside the others:
     :func:`likeness`, :func:`disturbances` and :func:`lags_beside_others`.
@@ -296,7 +305,9 @@ def lag_of_take(command: np.ndarray, take: np.ndarray, rate: float) -> float:
 
 
 def disturbances(
-    residuals: np.ndarray, rate: float, distinct: np.ndarray | None = None
+    residuals: np.ndarray,
+    rate: float,
+    distinct: np.ndarray | None = None,
 ) -> np.ndarray:
     """Return the distance (takes,) of each take from the median take, in robust standard deviations
     (1.4826 times the median absolute deviation, at least LEAST_SPREAD, more for few takes, or
@@ -323,7 +334,9 @@ def beside_others(signal: np.ndarray, distinct: np.ndarray) -> np.ndarray:
 
 
 def _greatest_in_windows(
-    signal: np.ndarray, rate: float, distinct: np.ndarray
+    signal: np.ndarray,
+    rate: float,
+    distinct: np.ndarray,
 ) -> np.ndarray:
     """Return the greatest relative distance (takes,) from the median in a joint and window."""
     distance = signal - np.median(signal[distinct], axis=0)
@@ -354,7 +367,9 @@ def _scores(distance: np.ndarray, distinct: np.ndarray, least: float) -> np.ndar
 
 
 def residual_share(
-    seen: np.ndarray, residual: float, foreign_residuals: list[float]
+    seen: np.ndarray,
+    residual: float,
+    foreign_residuals: list[float],
 ) -> float:
     """Return the ``residual`` of a take's centroids ``seen`` (F, d) in m beside its joints, over
     the median of the ``foreign_residuals`` beside the joints of other takes.
@@ -370,7 +385,8 @@ def residual_share(
 
 
 def beside_limits(
-    quality: pd.DataFrame, limits: dict[str, float | None]
+    quality: pd.DataFrame,
+    limits: dict[str, float | None],
 ) -> pd.DataFrame:
     """Return the table ``takes`` from the table ``quality``: measures, their limits (in the unit of
     the measure; None: no limit), and whether a take is left out; training takes first.
@@ -436,7 +452,9 @@ def require_enough(takes: pd.DataFrame) -> None:
 
 
 def account(
-    files: Iterable[pd.DataFrame], quality: pd.DataFrame, takes: pd.DataFrame
+    files: Iterable[pd.DataFrame],
+    quality: pd.DataFrame,
+    takes: pd.DataFrame,
 ) -> pd.DataFrame:
     """Return one row per step and recording: numbers found and kept, and what is left out."""
     rows = [_account_of_files([set(table["file"]) for table in files])]

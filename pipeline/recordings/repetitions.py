@@ -51,7 +51,9 @@ def _runs(inside: np.ndarray) -> list[tuple[int, int]]:
 
 
 def excursions(
-    angles: np.ndarray, speeds: np.ndarray | float, rest_speed: float = REST_SPEED
+    angles: np.ndarray,
+    speeds: np.ndarray | float,
+    rest_speed: float = REST_SPEED,
 ) -> list[Excursion]:
     """Return all motions in a log of commanded ``angles`` (N, joints) rad and ``speeds`` (N,
     joints) rad/s, or the rate in Hz: speeds are then the steps of the angles.

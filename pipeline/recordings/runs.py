@@ -102,7 +102,8 @@ def joint_runs(
 
 
 def _moving_joints(
-    movements: Mapping[str, LoggedMovement], joints: Sequence[str]
+    movements: Mapping[str, LoggedMovement],
+    joints: Sequence[str],
 ) -> tuple[list[str], dict[str, str]]:
     """Return the ``joints`` that move, and name → reason of every joint and recording left out. A
     joint is left out if it stands still in all recordings that command it to move; a recording, if
@@ -142,7 +143,10 @@ def runs_of_dataset(dataset: Dataset) -> RunsOfLogs:
 
 
 def _runs_of(
-    name: str, movement: LoggedMovement, rate: float, stated: float | None
+    name: str,
+    movement: LoggedMovement,
+    rate: float,
+    stated: float | None,
 ) -> tuple[list[JointRun], dict[str, str]]:
     """Return the runs in one movement, from pause to pause, and name → reason of runs with a wrong
     command. The noise of a measured angle in rad is ``stated``, or estimated.
@@ -253,7 +257,9 @@ def _coherence(differences: np.ndarray, quantum: float) -> float:
 
 
 def _noise_of(
-    measured: np.ndarray, resting: np.ndarray, quantum: np.ndarray
+    measured: np.ndarray,
+    resting: np.ndarray,
+    quantum: np.ndarray,
 ) -> float | None:
     """Return the noise in rad of a measured angle, rms over the joints, from rows at rest, else
     from the quantum; None if both are 0.
@@ -282,7 +288,8 @@ def named_motions(runs: Sequence[JointRun], circular: np.ndarray) -> list[JointR
         else:
             motions[i] = [i]
     ordered = sorted(
-        motions.values(), key=lambda members: (-len(members), min(members))
+        motions.values(),
+        key=lambda members: (-len(members), min(members)),
     )
     named = [*runs]
     for number, members in enumerate(ordered, 1):
@@ -362,7 +369,9 @@ def _errors_of_equal_commands(
 
 
 def _copies_and_disturbed(
-    usual: np.ndarray, errors_by_run: Mapping[str, np.ndarray], rate: float
+    usual: np.ndarray,
+    errors_by_run: Mapping[str, np.ndarray],
+    rate: float,
 ) -> dict[str, str]:
     """Return name → reason of each run with the command ``usual`` that is beyond the LIMITS."""
     errors = np.stack([*errors_by_run.values()])

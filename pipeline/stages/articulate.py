@@ -40,7 +40,10 @@ def run() -> None:
 
 
 def _view(
-    name: str, angles: pd.DataFrame, rows: pd.DataFrame, arm: Arm
+    name: str,
+    angles: pd.DataFrame,
+    rows: pd.DataFrame,
+    arm: Arm,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Return points and nodes of the first take's initial frame or most extended frame."""
     take = angles[angles["take"] == rows["take"].iloc[0]]

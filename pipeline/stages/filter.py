@@ -59,7 +59,10 @@ def _filter(model: str, takes: list[Measurements], settings, folder: Path) -> Me
             for number, take in enumerate(takes)
         ]
         of_take = partial(
-            take_posterior, chain=recorded.chain, rate=motion.rate, seed=settings.seed
+            take_posterior,
+            chain=recorded.chain,
+            rate=motion.rate,
+            seed=settings.seed,
         )
         workers = {"compute": settings.compute, "label": f"{label}: takes"}
         posteriors = list(run_trials(of_take, trials, **workers))
@@ -80,7 +83,10 @@ def _filter(model: str, takes: list[Measurements], settings, folder: Path) -> Me
 
 
 def posterior_table(
-    take: str, posterior: Posterior, recorded: Recorded, rate: float
+    take: str,
+    posterior: Posterior,
+    recorded: Recorded,
+    rate: float,
 ) -> pd.DataFrame:
     """Return the rows of the table ``posterior`` of one take with the ``rate`` in 1/s."""
     k = np.arange(len(posterior.mean))

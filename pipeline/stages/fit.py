@@ -52,7 +52,11 @@ def _fit(model: str, settings, folder: Path) -> Metrics:
     stream = rng.stream(settings.seed, f"fit.{model}")
     checks = settings.scale.convex_checks
     diagnosed, tables = kinds.diagnose(
-        recorded, options, fitted.estimate, checks, stream
+        recorded,
+        options,
+        fitted.estimate,
+        checks,
+        stream,
     )
     metrics = {}
     for pattern, variant in kinds.estimator_options(options).items():
@@ -131,7 +135,8 @@ def _replicate(number: int, fit: tuple, stream: tuple[int, str]) -> Metrics | No
 
 
 def _uncertainty(
-    spreads: dict[str, bootstrap.Spread], with_ends: bool = True
+    spreads: dict[str, bootstrap.Spread],
+    with_ends: bool = True,
 ) -> Metrics:
     """Return standard errors and, ``with_ends``, 95 % intervals by the names of the estimates."""
     metrics = {}
@@ -144,7 +149,11 @@ def _uncertainty(
 
 
 def _closed_loop(
-    model: str, recorded: Recorded, options: Options, estimate: Estimate, folder: Path
+    model: str,
+    recorded: Recorded,
+    options: Options,
+    estimate: Estimate,
+    folder: Path,
 ) -> Metrics:
     """Write the closed loop's parameters; return κ with its interval, and the estimates."""
     closed, refused = closed_loop_of(recorded, options, estimate)
@@ -156,7 +165,9 @@ def _closed_loop(
     _write_json(parameters, folder / FOLDER / "parameters.json")
     half = NORMAL_QUANTILE * closed.standard_error
     spread = bootstrap.Spread(
-        closed.standard_error, closed.share - half, closed.share + half
+        closed.standard_error,
+        closed.share - half,
+        closed.share + half,
     )
     estimates = {
         f"closed_loop_{name}": n for name, n in closed.estimate.determined.items()
@@ -169,14 +180,22 @@ def _write_json(values: dict[str, object], file: Path) -> None:
 
 
 def _realise(
-    model: str, fitted: MotionModel, recorded: Recorded, settings, folder: Path
+    model: str,
+    fitted: MotionModel,
+    recorded: Recorded,
+    settings,
+    folder: Path,
 ) -> Metrics:
     """Write the moments of realisations that start at the training takes' poses in turn."""
     options = settings.simulation
     stream = rng.stream(settings.seed, f"simulate.{model}")
     try:
         realized = realize_recorded(
-            fitted, recorded, options.mode, options.realizations, stream
+            fitted,
+            recorded,
+            options.mode,
+            options.realizations,
+            stream,
         )
     except ModelDomainError as error:
         evidence = {"model": model} | error.evidence

@@ -113,7 +113,11 @@ def _joint_tables(settings, recorded: Recorded, options: Models) -> Tables:
     tables["pose_effect"] = pose_table(runs, recorded.chain, shapes, generator)
     noise = dataset.motion.pose_noise
     tables["other_motions"] = matrix_scores(
-        motions, recorded.joints, noise, recorded.chain, matrix
+        motions,
+        recorded.joints,
+        noise,
+        recorded.chain,
+        matrix,
     )
     return tables
 
@@ -153,7 +157,10 @@ def _by_steps(groups: dict[str, pd.DataFrame]) -> pd.DataFrame:
 
 
 def _scores(
-    settings, recorded: Recorded, options: Models, pose_noise: np.ndarray
+    settings,
+    recorded: Recorded,
+    options: Models,
+    pose_noise: np.ndarray,
 ) -> dict[str, Steps]:
     """Return the scores (takes, M) by baseline and model; ``pose_noise`` (n, n) rad² is the noise
     of a measured pose. Without test takes each training take is scored under a fit to the others.
@@ -185,7 +192,9 @@ def _scores(
 
 
 def _fitted_laws(
-    models: Models, fitted: dict[str, MotionModel], recorded: Recorded
+    models: Models,
+    fitted: dict[str, MotionModel],
+    recorded: Recorded,
 ) -> dict[str, MotionModel]:
     """Return the laws of ``models``: those ``fitted``, others from an estimate that succeeds."""
     laws = {}
@@ -198,7 +207,9 @@ def _fitted_laws(
 
 
 def _baselines_of_test(
-    training: np.ndarray, q: np.ndarray, pose_noise: np.ndarray
+    training: np.ndarray,
+    q: np.ndarray,
+    pose_noise: np.ndarray,
 ) -> list[Predicted]:
     """Return the baselines' predictions of each test take (takes, M+1, n) ``q`` in rad."""
     together = baseline_predictions(training, q, pose_noise)
@@ -212,7 +223,9 @@ def _baselines_of_test(
 
 
 def _baselines_of_training(
-    training: np.ndarray, q: np.ndarray, pose_noise: np.ndarray
+    training: np.ndarray,
+    q: np.ndarray,
+    pose_noise: np.ndarray,
 ) -> list[Predicted]:
     """Return the baselines' predictions of each training take (takes, M+1, n) ``q`` in rad from the
     other training takes.
@@ -225,7 +238,8 @@ def _baselines_of_training(
 
 
 def _stacked_steps(
-    name: str, of_takes: list[tuple[Steps, dict[str, str]]]
+    name: str,
+    of_takes: list[tuple[Steps, dict[str, str]]],
 ) -> Steps | None:
     """Return the scores (takes, M) of all takes; None for a model without a fit to the other takes
     of one of them. Prints the scores that are missing, with the reasons.

@@ -24,7 +24,7 @@ def run() -> None:
     if place == TRIALS:
         print(
             f"publish: a trial: the results are in {place / name}, and the results of"
-            f" {name} in reports stay as they are"
+            f" {name} in reports stay as they are",
         )
     reports = place / name
     for source in (SCORE / "tables", SCORE / "metrics", FIGURES):

@@ -32,7 +32,7 @@ def run() -> None:
     with contracts.replacing(OUT) as folder:
         if settings.dataset.robot is None:
             print(
-                "readings: the dataset has no robot; there are no claims about its motion"
+                "readings: the dataset has no robot; there are no claims about its motion",
             )
             return
         base = Choices.of_run(settings)
@@ -44,7 +44,9 @@ def run() -> None:
         of_run, *names = cases
         names = names[: settings.scale.readings]
         trials = partial(
-            run_trials, compute=settings.compute, label="readings: models and filters"
+            run_trials,
+            compute=settings.compute,
+            label="readings: models and filters",
         )
         recordings = _recordings(settings, base, takes)
         results = evaluate([cases[name] for name in names], recordings, trials)

@@ -47,7 +47,7 @@ def run(name: str) -> None:
     places = RAW / name / "recordings", RAW / name / "truth"
     if Path(dataset.recordings) != places[0]:
         print(
-            f"record: params.yaml selects another dataset; to record {name} set dataset: {name}"
+            f"record: params.yaml selects another dataset; to record {name} set dataset: {name}",
         )
         for place in places:
             place.mkdir(exist_ok=True)
@@ -142,7 +142,11 @@ def _in_space(session: Session, dataset, stream) -> dict[str, mocap.MarkerCluste
 
 
 def _record_take(
-    take: tuple[str, int], session: Session, instruments, settings, folder: Path
+    take: tuple[str, int],
+    session: Session,
+    instruments,
+    settings,
+    folder: Path,
 ) -> pd.DataFrame:
     """Write the files of one take; return its true joint angles."""
     kind, number = take
@@ -176,7 +180,10 @@ def _record_take(
 
 
 def _write_images(
-    folder: Path, camera: DepthCamera, frames: DepthFrames, stream: np.random.Generator
+    folder: Path,
+    camera: DepthCamera,
+    frames: DepthFrames,
+    stream: np.random.Generator,
 ) -> None:
     """Write the depth images of one take and their index."""
     (folder / "depth").mkdir(parents=True, exist_ok=True)
@@ -194,7 +201,12 @@ def _record_forces(folder: Path, settings) -> None:
         robots = laboratory["robots"].first(len(arrangement.tension))
         stream = rng.stream(settings.seed, "record.force", number)
         felt = record_force(
-            arrangement, robots, transducer, force.tare, seconds, stream
+            arrangement,
+            robots,
+            transducer,
+            force.tare,
+            seconds,
+            stream,
         )
         record = ForceRecord(
             felt.time,

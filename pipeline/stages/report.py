@@ -114,13 +114,13 @@ def counted_runs(runs: Sequence[Run]) -> tuple[list[Run], list[str]]:
     for run in runs:
         if run.scale == SMOKE:
             sentences.append(
-                f"The evidence of {run.dataset} is a trial's: not counted."
+                f"The evidence of {run.dataset} is a trial's: not counted.",
             )
         if run.version != version:
             earlier = run.version or "an unknown version"
             sentences.append(
                 f"The evidence of {run.dataset} is of {earlier}, this is version"
-                f" {version}; run the dataset again."
+                f" {version}; run the dataset again.",
             )
         inventory = Path(f"data/raw/{run.dataset}/inventory.csv")
         words = other_files(run.tables.get("raw_files"), inventory)

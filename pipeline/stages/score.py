@@ -249,7 +249,8 @@ def _deviation(
 
 
 def _posteriors(
-    models: list[str], joints: Sequence[str]
+    models: list[str],
+    joints: Sequence[str],
 ) -> dict[str, dict[str, PosteriorMoments]]:
     """Return the posteriors of the stage filter, by filter and take."""
     places = {model: FILTER / model for model in models}
@@ -267,7 +268,9 @@ def _posteriors(
 
 
 def _filter_errors(
-    filters: dict[str, Filtered], tested: list[str], recordings: Recordings
+    filters: dict[str, Filtered],
+    tested: list[str],
+    recordings: Recordings,
 ) -> pd.DataFrame:
     """Return the table ``filter_error`` of the takes ``tested``."""
     joints = recordings.takes.training.joints

@@ -49,7 +49,7 @@ def run() -> None:
         if dataset.mocap is None:
             source = "joint log"
             print(
-                "track: no motion capture; the joint angles are from the controller's log"
+                "track: no motion capture; the joint angles are from the controller's log",
             )
             joints = contracts.read("joint_log", MOTION).assign(residual=np.nan)
             disturbed = contracts.read("disturbed_log", MOTION).assign(residual=np.nan)
@@ -68,7 +68,7 @@ def run() -> None:
         for row in takes.drop_duplicates("take").itertuples():
             left_out = row.left_out
             repairs.append(
-                quality_row(row.take, row.part, source, "left_out", left_out)
+                quality_row(row.take, row.part, source, "left_out", left_out),
             )
         recorded = pd.concat([joints, disturbed])
         paths = take_paths(recorded, takes, chain_of(dataset.robot))
@@ -99,7 +99,7 @@ def _print_left_out(takes: pd.DataFrame) -> None:
     if left_out := reasons(takes):
         count = takes["take"].nunique()
         print(
-            f"track: {len(left_out)} of {count} takes left out: {'; '.join(left_out)}"
+            f"track: {len(left_out)} of {count} takes left out: {'; '.join(left_out)}",
         )
 
 
@@ -126,7 +126,8 @@ def _track(dataset) -> tuple[pd.DataFrame, list[dict]]:
         mocap = replace(mocap, max_gap=dataset.motion.steps)
     follow = follower(dataset.robot, mocap)
     markers_by_take = contracts.read("markers", MOTION).groupby(
-        ["take", "part"], sort=False
+        ["take", "part"],
+        sort=False,
     )
     joints, repairs = [], []
     for (take, part_of_take), markers in markers_by_take:
@@ -183,12 +184,12 @@ def _print_lags_and_copies(takes: pd.DataFrame) -> None:
     late = 1e3 * by_measure["lag_behind_command"]
     print(
         f"track: lag behind the command: median {late.median():.3g} ms, from {late.min():.3g} to"
-        f" {late.max():.3g} ms in {len(late)} takes"
+        f" {late.max():.3g} ms in {len(late)} takes",
     )
     if (by_measure["nearest_take"] <= WITHIN).all():
         print(
             "track: ! each take is equal to another one within the noise: either the arm repeats"
-            " within the noise of its instrument, or takes are copies"
+            " within the noise of its instrument, or takes are copies",
         )
 
 

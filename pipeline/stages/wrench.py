@@ -39,7 +39,10 @@ def run() -> None:
     else:
         measuring.require_own_configuration(contracts.read("force", INGEST), force)
         measured = partial(
-            _configuration, force=force, options=options, seed=settings.seed
+            _configuration,
+            force=force,
+            options=options,
+            seed=settings.seed,
         )
         names = list(enumerate(force.configurations))
         for of_configuration in trials(measured, names, label="wrench: configurations"):
@@ -56,7 +59,10 @@ def run() -> None:
 
 
 def _configuration(
-    trial: tuple[int, str], force: Force, options: Wrench, seed: int
+    trial: tuple[int, str],
+    force: Force,
+    options: Wrench,
+    seed: int,
 ) -> dict[str, pd.DataFrame]:
     """Return the rows of one configuration: Σ_S, and moments, densities and tests of the wrench."""
     (number, name), arrangement = trial, force.configurations[trial[1]]
@@ -65,7 +71,7 @@ def _configuration(
     nominal = models.nominal_system(force, arrangement)
     agents, rows = len(arrangement.direction), measuring.rows_of(nominal)
     estimates = averaged_sigma_s(
-        models.draw_systems(bounds, options.systems, agents, stream)
+        models.draw_systems(bounds, options.systems, agents, stream),
     )
     expected = expected_sigma_s(bounds, agents, stream.spawn(1)[0])
     record = contracts.read("force", INGEST)
@@ -93,7 +99,7 @@ def _configuration(
     }
     if len(rows) == 2:
         return tables | {
-            "force_density": measuring.force_density(name, wrenches, options.grid)
+            "force_density": measuring.force_density(name, wrenches, options.grid),
         }
     marginals = measuring.wrench_marginals(name, wrenches, rows, options.grid)
     return tables | {"wrench_marginals": marginals}

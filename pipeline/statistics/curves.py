@@ -146,7 +146,10 @@ def _std(noise: ndarray, axis: int, centred: bool = True) -> ndarray:
 
 
 def _drawn_std(
-    noise: ndarray, scale: ndarray | float, rng: Generator, centred: bool = True
+    noise: ndarray,
+    scale: ndarray | float,
+    rng: Generator,
+    centred: bool = True,
 ) -> ndarray:
     """Return standard deviations (M, REPLICATES) over as many takes of drawn noise with one law at
     all steps: the tails of ``noise`` (takes, M) over ``scale`` (M,), and its autocorrelation.
@@ -222,7 +225,8 @@ def _rejected(curve: ndarray, drawn: ndarray, limit: float) -> float:
 
 
 def jackknifed_spreads(
-    modelled: Mapping[str, ModelledNoise], noise: ndarray
+    modelled: Mapping[str, ModelledNoise],
+    noise: ndarray,
 ) -> tuple[dict[str, ndarray], dict[str, ndarray]]:
     """Return by model, for each row of :func:`jackknife_counts`, the relative error (1 + takes, n)
     of the standard deviation over time in each joint, and the modelled minus the recorded standard

@@ -45,7 +45,10 @@ def marginal_density(samples: ndarray, x: ndarray) -> ndarray:
 
 
 def kernel_density(
-    samples: ndarray, x: ndarray, y: ndarray, bandwidth: ndarray
+    samples: ndarray,
+    x: ndarray,
+    y: ndarray,
+    bandwidth: ndarray,
 ) -> ndarray:
     """Return the product-Gaussian kernel density (gx, gy) of ``samples`` (N, 2) on the grid ``x``
     (gx,) × ``y`` (gy,), per squared unit; ``bandwidth`` (2,).
@@ -143,7 +146,9 @@ def thin_record(record: ndarray) -> ndarray:
 
 
 def energy_test(
-    a: ndarray, b: ndarray, rng: np.random.Generator
+    a: ndarray,
+    b: ndarray,
+    rng: np.random.Generator,
 ) -> tuple[float, float]:
     """Return the energy distance 2E‖A − B‖ − E‖A − A′‖ − E‖B − B′‖ of independent samples ``a``
     (K, p) and ``b`` (L, p), in their unit, and its p-value: the share of divisions with at least

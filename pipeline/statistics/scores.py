@@ -56,7 +56,9 @@ def prediction_scores(steps: Mapping[str, ndarray], joints: Sequence[str]) -> Sc
 
 
 def posterior_scores(
-    error: ndarray, covariance: ndarray, joints: Sequence[str]
+    error: ndarray,
+    covariance: ndarray,
+    joints: Sequence[str],
 ) -> tuple[Scores, str | None]:
     """Return the scores of a filter's posterior as a normal law of the measured pose, means over
     the K steps of a take, and the reason if log score and NEES are missing.
@@ -136,7 +138,9 @@ def training_mean(training: ndarray, measured: ndarray) -> Filtered:
 
 
 def bound_scores(
-    error: ndarray, bound: ndarray, joints: Sequence[str]
+    error: ndarray,
+    bound: ndarray,
+    joints: Sequence[str],
 ) -> dict[str, dict[str, float]]:
     """Return by joint the accuracy of a filter, the width of its ±1σ bound and the agreement of the
     bound with the error over time; ``error`` posterior mean minus truth and ``bound`` standard

@@ -39,7 +39,8 @@ def takes_moments(samples: ndarray) -> tuple[ndarray, ndarray]:
     takes = len(samples)
     if takes < 2:
         raise ModelDomainError(
-            "a sample covariance needs at least two takes", takes=takes
+            "a sample covariance needs at least two takes",
+            takes=takes,
         )
     mean = samples.mean(axis=0)
     centred = samples - mean
@@ -141,7 +142,8 @@ def zero_mean_p_value(values: ndarray) -> float:
 
 
 def equal_covariances_p_value(
-    covariances: Sequence[ndarray], counts: Sequence[float]
+    covariances: Sequence[ndarray],
+    counts: Sequence[float],
 ) -> float:
     """Return the p-value of Box's test that the populations of the sample ``covariances`` (p, p) of
     ``counts`` independent normal samples have one covariance (Box 1949, the χ² approximation).
@@ -181,7 +183,10 @@ def drawn_takes(takes: int, rng: np.random.Generator) -> list[ndarray]:
 
 
 def resampled_differences(
-    quantities: Quantities, models: Sequence[str], takes: int, rng: np.random.Generator
+    quantities: Quantities,
+    models: Sequence[str],
+    takes: int,
+    rng: np.random.Generator,
 ) -> dict[str, list[Difference]]:
     """Return by model the difference of every quantity to the first model, with the 95 % percentile
     interval of the bootstrap over takes, the same takes for all models.

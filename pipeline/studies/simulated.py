@@ -103,7 +103,10 @@ class Laboratory:
 
     @classmethod
     def of_run(
-        cls, settings: SimpleNamespace, recorded: Recorded, kinect_noise: pd.DataFrame
+        cls,
+        settings: SimpleNamespace,
+        recorded: Recorded,
+        kinect_noise: pd.DataFrame,
     ) -> "Laboratory":
         """Return the laboratory of the run's dataset with the recorded noise of the instruments."""
         options, joints = settings.dataset.laboratory, tuple(recorded.joints)
@@ -149,7 +152,11 @@ def performed_takes(
 
 
 def perform(
-    laboratory: Laboratory, factors: Factors, seed: int, kind: str, count: int
+    laboratory: Laboratory,
+    factors: Factors,
+    seed: int,
+    kind: str,
+    count: int,
 ) -> tuple[np.ndarray, list[moves.DepthFrames]]:
     """Return ``count`` takes of a ``kind`` (train or test) as `record` draws them: poses (takes,
     M+1, n) in rad of the motion capture, and the exposures of the depth camera in each take.
@@ -162,7 +169,7 @@ def perform(
     frames = []
     for take, stream in zip(takes, streams, strict=True):
         frames.append(
-            moves.depth_frames(take, motion.duration, laboratory.clock, stream)
+            moves.depth_frames(take, motion.duration, laboratory.clock, stream),
         )
     return poses, frames
 
@@ -189,7 +196,11 @@ def measure_poses(
 
 
 def observe(
-    laboratory: Laboratory, factors: Factors, seed: int, training: int, test: int
+    laboratory: Laboratory,
+    factors: Factors,
+    seed: int,
+    training: int,
+    test: int,
 ) -> tuple[Takes, Camera]:
     """Return ``training`` and ``test`` takes, and the depth camera with its estimated noise; raises
     SingularJacobianError, and RecordingError if the test takes are too few to estimate the noise.

@@ -88,7 +88,7 @@ class Claim:
     because: str = ""
     unit: str = ""
     each: dict[str, Annotated[list, Field(min_length=1)] | Literal["every"]] = field(
-        default_factory=dict
+        default_factory=dict,
     )
     published: Number | list[Number] | None = None
     parameter: str = ""
@@ -109,7 +109,8 @@ class Claim:
     def __post_init__(self) -> None:
         if {name for name, values in self.each.items() if values == EVERY} - {"joint"}:
             raise ConfigError(
-                f"{EVERY} is possible for joint alone; list the values", key="each"
+                f"{EVERY} is possible for joint alone; list the values",
+                key="each",
             )
         cases = 1 if EVERY in self.each.values() else len(self.cases())
         if isinstance(self.published, list) and len(self.published) not in (1, cases):

@@ -81,7 +81,9 @@ class Decided(NamedTuple):
 
 
 def decide_each(
-    claims: Sequence[Claim], runs: Sequence[Run], papers_own: Sequence[str]
+    claims: Sequence[Claim],
+    runs: Sequence[Run],
+    papers_own: Sequence[str],
 ) -> list[Decided]:
     """Return the verdicts of every run, then the verdicts that need no recording."""
     decided = []
@@ -101,7 +103,8 @@ def kind_of_recordings(run: Run, papers_own: Sequence[str]) -> Recordings:
 
 
 def verdicts_without_recording(
-    claims: Sequence[Claim], runs: Sequence[Run]
+    claims: Sequence[Claim],
+    runs: Sequence[Run],
 ) -> list[Verdict]:
     """Return for each claim the verdict of the first of ``runs`` that has its numbers."""
     by_run = [decide(claims, run.evidence, "none", run.arm) for run in runs]
@@ -137,7 +140,10 @@ def moving_joints(evidence: pd.DataFrame, joints: Sequence[str]) -> tuple[str, .
 
 
 def _decide_claim(
-    claim: Claim, evidence: IndexedEvidence, recordings: Recordings, arm: ArmNames
+    claim: Claim,
+    evidence: IndexedEvidence,
+    recordings: Recordings,
+    arm: ArmNames,
 ) -> Verdict:
     cases = claim.cases(arm)
     if claim.numbers_joints and not arm.numbered:
@@ -209,7 +215,10 @@ def _with_interval(claim: Claim, r: Cases) -> Cases:
 
 
 def _verdict_word(
-    claim: Claim, recordings: Recordings, evident: bool, holds: Sequence[bool | None]
+    claim: Claim,
+    recordings: Recordings,
+    evident: bool,
+    holds: Sequence[bool | None],
 ) -> str:
     """Return the verdict; one case that fails, corrected over all cases, refutes the claim."""
     if (claim.recording == NONE) != (recordings == "none") and recordings != "paper":
@@ -225,7 +234,9 @@ def _verdict_word(
 
 
 def _numbers(
-    claim: Claim, cases: list[dict], evidence: IndexedEvidence
+    claim: Claim,
+    cases: list[dict],
+    evidence: IndexedEvidence,
 ) -> tuple[Cases, np.ndarray]:
     """Return the numbers of the ``cases`` for the rule of ``claim``, and the mask of the cases that
     have all numbers that the rule needs.
@@ -303,7 +314,9 @@ def verdict_table(decided: Sequence[Decided]) -> pd.DataFrame:
 
 
 def claim_verdicts(
-    claims: Sequence[Claim], evidence: pd.DataFrame, arm: ArmNames
+    claims: Sequence[Claim],
+    evidence: pd.DataFrame,
+    arm: ArmNames,
 ) -> pd.DataFrame:
     """Tabulate every case of ``claims``: values that the rule compares, ``holds`` of the case, and
     the ``verdict`` on the claim by :func:`decide`. A claim that the construction forces has none.

@@ -61,7 +61,10 @@ def _determination(fitted: Mapping[str, float]) -> dict[str, list[str]]:
 
 
 def _parameter_rows(
-    here: Run, published: Mapping[str, object], levels: Mapping[str, float], few: bool
+    here: Run,
+    published: Mapping[str, object],
+    levels: Mapping[str, float],
+    few: bool,
 ) -> list[list[object]]:
     """Return name, published value and estimates of each fitted parameter."""
     rows = []

@@ -198,7 +198,7 @@ def compared_laws(scores: pd.DataFrame) -> str:
             faults = len(faults_of(moving, model))
         mean = mean_scores(moving)[model].mean()
         rows.append(
-            [plain_name(model), *by_horizon, settled.get(model), mean, margin, faults]
+            [plain_name(model), *by_horizon, settled.get(model), mean, margin, faults],
         )
     header = [
         "law",
@@ -267,7 +267,12 @@ def model_card(run: Run, others: Sequence[Run]) -> str:
             parts["others"].append(line)
     any_fit = any(fitted.values())
     return render(
-        "model_card.md", run=run, modelled=True, tables=t, fitted=any_fit, **parts
+        "model_card.md",
+        run=run,
+        modelled=True,
+        tables=t,
+        fitted=any_fit,
+        **parts,
     )
 
 

@@ -66,7 +66,8 @@ class Item:
     def __post_init__(self) -> None:
         if bool(self.label) != (self.kind in LABELLED):
             raise ConfigError(
-                "an equation or figure needs a label, other items none", key="label"
+                "an equation or figure needs a label, other items none",
+                key="label",
             )
         if bool(self.tests) == bool(self.without_code):
             message = "an item needs either tests or without_code, not both"
@@ -126,7 +127,9 @@ def cited_items(docstring: str, items: Sequence[Item], **place: object) -> set[s
 
 
 def citations(
-    package: Path, items: Sequence[Item], without: Sequence[str] = ()
+    package: Path,
+    items: Sequence[Item],
+    without: Sequence[str] = (),
 ) -> dict[str, list[Source]]:
     """Return the sources in ``package`` that cite each item, except in the folders ``without``."""
     sources: dict[str, list[Source]] = {item.cited_as: [] for item in items}
@@ -135,7 +138,8 @@ def citations(
             continue
         module = ".".join(file.relative_to(package.parent).with_suffix("").parts)
         for name, docstring in _documented(
-            ast.parse(file.read_text(encoding="utf-8")), module
+            ast.parse(file.read_text(encoding="utf-8")),
+            module,
         ):
             for item in cited_items(docstring, items, file=file, name=name):
                 sources[item].append(Source(name, file))
@@ -143,12 +147,14 @@ def citations(
 
 
 def _documented(
-    tree: ast.Module | ast.ClassDef, owner: str
+    tree: ast.Module | ast.ClassDef,
+    owner: str,
 ) -> Iterator[tuple[str, str]]:
     """Yield dotted name and docstring of every public function, class and method."""
     for node in tree.body:
         if isinstance(
-            node, ast.FunctionDef | ast.ClassDef
+            node,
+            ast.FunctionDef | ast.ClassDef,
         ) and not node.name.startswith("_"):
             yield (name := f"{owner}.{node.name}"), ast.get_docstring(node) or ""
             if isinstance(node, ast.ClassDef):
@@ -156,7 +162,8 @@ def _documented(
 
 
 def equations_page(
-    items: Sequence[Item], sources: Mapping[str, Sequence[Source]]
+    items: Sequence[Item],
+    sources: Mapping[str, Sequence[Source]],
 ) -> str:
     """Return ``reports/equations.md``, each item with the ``sources`` of :func:`citations`."""
     rows = []
@@ -279,7 +286,8 @@ def _shown(value: float | None) -> str:
 
 
 def noise_levels(
-    fitted: Mapping[str, float], published: Mapping[str, float]
+    fitted: Mapping[str, float],
+    published: Mapping[str, float],
 ) -> dict[str, float]:
     """Return the noise level L = α√(u² − ⟨‖J⁺‖²⟩) of the published α and u over the poses of a fit
     (``published``), the fitted L over it (``ratio``), and the scale ``alpha`` and the product

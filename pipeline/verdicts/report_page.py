@@ -312,7 +312,9 @@ def _lacking_numbers(run: Run, readings_of: pd.DataFrame) -> list[str]:
 
 
 def figures(
-    here: Run, lines: Mapping[str, list[tuple[Claim, str]]], drawn: Drawn
+    here: Run,
+    lines: Mapping[str, list[tuple[Claim, str]]],
+    drawn: Drawn,
 ) -> dict[str, object]:
     """Return the ``figures`` of the paper in order with the claims that each shows; ``unplaced``
     claims with evidence and without a figure; ``unseen`` claims, without evidence or without the
@@ -356,7 +358,9 @@ def _look(here: Run, name: str, caption: Mapping[str, str]) -> str:
 
 
 def datasets_page(
-    groups: Sequence[Group], rows: Sequence[Row], unfit: Sequence[str] = ()
+    groups: Sequence[Group],
+    rows: Sequence[Row],
+    unfit: Sequence[str] = (),
 ) -> str:
     """Return ``reports/datasets.md``: the tally, the claims by cause and arm with a sentence where
     they differ, the verdict of every dataset, and sentences ``unfit`` on evidence of other files.

@@ -70,7 +70,9 @@ def standard_errors(r: Cases, side: int = 0) -> ndarray:
     elif side < 0:
         half = r.value - r.low
     error = np.where(
-        np.isnan(r.standard_error), half / NORMAL_QUANTILE, r.standard_error
+        np.isnan(r.standard_error),
+        half / NORMAL_QUANTILE,
+        r.standard_error,
     )
     return np.nan_to_num(error)
 
@@ -161,7 +163,9 @@ def _interval_contains(r: Cases) -> tuple[ndarray, ndarray]:
 
 JUDGES: dict[str, Judge] = {
     "within_relative": lambda r: _within(
-        r, r.tolerance * abs(r.published), r.value - r.published
+        r,
+        r.tolerance * abs(r.published),
+        r.value - r.published,
     ),
     "within_absolute": lambda r: _within(r, r.tolerance, r.value - r.published),
     "below": lambda r: beyond(r.yardstick - r.value, r, 1),
@@ -176,7 +180,8 @@ JUDGES: dict[str, Judge] = {
     "equivalent": lambda r: _within(r, r.tolerance * abs(r.than), r.difference),
     "interval_contains": _interval_contains,
     "standard_errors": lambda r: _sure(
-        abs(r.distance) < r.limit, abs(r.distance) >= r.limit
+        abs(r.distance) < r.limit,
+        abs(r.distance) >= r.limit,
     ),
 }
 

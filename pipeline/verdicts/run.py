@@ -77,7 +77,9 @@ class Reference:
             raise ConfigError(message, key="quantity")
 
     def look_up(
-        self, evidence: IndexedEvidence, names: Mapping[str, object]
+        self,
+        evidence: IndexedEvidence,
+        names: Mapping[str, object],
     ) -> float | None:
         """Return the number with ``names`` in place of their placeholders, None if missing."""
         row = evidence.get(tuple(filled(getattr(self, key), names) for key in KEYS), {})
@@ -96,7 +98,10 @@ def index_evidence(table: pd.DataFrame, **place: object) -> IndexedEvidence:
 
 
 def parse_entries(
-    structure: type[T], entries: object, kind: str, name: str = "id"
+    structure: type[T],
+    entries: object,
+    kind: str,
+    name: str = "id",
 ) -> list[T]:
     """Return a ``structure`` for each of ``entries``; raises ConfigError with the ``kind`` and
     ``name`` of the entry and the key for an invalid entry and for two entries of equal name.
@@ -108,7 +113,8 @@ def parse_entries(
         own = (entry.get(name) if isinstance(entry, dict) else None) or number
         if own in result:
             raise ConfigError(
-                f"two {kind}s have the same {name}", **{kind: own, "key": name}
+                f"two {kind}s have the same {name}",
+                **{kind: own, "key": name},
             )
         try:
             result[own] = validated(structure, entry)

@@ -136,7 +136,12 @@ def choice(run: Run) -> str:
     }
     equal = not_below(best, means.index)
     return say(
-        "choice", run=run, note=spread_note(run), best=best, equal=equal, **words
+        "choice",
+        run=run,
+        note=spread_note(run),
+        best=best,
+        equal=equal,
+        **words,
     )
 
 

@@ -39,7 +39,9 @@ def rows_of(system: models.CableSystem) -> tuple[str, ...]:
 
 
 def measured_wrenches(
-    record: pd.DataFrame, system: models.CableSystem, length: float
+    record: pd.DataFrame,
+    system: models.CableSystem,
+    length: float,
 ) -> ndarray:
     """Return the rows (N, n) in N of ``record`` that ``system`` has; moments over ``length`` m."""
     rows = rows_of(system)
@@ -96,7 +98,9 @@ def _nominal_law(force: Force, robots: Arrangement) -> NormalLaw:
 
 
 def _mistaken(
-    name: str, measured: NormalLaw, laws: Mapping[str, NormalLaw]
+    name: str,
+    measured: NormalLaw,
+    laws: Mapping[str, NormalLaw],
 ) -> tuple[str, str] | None:
     """Return key and message where ``measured`` is nearer to another of the ``laws`` than to that
     of its configuration ``name``, else None.
@@ -139,7 +143,9 @@ def _means(name: str, measured: NormalLaw, law: NormalLaw) -> str:
 
 
 def force_moments(
-    configuration: str, wrenches: Wrenches, rows: Sequence[str]
+    configuration: str,
+    wrenches: Wrenches,
+    rows: Sequence[str],
 ) -> pd.DataFrame:
     """Return the table ``force_moments``."""
     table = []
@@ -185,7 +191,10 @@ def force_density(configuration: str, wrenches: Wrenches, points: int) -> pd.Dat
 
 
 def wrench_marginals(
-    configuration: str, wrenches: Wrenches, rows: Sequence[str], points: int
+    configuration: str,
+    wrenches: Wrenches,
+    rows: Sequence[str],
+    points: int,
 ) -> pd.DataFrame:
     """Return the table ``wrench_marginals``: density of each row at ``points`` common values."""
     grid = common_grid([*wrenches.values()], points)

@@ -52,7 +52,7 @@ class CableSystem:
                 object.__setattr__(self, name, np.asarray(values, dtype=float))
         if np.any(self.tension_sd < 0) or np.any(self.concentration <= 0):
             raise ModelDomainError(
-                "a cable system needs tension_sd ≥ 0 and concentration > 0"
+                "a cable system needs tension_sd ≥ 0 and concentration > 0",
             )
 
     @property
@@ -69,7 +69,8 @@ class CableSystem:
         """Return Gᵢ (..., m, n, p), which maps a cable's force to the cable's wrench."""
         if self.attachment is None:
             return np.broadcast_to(
-                np.eye(self.dimension), (*self.direction.shape, self.dimension)
+                np.eye(self.dimension),
+                (*self.direction.shape, self.dimension),
             )
         return wrench_map(self.attachment)
 
@@ -202,7 +203,10 @@ def systems_at(bounds: Bounds, points: ndarray) -> CableSystem:
 
 
 def draw_systems(
-    bounds: Bounds, systems: int, agents: int, rng: Generator
+    bounds: Bounds,
+    systems: int,
+    agents: int,
+    rng: Generator,
 ) -> CableSystem:
     """Draw ``systems`` cable systems of ``agents`` cables within ``bounds``."""
     return systems_at(bounds, rng.random((bounds.coordinates, systems, agents)))
@@ -211,7 +215,10 @@ def draw_systems(
 def study_bounds(options: Wrench) -> Bounds:
     """Return the bounds of the paper's numerical study."""
     return Bounds(
-        options.tension, options.direction, options.tension_std, options.kappa
+        options.tension,
+        options.direction,
+        options.tension_std,
+        options.kappa,
     )
 
 
@@ -331,7 +338,10 @@ def optimal_sigma_s(unbounded: ndarray, form: str) -> tuple[ndarray, ndarray]:
 
 
 def sample_wrenches(
-    model: MatrixModel, sigma_s: ndarray, samples: int, rng: Generator
+    model: MatrixModel,
+    sigma_s: ndarray,
+    samples: int,
+    rng: Generator,
 ) -> ndarray:
     """Draw independent wrenches W = S·T (samples, n) of one system, Eq. (wrench). Given T, S·T is
     N(S̲T, (TᵀΨ_ST)·Σ_S); ``sigma_s`` Σ_S (n, n) is positive semidefinite.

@@ -128,7 +128,12 @@ def _tension_share(bounds: models.Bounds, agents: int) -> float:
         return float(density / scale)
 
     share, error, _, *warning = quad(
-        integrand, 0, np.inf, epsabs=SHARE_TOLERANCE, epsrel=0.0, full_output=True
+        integrand,
+        0,
+        np.inf,
+        epsabs=SHARE_TOLERANCE,
+        epsrel=0.0,
+        full_output=True,
     )
     if warning or error > SHARE_TOLERANCE:
         message = "the integral for E[Σ_S] did not converge: narrow the bounds of the tensions"
@@ -137,7 +142,9 @@ def _tension_share(bounds: models.Bounds, agents: int) -> float:
 
 
 def expected_sigma_s(
-    bounds: models.Bounds, agents: int, rng: Generator
+    bounds: models.Bounds,
+    agents: int,
+    rng: Generator,
 ) -> dict[str, SigmaS]:
     """Return E[Σ_S] by form for ``agents`` cables with values uniform within ``bounds``: E[M] by
     quadrature plus the small E[Σ_S − M] by scrambled Sobol sequences.
@@ -208,7 +215,9 @@ def sigma_s_rows(
 
 
 def run_study(
-    options: Wrench, rng: Generator, run: Callable = map
+    options: Wrench,
+    rng: Generator,
+    run: Callable = map,
 ) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
     """Return the tables ``sigma_s`` and ``wrench_errors`` of the first repeat and ``wrench_spread``
     of all ``repeats``, Fig. (ErrWrnRMT); ``run`` maps a function over the repeats.

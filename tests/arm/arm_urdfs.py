@@ -55,7 +55,8 @@ def random_text(kinds: Sequence[str], rng: np.random.Generator) -> str:
         inside = f'{origin(places[i])}<axis xyz="{" ".join(map(repr, axis))}"/>{LIMIT}'
         joints.append(joint(f"j{i + 1}", kind, f"l{i}", f"l{i + 1}", inside))
     return robot_text(
-        *joints, joint("grip", "fixed", f"l{len(kinds)}", "tip", origin(places[-1]))
+        *joints,
+        joint("grip", "fixed", f"l{len(kinds)}", "tip", origin(places[-1])),
     )
 
 
@@ -65,7 +66,9 @@ def jn(count: int) -> list[str]:
 
 
 def by_pinocchio(
-    robot: Robot, tip: str, poses: np.ndarray
+    robot: Robot,
+    tip: str,
+    poses: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Poses (N, 12) of the link ``tip`` of the whole robot at ``poses`` (N, n) of its joints in the
     axes of its base, and the task's rows of its Jacobian (N, m, n).

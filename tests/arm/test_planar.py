@@ -46,7 +46,9 @@ def test_segments_point_along_headings_that_give_the_joints_back_whatever_the_tu
     segments = np.diff(chain.points(q), axis=1)
     directions = np.stack([np.sin(psi), np.cos(psi)], axis=-1)
     np.testing.assert_allclose(
-        segments, chain.lengths[:, None] * directions, atol=1e-14
+        segments,
+        chain.lengths[:, None] * directions,
+        atol=1e-14,
     )
     assert np.array_equal(chain.points(q)[:, 0], np.tile(chain.origin, (len(q), 1)))
     turns = 2 * np.pi * np.random.default_rng(6).integers(-2, 3, q.shape)
@@ -54,10 +56,12 @@ def test_segments_point_along_headings_that_give_the_joints_back_whatever_the_tu
     # the turns are those nearest to the middle of the limits
     middle = (chain.lower + chain.upper) / 2
     beyond = chain.joints_from_segments(
-        chain.segment_headings(middle + np.array([3.1, -3.1, 3.2]))
+        chain.segment_headings(middle + np.array([3.1, -3.1, 3.2])),
     )
     np.testing.assert_allclose(
-        beyond - middle, [3.1, -3.1, 3.2 - 2 * np.pi], atol=1e-12
+        beyond - middle,
+        [3.1, -3.1, 3.2 - 2 * np.pi],
+        atol=1e-12,
     )
 
 
@@ -66,7 +70,8 @@ def test_a_singular_pose_and_one_that_is_not_finite_are_refused_with_their_place
     q = bent(chain, 12).reshape(3, 4, 3)
     q[1, 2] = in_line(chain)
     with pytest.raises(
-        SingularJacobianError, match=r"singular at 1 frame\(s\)"
+        SingularJacobianError,
+        match=r"singular at 1 frame\(s\)",
     ) as refused:
         chain.inverse_jacobian(q, what="frame")
     evidence = refused.value.evidence

@@ -115,7 +115,8 @@ def least_scaled(chain, q: np.ndarray) -> np.ndarray:
 
 
 def test_pose_and_jacobian_are_pinocchios_and_the_inverse_numpys_pseudoinverse(
-    robot, chain
+    robot,
+    chain,
 ):
     q = poses(chain)
     places, jacobians = by_pinocchio(robot, robot.tool, q)
@@ -126,7 +127,9 @@ def test_pose_and_jacobian_are_pinocchios_and_the_inverse_numpys_pseudoinverse(
     expected = np.linalg.pinv(chain.jacobian(q))
     size = np.linalg.norm(expected, axis=(-2, -1), keepdims=True)
     np.testing.assert_allclose(
-        chain.inverse_jacobian(q) / size, expected / size, atol=1e-12
+        chain.inverse_jacobian(q) / size,
+        expected / size,
+        atol=1e-12,
     )
 
 
@@ -134,15 +137,16 @@ def test_pose_and_jacobian_are_pinocchios_and_the_inverse_numpys_pseudoinverse(
 @pytest.mark.parametrize("urdf", PUBLIC)
 def test_arms_of_the_public_collection_are_pinocchios(urdf):
     places = PEERS.glob(
-        "lib/*/site-packages/cmeel.prefix/share/example-robot-data/robots"
+        "lib/*/site-packages/cmeel.prefix/share/example-robot-data/robots",
     )
     if (collection := next(places, None)) is None:
         pytest.skip(
-            "example-robot-data is absent; `make test-all` installs it in .venv-peers"
+            "example-robot-data is absent; `make test-all` installs it in .venv-peers",
         )
     robot = Robot(str(collection / f"{urdf}.urdf"), *PUBLIC[urdf], length=0.3)
     test_pose_and_jacobian_are_pinocchios_and_the_inverse_numpys_pseudoinverse(
-        robot, chain_of(robot)
+        robot,
+        chain_of(robot),
     )
 
 
@@ -202,7 +206,9 @@ def test_a_step_does_the_task_and_the_rest_of_the_command_where_the_task_does_no
     rest = chain.null_step(q, command)
     np.testing.assert_allclose(np.matvec(jacobian, rest), 0, atol=1e-11)
     np.testing.assert_allclose(
-        rest, w - np.matvec(back, np.matvec(jacobian, w)), atol=1e-10
+        rest,
+        w - np.matvec(back, np.matvec(jacobian, w)),
+        atol=1e-10,
     )
     step = chain.nominal_step(q, command)
     np.testing.assert_allclose(np.matvec(jacobian, step), v, atol=1e-10)
@@ -221,7 +227,7 @@ def test_the_displacement_is_scipys_rotation_vector_times_the_length(robot, chai
         way = end[i, 0, :3] - start[0, j, :3]
         turn = (turns[1][i] * turns[0][j].inv()).as_rotvec() * robot.length
         all_rows = dict(
-            zip(("x", "y", "z", "rx", "ry", "rz"), [*way, *turn], strict=True)
+            zip(("x", "y", "z", "rx", "ry", "rz"), [*way, *turn], strict=True),
         )
         expected = [all_rows[name] for name in chain.task]
         np.testing.assert_allclose(result[i, j], expected, atol=1e-12)

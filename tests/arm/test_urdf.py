@@ -58,7 +58,10 @@ def agrees(robot: Robot, tip: str) -> bool:
     q = np.random.default_rng(1).uniform(low, high, (20, len(low)))
     places, jacobians = by_pinocchio(robot, tip, q)
     return np.allclose(chain.pose(q), places, rtol=0, atol=1e-12) and np.allclose(
-        chain.jacobian(q), jacobians, rtol=0, atol=1e-12
+        chain.jacobian(q),
+        jacobians,
+        rtol=0,
+        atol=1e-12,
     )
 
 
@@ -66,7 +69,8 @@ def test_locked_joints_before_between_and_behind_are_held_where_they_are_named()
     names = [f"arm_joint_{j}" for j in (1, 3, 4)]
     held = {"arm_joint_2": 1.1, "arm_joint_5": 0.4}
     assert agrees(
-        Robot(str(YOUBOT), names, locked=held, task=["x", "y", "z"]), "arm_tool"
+        Robot(str(YOUBOT), names, locked=held, task=["x", "y", "z"]),
+        "arm_tool",
     )
 
 
@@ -148,7 +152,10 @@ def test_a_links_frame_lies_where_pinocchio_has_it(robot, links):
     ],
 )
 def test_joints_beside_and_within_the_arm_are_as_in_pinocchio(
-    file, joints, options, tip
+    file,
+    joints,
+    options,
+    tip,
 ):
     beside = []
     for name, kind, parent, child, *coupling in joints:
@@ -171,11 +178,16 @@ def test_coupled_joints_are_held_where_those_that_they_follow_are_held(file):
     )
     held = chain_of(Robot(urdf, ["j2", "j3"], locked={"j1": 0.4}, task=["x", "rz"]))
     expected = Robot(
-        urdf, ["j2", "j3"], locked={"j1": 0.4, "coupled": 0.1 - 0.8}, task=["x", "rz"]
+        urdf,
+        ["j2", "j3"],
+        locked={"j1": 0.4, "coupled": 0.1 - 0.8},
+        task=["x", "rz"],
     )
     q = np.random.default_rng(1).uniform(-1, 1, (5, 2))
     np.testing.assert_allclose(
-        held.pose(q), by_pinocchio(expected, "l4", q)[0], atol=1e-12
+        held.pose(q),
+        by_pinocchio(expected, "l4", q)[0],
+        atol=1e-12,
     )
 
 
@@ -279,7 +291,7 @@ def test_what_is_no_arm_is_refused(file, text, options, words):
     urdf = file(text=text)
     with pytest.raises(ConfigError, match=words) as refused:
         chain_of(
-            Robot(**({"urdf": urdf, "joints": jn(2), "task": ["x", "z"]} | options))
+            Robot(**({"urdf": urdf, "joints": jn(2), "task": ["x", "z"]} | options)),
         )
     assert refused.value.evidence["file"] == Path(options.get("urdf", urdf))
 

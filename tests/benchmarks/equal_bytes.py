@@ -101,7 +101,10 @@ def write_hashes(answer: Path, threads: int) -> None:
 
 
 def hashes_under(
-    level: str, threads: int, environment: dict[str, str], folder: Path
+    level: str,
+    threads: int,
+    environment: dict[str, str],
+    folder: Path,
 ) -> dict[str, str]:
     """Hash of each piece under a setting, in the copy of its level below ``folder``."""
     project = folder / level

@@ -88,7 +88,14 @@ class Take:
         chain, model, start, *_ = self.scene
         commands, options = open_loop(self.steps), filter_options(particles)
         return particle_filter(
-            model, chain, commands, DT, start, self.measurements, options, rng
+            model,
+            chain,
+            commands,
+            DT,
+            start,
+            self.measurements,
+            options,
+            rng,
         )
 
     def plain(self) -> dict:

@@ -242,7 +242,7 @@ def page(folder: Path) -> str:
     }
     fields = contests(**measured["contests"]) | start(**measured["start"])
     fields |= equal_bytes(**measured["equal_bytes"]) | {
-        "growth": growth(folder / "growth.csv")
+        "growth": growth(folder / "growth.csv"),
     }
     fields["times"] = times_table(measured_times(folder))
     at_scale = "Not measured: `make bench-scale`."

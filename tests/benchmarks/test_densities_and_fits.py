@@ -63,7 +63,12 @@ def test_kdepy(benchmark, peer, density, tmp_path):
     samples, x, y, bandwidth = density
     np.save(file := tmp_path / "samples.npy", samples)
     run = peer(
-        "densities", samples=str(file), x=x, y=y, bandwidth=bandwidth, shown=SHOWN
+        "densities",
+        samples=str(file),
+        x=x,
+        y=y,
+        bandwidth=bandwidth,
+        shown=SHOWN,
     )
     error = error_of(np.array(benchmark(run)), *density)
     stated = {"role": "peer", "against": "KDEpy", "target": 5, "error": error}
@@ -112,7 +117,8 @@ def problems(benchmark, request, size) -> Problems:
 
 
 def parametrised(
-    weights: tuple[float, float], m: int
+    weights: tuple[float, float],
+    m: int,
 ) -> Callable[[Problems], list[float]]:
     """(BsampOpt) as printed, with the data as parameters: compiled once."""
     noise, matrix = cp.Parameter(m), cp.Parameter((m, m * m))

@@ -40,7 +40,9 @@ def greatest_error(draws: np.ndarray, model: WishartModel, motion: Take) -> floa
 @pytest.mark.slow
 @pytest.mark.parametrize("arm, law, draws", CASES)
 def test_a_peer_has_our_arm_and_moves_its_particles_by_the_law_of_our_model(
-    arm, law, draws
+    arm,
+    law,
+    draws,
 ):
     motion = take(12, arm)
     chain, model, start = motion.scene[:3]

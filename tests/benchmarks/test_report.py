@@ -18,7 +18,9 @@ from times import stage_seconds
     [(1.0, 5, "met"), (1.0, 7, "**met in 1 of 2 runs**"), (0.9, 5, "**missed**")],
 )
 def test_a_ratio_is_met_in_every_run_and_not_at_the_cost_of_quality(
-    quality, target, verdict
+    quality,
+    target,
+    verdict,
 ):
     ours = {"role": "ours", "items": 10, "objective": 1.0}
     peer = ours | {"role": "peer", "objective": quality}

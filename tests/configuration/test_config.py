@@ -32,7 +32,8 @@ def compose(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    "number", range(max(len(config.option_names(group)) for group in config.GROUPS))
+    "number",
+    range(max(len(config.option_names(group)) for group in config.GROUPS)),
 )
 def test_every_option_composes(compose, number):
     # as many at a time as there are groups: the first of each, the second of each, …
@@ -137,7 +138,13 @@ def test_a_wrong_value_is_refused_with_its_key(compose, path, value, words):
     ],
 )
 def test_a_wrong_value_of_an_option_file_is_refused_with_the_file(
-    compose, tmp_path, monkeypatch, file, old, new, key
+    compose,
+    tmp_path,
+    monkeypatch,
+    file,
+    old,
+    new,
+    key,
 ):
     shutil.copytree(config.CONF, tmp_path / "conf")
     monkeypatch.setattr(config, "CONF", tmp_path / "conf")
@@ -154,7 +161,7 @@ def test_all_faults_are_in_one_message(compose):
     with pytest.raises(ConfigError, match="2 faults") as refused:
         compose(overrides="{filter: {particles: 0}, wrench: {grd: 3}}")
     assert "filter.particles: " in str(refused.value) and "did you mean grid" in str(
-        refused.value
+        refused.value,
     )
     with pytest.raises(ConfigError, match=r"filter\.9: keys should be strings, got 9"):
         validated(Filter, {9: 4}, "filter")
@@ -192,7 +199,8 @@ def written(**choices: str) -> bytes:
     """The composed configuration as the stage configure writes it."""
     with TemporaryDirectory() as folder:
         config.write_config(
-            parameters(Path(folder), **choices), Path(folder) / "config.yaml"
+            parameters(Path(folder), **choices),
+            Path(folder) / "config.yaml",
         )
         return (Path(folder) / "config.yaml").read_bytes()
 
@@ -244,7 +252,9 @@ def test_a_null_in_the_option_file_leaves_a_section_of_the_datasheet_out(section
 
 
 def test_a_study_of_motion_is_refused_without_a_robot_and_the_papers_stage_is_not(
-    sections, monkeypatch, tmp_path
+    sections,
+    monkeypatch,
+    tmp_path,
 ):
     assert sections("dataset.robot", dataset="towing").dataset.robot is None
     study = tmp_path / "pipeline/study/dvc.yaml"
@@ -274,7 +284,7 @@ def test_models_and_the_laboratory_have_their_own_types(sections):
         with pytest.raises(ConfigError, match=f"there is no models.{item}"):
             sections("models.${item.model}", item=item)
     assert vars(sections("dataset.${item.part}", item="depth").dataset).keys() == {
-        "depth"
+        "depth",
     }
 
 
@@ -283,7 +293,7 @@ def test_a_stage_that_there_is_not_and_a_stale_configuration_are_refused(section
     with pytest.raises(ConfigError, match="no stage 'nonsense'; there are stage"):
         config.sections("nonsense")
     config.COMPOSED.write_text(
-        config.COMPOSED.read_text().replace("particles:", "swarm:")
+        config.COMPOSED.read_text().replace("particles:", "swarm:"),
     )
     with pytest.raises(ConfigError, match="'swarm'"):
         config.sections("stage")
@@ -377,7 +387,11 @@ def test_values_of_both_files_are_in_the_configuration(sheet, compose):
     ],
 )
 def test_a_wrong_value_or_key_is_named_with_the_datasheet(
-    sheet, compose, key, value, words
+    sheet,
+    compose,
+    key,
+    value,
+    words,
 ):
     edit(sheet, key, value)
     with pytest.raises(ConfigError) as refused:

@@ -96,7 +96,8 @@ def test_values_of_yaml_are_those_that_omegaconf_reads(tmp_path):
     ],
 )
 def test_yaml_that_is_ambiguous_or_holds_no_keys_is_refused_with_its_file(
-    tmp_path, content
+    tmp_path,
+    content,
 ):
     file = tmp_path / "a.yaml"
     file.write_bytes(content)
@@ -156,7 +157,12 @@ def test_a_users_own_setting_is_overwritten_by_the_command():
     ],
 )
 def test_a_processor_without_avx2_runs_at_its_own_level(
-    machine, flags, variable, equal, tmp_path, monkeypatch
+    machine,
+    flags,
+    variable,
+    equal,
+    tmp_path,
+    monkeypatch,
 ):
     (tmp_path / "cpuinfo").write_text(f"processor : 0\nflags : fpu {flags}\n")
     monkeypatch.setattr(environment, "FLAGS", tmp_path / "cpuinfo")
@@ -249,7 +255,9 @@ def _outcome(sandbox: Sandbox, function, *arguments: object) -> object:
     ],
 )
 def test_what_ends_badly_is_refused_and_the_next_call_is_made(
-    function, arguments, words
+    function,
+    arguments,
+    words,
 ):
     with Sandbox() as sandbox:
         with pytest.raises(RecordingError, match=words):

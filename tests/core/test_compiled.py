@@ -31,7 +31,7 @@ def units(function, exact, x: np.ndarray) -> float:
     result = np.array([function(value) for value in x])
     right = exact(x.astype(np.longdouble))
     return float(
-        np.max(np.abs(result - right) / np.spacing(np.maximum(np.abs(result), 1e-300)))
+        np.max(np.abs(result - right) / np.spacing(np.maximum(np.abs(result), 1e-300))),
     )
 
 
@@ -73,7 +73,8 @@ def test_sums_and_the_greatest_are_numpys(count):
     while lanes.shape[1] > 1:
         lanes = np.add(*np.split(lanes, 2, axis=1))
     assert [from_python(inner_product)(x, y), from_python(total)(x)] == lanes[
-        :, 0
+        :,
+        0,
     ].tolist()
 
 
@@ -153,7 +154,8 @@ def test_compiled_code_is_loaded_until_a_constant_in_another_file_is_edited(pack
 
 
 def test_machine_code_depends_on_the_compiled_modules_and_their_imports_alone(
-    tmp_path, monkeypatch
+    tmp_path,
+    monkeypatch,
 ):
     needed, waiting = set(), []
     for module in MODULES:

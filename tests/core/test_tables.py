@@ -62,7 +62,9 @@ def table(name: str, place: str = "pipeline") -> pd.DataFrame:
 
 @pytest.mark.parametrize(("place", "name"), DECLARED)
 def test_a_table_that_fits_is_read_as_it_was_written_and_no_column_more_or_less(
-    place, name, tmp_path
+    place,
+    name,
+    tmp_path,
 ):
     good, file = table(name, place), FILES[place]
     for column, kind in declaration(place, name).items():
@@ -122,7 +124,9 @@ def test_a_column_refuses_values_that_do_not_fit(text, bad, tmp_path, monkeypatc
     ],
 )
 def test_a_table_that_another_program_wrote_is_checked_on_reading(
-    column, value, tmp_path
+    column,
+    value,
+    tmp_path,
 ):
     rows = table("joints")
     sound = list(rows.get(column, [1.0] * ROWS))
@@ -231,12 +235,17 @@ def test_metrics_keep_every_digit_and_those_not_finite_leave_the_old_file(tmp_pa
     [
         lambda file: contracts.write_text("text", file),
         lambda file: contracts.write(
-            pd.DataFrame(), "kept", file.parent, file.parent / "t.yaml"
+            pd.DataFrame(),
+            "kept",
+            file.parent,
+            file.parent / "t.yaml",
         ),
     ],
 )
 def test_a_full_disk_names_the_file_that_cannot_be_written(
-    write, tmp_path, monkeypatch
+    write,
+    tmp_path,
+    monkeypatch,
 ):
     def full(*_: object, **__: object) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
@@ -285,7 +294,8 @@ def test_a_folder_is_replaced_whole_or_stays_as_it_was(tmp_path):
 
 @pytest.mark.parametrize("exists", [True, False])
 def test_an_output_folder_that_is_a_link_is_refused_and_its_content_stays(
-    tmp_path, exists
+    tmp_path,
+    exists,
 ):
     foreign, link = tmp_path / "foreign", tmp_path / "track"
     if exists:

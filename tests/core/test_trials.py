@@ -29,7 +29,9 @@ ROOT = Path(__file__).parents[2]
 WAIT = 60.0  # s, until a process counts as not starting
 SERIAL, TWO = Compute(1), Compute(2)
 each_way = pytest.mark.parametrize(
-    "compute", [SERIAL, TWO], ids=["serial", "processes"]
+    "compute",
+    [SERIAL, TWO],
+    ids=["serial", "processes"],
 )
 # trials, which workers import from this module
 
@@ -68,7 +70,10 @@ def begin(number: int, folder: Path) -> None:
 
 
 def results(
-    function: Callable, trials: Iterable, compute: Compute, label: str = "trials"
+    function: Callable,
+    trials: Iterable,
+    compute: Compute,
+    label: str = "trials",
 ) -> list:
     return list(run_trials(function, trials, compute=compute, label=label))
 
@@ -93,7 +98,9 @@ def test_results_and_their_order_do_not_depend_on_the_workers_and_a_log_sees_one
 
 @each_way
 def test_a_trials_error_arrives_with_its_evidence_and_stops_the_rest(
-    compute, tmp_path, at_once
+    compute,
+    tmp_path,
+    at_once,
 ):
     with pytest.raises(ConfigError, match="refused") as raised:
         results(partial(begin, folder=tmp_path), range(400), compute)
@@ -192,7 +199,9 @@ def test_a_cluster_gives_the_bytes_of_this_process_and_a_killed_worker_costs_tim
     ):
         compute = on(address)
         assert results(computed, range(6), compute) == results(
-            computed, range(6), SERIAL
+            computed,
+            range(6),
+            SERIAL,
         )
         running = run_trials(late, range(150), compute=compute, label="trials")
         first = list(islice(running, 10))
@@ -218,13 +227,17 @@ def test_a_scheduler_that_is_lost_or_silent_is_named(tmp_path, end):
         with Client(address, timeout=WAIT, set_as_default=False) as client:
             client.wait_for_workers(1, timeout=WAIT)
         running = run_trials(
-            pause, [0.05] * 400, compute=on(address, 5.0), label="trials"
+            pause,
+            [0.05] * 400,
+            compute=on(address, 5.0),
+            label="trials",
         )
         next(running)
         started.send_signal(end)
         before = time.monotonic()
         with pytest.raises(
-            ComputeError, match=r"is lost; start it again|no scheduler or workers"
+            ComputeError,
+            match=r"is lost; start it again|no scheduler or workers",
         ) as raised:
             list(running)
         assert raised.value.evidence["address"] == address

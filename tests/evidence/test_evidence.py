@@ -113,7 +113,10 @@ def test_an_error_varies_only_beyond_what_as_many_takes_reach_by_chance():
         law = Filtered(error, np.tile(np.eye(2), (takes, 80, 1, 1)), np.zeros((2, 2)))
         filters = dict.fromkeys([NONE, MEMORY, "m", closed("m")], law)
         evidence, against, refusals = filter_evidence(
-            filters, JOINTS, never_steady, partial(stream, takes)
+            filters,
+            JOINTS,
+            never_steady,
+            partial(stream, takes),
         )
         rows = evidence[evidence["model"] == "m"].set_index(["quantity", "joint"])
         limits = rows.loc["error_variation_limits"]

@@ -34,7 +34,9 @@ def evidence_on(chain, level: float):
     outcomes = {name: Outcome(model=model) for name, model in models.items()}
     rng = np.random.default_rng
     return forms.smoothness_evidence(
-        outcomes, motion(chain), lambda name: rng(len(name))
+        outcomes,
+        motion(chain),
+        lambda name: rng(len(name)),
     )
 
 
@@ -48,7 +50,9 @@ def test_the_inverse_form_is_smoother_where_the_jacobian_form_has_heavy_tails(ch
     assert verdict(evidence) == d.REPRODUCED
     # control: the claim about the forms in exchanged roles
     exchanged = evidence.assign(
-        value=-evidence["value"], low=-evidence["high"], high=-evidence["low"]
+        value=-evidence["value"],
+        low=-evidence["high"],
+        high=-evidence["low"],
     )
     assert verdict(exchanged) == d.NOT_REPRODUCED
 

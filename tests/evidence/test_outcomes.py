@@ -92,7 +92,8 @@ def posteriors(base, takes) -> dict[str, dict[str, PosteriorMoments | str]]:
     return {
         kind: {
             name: PosteriorMoments(
-                take + 0.01 * rng.standard_normal(take.shape), spread_of_step
+                take + 0.01 * rng.standard_normal(take.shape),
+                spread_of_step,
             )
             for name, take in takes.test.items()
         }
@@ -123,7 +124,9 @@ def test_a_filter_has_the_noise_of_a_pose_by_its_loop_and_the_training_mean_its_
     filters = all_filters(takes, truth, posteriors, None, 100.0, factor=2.0)
     noise = pose_covariances(training, takes.poses)
     for name, expected in zip(
-        (*posteriors, NONE), (*2 * noise, np.zeros((3, 3))), strict=True
+        (*posteriors, NONE),
+        (*2 * noise, np.zeros((3, 3))),
+        strict=True,
     ):
         np.testing.assert_array_equal(filters[name].measurement, expected)
     np.testing.assert_allclose(filters["additive"].error, 0.02)
@@ -135,19 +138,25 @@ def test_a_filter_has_the_noise_of_a_pose_by_its_loop_and_the_training_mean_its_
     assert not np.allclose(*noise)
     with_known_noise = replace(training, known_measurement=np.eye(3))
     np.testing.assert_array_equal(
-        pose_covariances(with_known_noise, takes.poses), [np.eye(3) / 2] * 2
+        pose_covariances(with_known_noise, takes.poses),
+        [np.eye(3) / 2] * 2,
     )
     start = Start.of_takes(takes.training)
     np.testing.assert_allclose(start.covariance, np.cov(takes.poses[:, 0].T))
 
 
 def test_claims_have_the_numbers_of_the_outcomes_and_a_difference_is_value_minus_rival(
-    base, takes, posteriors
+    base,
+    takes,
+    posteriors,
 ):
     outcomes = {kind: outcome_of(base, kind, takes) for kind in base.models}
     camera = Camera(camera_noise(np.repeat(["none", "a", "b"], 5)), {})
     evidence, refusals, *_ = case_evidence(
-        base, recordings_of(takes, camera), outcomes, posteriors
+        base,
+        recordings_of(takes, camera),
+        outcomes,
+        posteriors,
     )
     claims = []
     for file in CLAIMS:
@@ -188,19 +197,26 @@ def test_claims_have_the_numbers_of_the_outcomes_and_a_difference_is_value_minus
 
 
 def test_a_model_or_filter_without_outcome_leaves_the_others_theirs_and_says_why(
-    base, takes, posteriors
+    base,
+    takes,
+    posteriors,
 ):
     posteriors["gaussian"]["test_2"] = "all weights vanished"
     never_rests = np.broadcast_to([0.002, -0.001, 0.02], takes.training.v.shape)
     refused = outcome_of(
-        base, "wishart", replace(takes, training=replace(takes.training, v=never_rests))
+        base,
+        "wishart",
+        replace(takes, training=replace(takes.training, v=never_rests)),
     )
     assert refused.model is None and refused.log_score == {} and refused.mean is None
     assert len(refused.refusals) == 1 and "rest" in refused.refusals[0]
     outcomes = {"additive": outcome_of(base, "additive", takes), "wishart": refused}
     camera = Camera(camera_noise(["none", "a"]), {})
     evidence, refusals, *_ = case_evidence(
-        base, recordings_of(takes, camera), outcomes, posteriors
+        base,
+        recordings_of(takes, camera),
+        outcomes,
+        posteriors,
     )
     assert {"gaussian: all weights vanished"} < {*refusals}
     models = {name: {*rows["model"]} for name, rows in evidence.groupby("quantity")}
@@ -242,7 +258,11 @@ def evidence_of_three(base, takes, measured) -> pd.DataFrame:
     ids=["one removed and one added", "reordered"],
 )
 def test_a_model_that_is_added_removed_or_moved_changes_no_row_of_another(
-    base, takes, measured, evidence_of_three, names
+    base,
+    takes,
+    measured,
+    evidence_of_three,
+    names,
 ):
     further = {"another": replace(base.models["gaussian"], estimator="likelihood")}
     models = base.models | further
@@ -263,7 +283,10 @@ def test_a_model_that_is_added_removed_or_moved_changes_no_row_of_another(
 
 
 def test_another_draw_changes_realisations_filters_and_their_limits(
-    base, takes, measured, evidence_of_three
+    base,
+    takes,
+    measured,
+    evidence_of_three,
 ):
     case = replace(base, draw=1, closed=True)
     drawn = evidence_by_keys(case, recordings_of(takes, measured))
@@ -294,7 +317,8 @@ def test_the_log_score_has_the_measurement_noise_times_its_factor(base, takes, f
 
 
 def test_without_noise_at_rest_moving_steps_alone_are_scored_and_modes_differ(
-    base, takes
+    base,
+    takes,
 ):
     scores = outcome_of(replace(base, measurement=0.0), "gaussian", takes).log_score
     assert set(scores) == {"moving"} and np.all(np.isfinite(scores["moving"]))
@@ -304,7 +328,8 @@ def test_without_noise_at_rest_moving_steps_alone_are_scored_and_modes_differ(
 
 
 def test_without_test_takes_each_training_take_is_predicted_by_a_fit_to_the_others(
-    base, takes
+    base,
+    takes,
 ):
     alone = replace(takes, test={})
     scores = outcome_of(base, "additive", alone).log_score["all"]
@@ -312,7 +337,8 @@ def test_without_test_takes_each_training_take_is_predicted_by_a_fit_to_the_othe
     noise_of_others = np.delete(training.noise, 3, axis=0)
     rest = training.subset(np.delete(np.arange(12), 3))
     law = multivariate_normal(
-        np.zeros(3), mean_covariance(noise_of_others) + rest.measurement
+        np.zeros(3),
+        mean_covariance(noise_of_others) + rest.measurement,
     )
     assert scores[3] == pytest.approx(law.logpdf(training.noise[3]).mean(), rel=1e-10)
     assert len(scores) == 12
@@ -356,7 +382,8 @@ SMALL |= {"each": {"model": ["wishart", "gaussian"]}}
     ],
 )
 def test_a_claim_holds_where_its_rule_does_in_every_case_and_lacks_none(
-    values, expected
+    values,
+    expected,
 ):
     evidence, reading = (
         evidence_table(
@@ -366,7 +393,7 @@ def test_a_claim_holds_where_its_rule_does_in_every_case_and_lacks_none(
     )
     reading = reading[reading["model"] == "wishart"].assign(reading="other")
     reasons = pd.DataFrame(
-        {"reading": ["own", "other"], "refused": [np.nan, "no noise"]}
+        {"reading": ["own", "other"], "refused": [np.nan, "no noise"]},
     )
     tables = {"evidence": evidence, "readings": reading, "reading_refusals": reasons}
     run = Run("lab", "paper", True, ["a"], ["x"], {}, {}, tables)

@@ -19,14 +19,18 @@ MOTIONS, STEPS = 8, 400
 
 
 def motions(
-    exponent: float, swing: float, rng: np.random.Generator, tails: float = np.inf
+    exponent: float,
+    swing: float,
+    rng: np.random.Generator,
+    tails: float = np.inf,
 ):
     """Noise proportional to the speed and to a power of a pose quantity."""
     listed = []
     for number in range(MOTIONS):
         t = np.linspace(0, 2 * np.pi, STEPS)
         dq = 1e-3 * np.stack(
-            [np.sin(t + number), np.sin(2 * t) + 1.2, np.zeros(STEPS)], axis=1
+            [np.sin(t + number), np.sin(2 * t) + 1.2, np.zeros(STEPS)],
+            axis=1,
         )
         x = np.exp(swing * np.sin(3 * t + 0.7 * number))[:, None] * np.ones(3)
         unit = rng.standard_normal((STEPS, 3))

@@ -68,7 +68,9 @@ class Bench:
         self.recover, self.clean = recover, recover(folder)
 
     def outcome(
-        self, files: dict[str, bytes], counted: tuple[str, ...] = ()
+        self,
+        files: dict[str, bytes],
+        counted: tuple[str, ...] = (),
     ) -> tuple[str, object]:
         """``refused`` with the error, or one of ``repaired``, ``unharmed`` and ``unnoticed`` with
         the recovered values. A repair changes one of the counts ``counted``, an estimate by more
@@ -89,7 +91,10 @@ class Bench:
             if abs(after.get(name, 0.0) - before.get(name, 0.0)) > margin:
                 return "repaired", recovered
         same = recovered.q.shape == self.clean.q.shape and np.allclose(
-            recovered.q, self.clean.q, rtol=0, atol=SAME
+            recovered.q,
+            self.clean.q,
+            rtol=0,
+            atol=SAME,
         )
         return "unharmed" if same else "unnoticed", recovered
 
@@ -120,7 +125,7 @@ def motion(dataset) -> Callable[[np.ndarray], np.ndarray]:
 def take_bench(folder: Path, dataset: Dataset, arm: Arm, motion) -> Bench:
     """One take of motion capture."""
     template = np.array(
-        [list(link.values()) for link in dataset.mocap.markers.values()]
+        [list(link.values()) for link in dataset.mocap.markers.values()],
     )
     base, rng = dataset.mocap.base, np.random.default_rng(1)
     turn = Rotation.from_euler("xyz", base.rpy).as_matrix()
@@ -131,10 +136,19 @@ def take_bench(folder: Path, dataset: Dataset, arm: Arm, motion) -> Bench:
     markers = dict(zip(names, np.moveaxis(places, 1, 0), strict=True))
     (folder / "optitrack").mkdir()
     take = MotionTake(
-        "test_001", "1.23", RATE, np.arange(STEPS + 1), GRID, markers, {}, {}
+        "test_001",
+        "1.23",
+        RATE,
+        np.arange(STEPS + 1),
+        GRID,
+        markers,
+        {},
+        {},
     )
     write_motive(
-        folder / "optitrack/test_001.csv", take, start="2017-05-02 10.00.00.000 AM"
+        folder / "optitrack/test_001.csv",
+        take,
+        start="2017-05-02 10.00.00.000 AM",
     )
 
     def recover(raw: Path) -> Recovered:
@@ -177,11 +191,11 @@ def depth_bench(folder: Path, dataset: Dataset, arm: Arm, motion) -> Bench:
     write_trajectory(folder / "trajectory.csv", shifted)
     nodes = arm.chain.points(motion(GRID))[:, 1:]
     places = arm.to_base(
-        np.stack([nodes[..., 0], 0 * nodes[..., 0], nodes[..., 1]], axis=-1)
+        np.stack([nodes[..., 0], 0 * nodes[..., 0], nodes[..., 1]], axis=-1),
     )
     k = np.repeat(np.arange(len(GRID)), nodes.shape[1])
     markers = pd.DataFrame(
-        {"take": "test_001", "part": "test", "k": k, "t": GRID[k], "link": 1}
+        {"take": "test_001", "part": "test", "k": k, "t": GRID[k], "link": 1},
     )
     markers[["x", "y", "z"]] = places.reshape(-1, 3)
     section = made(ArticulationSection, minimum_points=80)
@@ -192,11 +206,19 @@ def depth_bench(folder: Path, dataset: Dataset, arm: Arm, motion) -> Bench:
         frames, quality = depth.frame_rows(take, dataset.depth, arm, raw, raw)
         clouds = arm_points(frames, raw)
         frames, clock = on_motion_clock(
-            CameraTake(frames, markers, []), dataset.depth, arm
+            CameraTake(frames, markers, []),
+            dataset.depth,
+            arm,
         )
         joints, start = dataset.robot.joints, motion(0.0)
         angles = articulate_rows(
-            frames, clouds, arm, joints, trajectory, section, start
+            frames,
+            clouds,
+            arm,
+            joints,
+            trajectory,
+            section,
+            start,
         )
         counts = counts_of([*quality, *clock])
         counts["valid"] = float(frames["valid"].mean())

@@ -31,7 +31,9 @@ class Fault(NamedTuple):
         if not self.pattern:
             return self.change(files, severity, rng)
         (name,) = d.some(
-            [name for name in files if fnmatchcase(name, self.pattern)], 1, rng
+            [name for name in files if fnmatchcase(name, self.pattern)],
+            1,
+            rng,
         )
         return {**files, name: self.change(files[name], severity, rng)}
 
@@ -112,7 +114,11 @@ def test_a_fault_is_repaired_and_counted_or_refused_with_its_place(benches, name
     ],
 )
 def test_a_repaired_recording_has_the_error_of_a_clean_one(
-    benches, motion, name, severity, times
+    benches,
+    motion,
+    name,
+    severity,
+    times,
 ):
     fault = FAULTS[name]
     bench = benches[fault.instrument]

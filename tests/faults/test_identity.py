@@ -71,7 +71,8 @@ def test_a_copy_of_a_take_is_refused_with_both_names(folder, tmp_path, change, c
     renamed = change(content).replace(TRAIN.encode(), copy.encode())
     (tmp_path / f"optitrack/{copy}.csv").write_bytes(renamed)
     with pytest.raises(
-        RecordingError, match="have equal samples: one is a copy"
+        RecordingError,
+        match="have equal samples: one is a copy",
     ) as refused:
         ingest(folder, tmp_path)
     assert TRAIN in refused.value.message and copy in refused.value.message
@@ -86,7 +87,9 @@ def test_rounded_samples_are_equal_and_noise_is_not():
 
 
 def test_a_header_that_names_another_take_is_counted_or_refused(
-    folder, tmp_path, capsys
+    folder,
+    tmp_path,
+    capsys,
 ):
     file = tmp_path / f"optitrack/{TRAIN}.csv"
     content = file.read_bytes()
@@ -147,7 +150,9 @@ def swaying_takes(takes: int, motion, rng: np.random.Generator) -> np.ndarray:
 @pytest.mark.parametrize("disguise", [*SHIFTS, "all"])
 @pytest.mark.parametrize("takes", [4, 40])
 def test_a_copied_take_is_beyond_the_limit_also_disguised_and_sound_takes_are_not(
-    motion, takes, disguise
+    motion,
+    takes,
+    disguise,
 ):
     rng = np.random.default_rng(takes)
     q = swaying_takes(takes, motion, rng)
@@ -164,10 +169,14 @@ def test_a_copied_take_is_beyond_the_limit_also_disguised_and_sound_takes_are_no
 
 @pytest.mark.parametrize("noise", [2e-4, 1e-3])  # rad
 @pytest.mark.parametrize(
-    ("takes", "groups"), [(12, [6]), (12, [8]), (60, [11, 11]), (60, [40])]
+    ("takes", "groups"),
+    [(12, [6]), (12, [8]), (60, [11, 11]), (60, [40])],
 )
 def test_groups_of_noisy_copies_are_found_whatever_their_number(
-    motion, takes, groups, noise
+    motion,
+    takes,
+    groups,
+    noise,
 ):
     rng = np.random.default_rng(takes)
     q = swaying_takes(takes, motion, rng)
@@ -186,7 +195,8 @@ def test_groups_of_noisy_copies_are_found_whatever_their_number(
 
 @pytest.mark.parametrize("pushed", [0, 1, 2])
 def test_an_arm_that_repeats_within_its_noise_has_disturbed_takes_and_no_copies(
-    motion, pushed
+    motion,
+    pushed,
 ):
     """All takes are equal within the noise: the likeness cannot be seen, and is not beyond."""
     rng, time = np.random.default_rng(pushed), np.arange(320) / 100
@@ -204,7 +214,8 @@ def test_an_arm_that_repeats_within_its_noise_has_disturbed_takes_and_no_copies(
 
 @pytest.mark.parametrize("takes", [15, 60])
 def test_a_take_of_three_times_the_deviation_is_disturbed_and_sound_ones_are_not(
-    motion, takes
+    motion,
+    takes,
 ):
     """A take that hardly deviates is not found, as three times its deviation is a usual one."""
     rng, times_found = np.random.default_rng(takes), 0
@@ -221,10 +232,15 @@ def test_a_take_of_three_times_the_deviation_is_disturbed_and_sound_ones_are_not
 
 
 @pytest.mark.parametrize(
-    ("factor", "warned"), [(1.0, False), (1.05, True), (0.95, True)]
+    ("factor", "warned"),
+    [(1.0, False), (1.05, True), (0.95, True)],
 )
 def test_a_wrong_focal_length_gives_a_warning_with_its_mean_error(
-    benches, dataset, motion, factor, warned
+    benches,
+    dataset,
+    motion,
+    factor,
+    warned,
 ):
     bench, name = benches["depth"], "kinect/intrinsics.yaml"
     focal = re.search(rb"data: \[ *([0-9.]+)", bench.files[name])[1]
@@ -360,7 +376,8 @@ def test_a_record_off_the_desired_force_is_refused_with_both(forces, name):
     check_forces(only)
     check_forces({"C1": forces["C1"] - 0.1 * MEAN})  # robots that pull a tenth less
     with pytest.raises(
-        RecordingError, match=r"mean force of C1 is .* desired \[3.0"
+        RecordingError,
+        match=r"mean force of C1 is .* desired \[3.0",
     ) as e:
         check_forces({"C1": CONTRADICTIONS[name](forces["C1"])})
     assert e.value.evidence["file"] == "C1.csv"

@@ -63,7 +63,7 @@ def test_a_name_on_a_page_adds_no_tag_column_or_control_character(name, tmp_path
     def tags(word: str) -> list[str]:
         rows = table([word, "value"], [[word, 1.0]])
         text = plain_page(
-            f"# Results of {word}\n\nJoint {word} moves.\n\n## Rows\n{rows}\n"
+            f"# Results of {word}\n\nJoint {word} moves.\n\n## Rows\n{rows}\n",
         )
         assert not any(
             words in text for words in ("\x1b", "\x9b", "\u202e", "<img", "<script")
@@ -87,7 +87,10 @@ def test_a_name_in_a_figure_is_no_formula(name, tmp_path):
 
 @pytest.mark.parametrize("name", ["a\x1b[2Jb", "c\x9b1md", TURNED])
 def test_a_name_on_the_terminal_has_no_control_character(
-    name, tmp_path, monkeypatch, capsys
+    name,
+    tmp_path,
+    monkeypatch,
+    capsys,
 ):
     rows = [f"frame,{k},{k / 100:.6f},1,1,{k},0,1,0,0,0,1,0,0,0,0" for k in range(9)]
     rows_file(tmp_path, f"rigidbody,{name},1,0", *rows)

@@ -159,7 +159,8 @@ def options() -> dict[str, object]:
     """The options of all figures, with two arrangements of robots, of three and of four cables."""
     first = SimpleNamespace(direction=[0.0, np.pi / 2, np.pi], tension=[5.0, 4.0, 2.0])
     second = SimpleNamespace(
-        direction=[0.3, 1.9, 3.0, 5.0], tension=[5.0, 4.0, 2.0, 1.0]
+        direction=[0.3, 1.9, 3.0, 5.0],
+        tension=[5.0, 4.0, 2.0, 1.0],
     )
     configurations = {"configurations": {"C1": first, "C2": second}}
     named = {
@@ -180,7 +181,10 @@ def drawn(name: str, tables, options):
 
 @pytest.mark.parametrize("name", FIGURES)
 def test_a_figure_has_units_a_complete_legend_all_glyphs_and_the_same_bytes(
-    name, tables, options, tmp_path
+    name,
+    tables,
+    options,
+    tmp_path,
 ):
     figure = drawn(name, tables, options)
     with warnings.catch_warnings():
@@ -214,7 +218,11 @@ def test_a_figure_has_units_a_complete_legend_all_glyphs_and_the_same_bytes(
 
 @pytest.mark.slow
 def test_figures_are_drawn_with_captions_or_left_out_by_name_and_all_or_none(
-    tmp_path, monkeypatch, tables, options, capsys
+    tmp_path,
+    monkeypatch,
+    tables,
+    options,
+    capsys,
 ):
     monkeypatch.chdir(tmp_path)
     drawable = {"mean_error", "joint_std", "cable_robot"}  # one needs no table at all
@@ -266,7 +274,8 @@ def test_joint_realizations_shows_every_training_take_their_mean_and_the_noise_o
     training = tables["joints"].query("part == 'training'")
     steps = tables["process_noise"].groupby("k")
     for j, (left, right) in enumerate(
-        zip(figure.axes[:3], figure.axes[3:], strict=True), start=1
+        zip(figure.axes[:3], figure.axes[3:], strict=True),
+        start=1,
     ):
         takes, own = (
             of_color(left, RECORDED["color"]),
@@ -276,7 +285,8 @@ def test_joint_realizations_shows_every_training_take_their_mean_and_the_noise_o
         np.testing.assert_array_equal(takes[1].get_ydata(), own["training_002"])
         (mean,) = (line for line in left.lines if line.get_linestyle() == "--")
         np.testing.assert_allclose(
-            mean.get_ydata(), training.groupby("k")[f"q:arm_{j}"].mean()
+            mean.get_ydata(),
+            training.groupby("k")[f"q:arm_{j}"].mean(),
         )
         (noise,) = right.lines
         assert noise.get_linestyle() == "-."
@@ -293,7 +303,8 @@ def test_joint_std_and_mean_error_have_a_line_a_model_readable_beside_an_outlyin
         assert [line.get_linestyle() for line in axes.lines] == ["-", ":", "--", "-."]
         for line, source in zip(axes.lines, ["recorded", *MODELS], strict=True):
             np.testing.assert_array_equal(
-                line.get_ydata(), by_source.loc[source, f"s:{joint}"]
+                line.get_ydata(),
+                by_source.loc[source, f"s:{joint}"],
             )
     wide, own = deviation.copy(), [f"s:{joint}" for joint in JOINTS]
     outlying = deviation["source"] == "wishart"
@@ -305,7 +316,8 @@ def test_joint_std_and_mean_error_have_a_line_a_model_readable_beside_an_outlyin
     for axes, quantity in zip(panels, ("error", "bias"), strict=True):
         for line, model in zip(axes.lines, ["gaussian", "additive"], strict=True):
             np.testing.assert_array_equal(
-                line.get_ydata(), by_source.loc[model, quantity]
+                line.get_ydata(),
+                by_source.loc[model, quantity],
             )
 
 
@@ -328,7 +340,8 @@ def test_kinect_noise_shows_the_estimate_from_all_takes_as_mean_and_standard_dev
     for j in (1, 2, 3):
         np.testing.assert_array_equal(mean.lines[j - 1].get_ydata(), rows[f"b:arm_{j}"])
         np.testing.assert_allclose(
-            std.lines[j - 1].get_ydata() ** 2, rows[f"r:arm_{j}:arm_{j}"]
+            std.lines[j - 1].get_ydata() ** 2,
+            rows[f"r:arm_{j}:arm_{j}"],
         )
 
 
@@ -342,7 +355,9 @@ def test_filter_errors_has_a_row_per_model_with_one_take_its_bound_and_the_other
     )
     figure = perception.filter_errors(errors, MODELS, JOINTS)
     for row, model in zip(
-        np.reshape(figure.axes, (len(MODELS), 3)), MODELS, strict=True
+        np.reshape(figure.axes, (len(MODELS), 3)),
+        MODELS,
+        strict=True,
     ):
         take = alone.set_index("model").loc[model]
         for axes, joint in zip(row, JOINTS, strict=True):
@@ -377,11 +392,14 @@ def test_histograms_count_every_system_and_state_mean_and_greatest_error(tables)
 
 
 def test_densities_are_drawn_as_measured_and_modelled_on_one_range_and_one_colour_scale(
-    tables, options
+    tables,
+    options,
 ):
     configurations = options["configurations"]
     *panels, _ = wrench.wrench_density(
-        tables["force_density"], configurations, SIMULATED
+        tables["force_density"],
+        configurations,
+        SIMULATED,
     ).axes
     grid, images = np.reshape(panels, (2, 3)), []
     by_place = tables["force_density"].set_index(["configuration", "source"])
@@ -389,12 +407,14 @@ def test_densities_are_drawn_as_measured_and_modelled_on_one_range_and_one_colou
         for axes, source in zip(row[1:], ("measured", "modelled"), strict=True):
             (image,) = (c for c in axes.collections if isinstance(c, QuadMesh))
             density = by_place.loc[(name, source)].pivot(
-                index="fy", columns="fx", values="density"
+                index="fy",
+                columns="fx",
+                values="density",
             )
             np.testing.assert_array_equal(image.get_array(), density)
             images.append(image)
     assert {image.get_clim() for image in images} == {
-        (0, tables["force_density"]["density"].max())
+        (0, tables["force_density"]["density"].max()),
     }
     assert (
         len({(axes.get_xlim(), axes.get_ylim()) for axes in grid[:, 1:].ravel()}) == 1

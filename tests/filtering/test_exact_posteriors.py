@@ -97,7 +97,13 @@ def distance(runs: list[Posterior], *exact_moments: np.ndarray) -> np.ndarray:
 
 
 def runs_of(
-    model, chain, steps, start, measurements, options, seeds=range(16)
+    model,
+    chain,
+    steps,
+    start,
+    measurements,
+    options,
+    seeds=range(16),
 ) -> list[Posterior]:
     problem = model, chain, open_loop(steps), DT, start, measurements, options
     return [particle_filter(*problem, np.random.default_rng(seed)) for seed in seeds]
@@ -123,7 +129,10 @@ class Remembering:
 
     decay: float
     traits: ClassVar = Traits(
-        noisy_at_rest=True, needs_jacobian=False, compiled=False, memory=True
+        noisy_at_rest=True,
+        needs_jacobian=False,
+        compiled=False,
+        memory=True,
     )
 
     def first_memory(self, q, commanded, rng) -> np.ndarray:
@@ -142,7 +151,9 @@ def remembered(decay: float) -> tuple[np.ndarray, np.ndarray]:
     # response of pose k to the noise of step l: 1 + decay + … + decay^(k − l)
     lags = np.arange(grid)[:, None] - np.arange(1, grid)
     response = np.where(
-        lags >= 0, (1 - decay ** (lags.clip(0) + 1.0)) / (1 - decay), 0.0
+        lags >= 0,
+        (1 - decay ** (lags.clip(0) + 1.0)) / (1 - decay),
+        0.0,
     )
     covariance = np.einsum("kl,ml,ij->kimj", response, response, NOISE)
     return mean, covariance + START.covariance[:, None]
@@ -237,10 +248,15 @@ DEVIATION = np.array([0.004, 0.006, 0.009])  # rad, that a loop of any share lea
 
 
 @pytest.mark.parametrize(
-    "share, rms, coverage, wandering", [(0.03, 0.9, 0.08, 0.0), (0.9, 1.02, 0.03, 1.2)]
+    "share, rms, coverage, wandering",
+    [(0.03, 0.9, 0.08, 0.0), (0.9, 1.02, 0.03, 1.2)],
 )
 def test_the_filter_of_a_closed_loop_is_calibrated_and_the_open_loops_wanders(
-    chain, share, rms, coverage, wandering
+    chain,
+    share,
+    rms,
+    coverage,
+    wandering,
 ):
     """Rms errors in units of the training mean's; a deviation outlasts a frame with share 0.03, and
     decays within a step with 0.9.

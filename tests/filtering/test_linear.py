@@ -94,13 +94,15 @@ def test_the_autocorrelated_law_is_the_one_that_takes_were_drawn_with(poses):
     correlation = linear.autocorrelation(poses, NOISE)
     for k in (0, 50, 119):
         np.testing.assert_allclose(
-            roots[k] @ roots[k], np.cov(poses[:, k].T) - NOISE, rtol=1e-9
+            roots[k] @ roots[k],
+            np.cov(poses[:, k].T) - NOISE,
+            rtol=1e-9,
         )
     expected = KEEP**lags * (1 - lags / STEPS)
     np.testing.assert_allclose(correlation[lags], expected, atol=0.02)
     # control: the measurement taken for deviation
     assert np.all(
-        linear.autocorrelation(poses, 0 * NOISE)[lags] < correlation[lags] - 0.005
+        linear.autocorrelation(poses, 0 * NOISE)[lags] < correlation[lags] - 0.005,
     )
 
 
@@ -137,7 +139,8 @@ def test_the_autocorrelated_filter_is_calibrated_and_without_measurements_the_tr
     error = means - true
     variances = np.diagonal(covariances, axis1=2, axis2=3)
     assert np.mean(np.abs(error) <= np.sqrt(variances)) == pytest.approx(
-        0.683, abs=0.02
+        0.683,
+        abs=0.02,
     )
     assert np.mean(error**2) == pytest.approx(variances.mean(), rel=0.06)
     assert np.mean(error**2) < 0.4 * np.mean((poses.mean(axis=0) - true) ** 2)

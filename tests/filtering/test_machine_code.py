@@ -50,7 +50,10 @@ def test_levels_of_processors_and_numbers_of_threads_give_the_same_bits():
         setting = {"NUMBA_CPU_NAME": level, "PYTHONPATH": os.pathsep.join(places)}
         command = [sys.executable, "-c", PROGRAM, str(threads)]
         return subprocess.check_output(
-            command, cwd=ROOT, env=os.environ | setting, text=True
+            command,
+            cwd=ROOT,
+            env=os.environ | setting,
+            text=True,
         )
 
     newest = " avx512vl" in Path("/proc/cpuinfo").read_text(encoding="utf-8")

@@ -42,7 +42,8 @@ def test_a_frame_enters_at_the_step_during_which_it_was_taken():
     np.testing.assert_allclose(share, [1.0, 0.4, 0.51, 0.9])
     # those before the start and after the end of the motion do not enter
     frame, step, share = measurements_at([-0.02, -1e-4, 0.0, 0.05, 0.0501]).schedule(
-        5, 0.01
+        5,
+        0.01,
     )
     assert (frame.tolist(), step.tolist(), share.tolist()) == (
         [2, 3],
@@ -64,7 +65,8 @@ def test_a_frame_on_the_grid_enters_at_that_very_step_whatever_the_rounding_of_i
 
 
 @pytest.mark.parametrize(
-    "covariance", [np.diag([1.0, 1.0, 0.0]), np.diag([1.0, -1.0, 1.0]), np.ones((3, 3))]
+    "covariance",
+    [np.diag([1.0, 1.0, 0.0]), np.diag([1.0, -1.0, 1.0]), np.ones((3, 3))],
 )
 def test_a_covariance_that_is_not_positive_definite_is_refused_with_its_frame(
     covariance,
@@ -77,11 +79,11 @@ def test_a_covariance_that_is_not_positive_definite_is_refused_with_its_frame(
 
 def test_every_take_of_the_camera_goes_with_the_noise_that_was_estimated_without_it():
     angles = pd.DataFrame(
-        {"take": ["b", "b", "a", "a"], "frame": [1, 2, 1, 2], "t": [1, 2, 1, 2]}
+        {"take": ["b", "b", "a", "a"], "frame": [1, 2, 1, 2], "t": [1, 2, 1, 2]},
     )
     angles = angles.assign(**{"q:a": 1.0, "q:b": 2.0, "q:c": 3.0})
     noise = pd.DataFrame(
-        {"take": ["a", "a", "b", "none"], "frame": [1, 2, 1, 1], "t": 0.1}
+        {"take": ["a", "a", "b", "none"], "frame": [1, 2, 1, 1], "t": 0.1},
     )
     noise = noise.assign(**{"b:a": [0.1, 0.2, 0.3, 0.4], "b:b": 0.0, "b:c": 0.0})
     entries = [[1.0, 2.0, 3.0, 4.0], 0.1, 0.2, 5.0, 0.3, 6.0]
@@ -116,7 +118,9 @@ def test_bias_covariance_and_duration_of_encoder_errors_are_those_drawn(keep):
     noise = encoder_noise(errors, DT)
     np.testing.assert_allclose(noise.bias[:, 0], BIAS, atol=5e-4)
     np.testing.assert_allclose(
-        noise.covariance, np.tile(SPREAD, (STEPS, 1, 1)), atol=6e-7
+        noise.covariance,
+        np.tile(SPREAD, (STEPS, 1, 1)),
+        atol=6e-7,
     )
     # the correlations of both signs of lag; a sum over 800 sequences has a standard error of 5 %
     assert noise.lasts / DT == pytest.approx((1 + keep) / (1 - keep), rel=0.15)
@@ -165,7 +169,8 @@ def tables(tmp_path, monkeypatch):
     MOTION.mkdir(parents=True), TRACK.mkdir(parents=True)
     tests = ("test_1", "test_2", "test_3")
     parts = {f"train_{number}": "training" for number in range(1, 31)} | dict.fromkeys(
-        tests, "test"
+        tests,
+        "test",
     )
     k = np.arange(5)
     t = np.arange(9) / 200

@@ -106,7 +106,10 @@ def on_the_scene(run, model, arm, options: Filter, share: float, stream) -> Post
 
 
 def both(
-    model, arm, options: Filter, share: float = 0.0
+    model,
+    arm,
+    options: Filter,
+    share: float = 0.0,
 ) -> tuple[Posterior, Posterior]:
     """Compiled and plain."""
     rng, plain_rng = RNG(5), RNG(5)
@@ -118,7 +121,9 @@ def both(
 
 
 @pytest.mark.parametrize(
-    "share, band", [(0.0, 1e-12), (0.4, 1e-11)], ids=["open", "closed"]
+    "share, band",
+    [(0.0, 1e-12), (0.4, 1e-11)],
+    ids=["open", "closed"],
 )
 @pytest.mark.parametrize("kind", MODELS)
 def test_the_compiled_filter_is_the_plain_one_for_every_model(kind, share, band):
@@ -147,7 +152,12 @@ class Sampled:
 def test_a_law_without_compiled_code_is_filtered_by_its_samples(kind, share):
     sampled, compiled = (
         on_the_scene(
-            particle_filter, law, ARM, filter_options(PARTICLES), share, RNG(5)
+            particle_filter,
+            law,
+            ARM,
+            filter_options(PARTICLES),
+            share,
+            RNG(5),
         )
         for law in (Sampled(MODELS[kind]), MODELS[kind])
     )
@@ -176,7 +186,9 @@ def test_the_compiled_filter_is_the_plain_one_for_every_scheme(scheme, threshold
 def test_blocks_of_any_filling_are_filtered(particles):
     roomy = replace(ARM, lower=ARM.lower - 2.0, upper=ARM.upper + 2.0)
     compiled, plain = both(
-        MODELS["wishart pivoted_lu"], roomy, filter_options(particles)
+        MODELS["wishart pivoted_lu"],
+        roomy,
+        filter_options(particles),
     )
     assert greatest_difference(compiled, plain) < 1e-12
 
@@ -184,7 +196,9 @@ def test_blocks_of_any_filling_are_filtered(particles):
 def test_a_deviation_of_a_billionth_and_another_resampling_and_loop_are_noticed():
     compiled, plain = both(MODELS["additive"], ARM, filter_options(PARTICLES))
     off, _ = both(
-        AdditiveModel((1 + 1e-9) * COVARIANCE), ARM, filter_options(PARTICLES)
+        AdditiveModel((1 + 1e-9) * COVARIANCE),
+        ARM,
+        filter_options(PARTICLES),
     )
     assert (
         greatest_difference(off, plain) > 1e-12 > greatest_difference(compiled, plain)
@@ -200,11 +214,17 @@ FREE = sliding_arm(np.eye(3), np.full(3, -50.0), np.full(3, 50.0))
 # its elbow is at a right angle where the joints are at zero
 BENT = np.array([[0.0, 0.155], [0.135, 0.0], [0.0, 0.17]])
 ELBOW = PlanarChain(
-    np.zeros(2), BENT, np.ones(3), np.full(3, -50.0), np.full(3, 50.0), np.ones(3)
+    np.zeros(2),
+    BENT,
+    np.ones(3),
+    np.full(3, -50.0),
+    np.full(3, 50.0),
+    np.ones(3),
 )
 STILL = Start(np.array([0.3, -0.2, 0.5]), np.zeros((3, 3)))
 START = replace(
-    STILL, covariance=1e-4 * np.array([[4.0, 1, 0], [1, 3, -1], [0, -1, 2]])
+    STILL,
+    covariance=1e-4 * np.array([[4.0, 1, 0], [1, 3, -1], [0, -1, 2]]),
 )
 DIFFUSING = AdditiveModel(0.005**2 * np.eye(3))
 EXACT = AdditiveModel(np.zeros((3, 3)))
@@ -214,7 +234,11 @@ STEPS = np.tile([0.01, -0.005, 0.0], (320, 1))
 def seen(t, y, bias: float = 0.0, std: float = 0.02) -> Measurements:
     covariance = np.tile(std**2 * np.eye(3), (len(t), 1, 1))
     return Measurements(
-        "test01", np.array(t), y, np.full((len(t), 3), bias), covariance
+        "test01",
+        np.array(t),
+        y,
+        np.full((len(t), 3), bias),
+        covariance,
     )
 
 
@@ -225,7 +249,14 @@ def filtered(model, chain, steps, start, measurements=UNSEEN, **options) -> Post
     commands, rng = open_loop(steps), np.random.default_rng(1)
     options = filter_options(**options)
     return particle_filter(
-        model, chain, commands, DT, start, measurements, options, rng
+        model,
+        chain,
+        commands,
+        DT,
+        start,
+        measurements,
+        options,
+        rng,
     )
 
 
@@ -261,7 +292,8 @@ def test_particles_that_leave_the_domain_or_are_no_numbers_end_the_filter_by_nam
         (ELBOW, stretching(1.0), 4),
     ):
         with pytest.raises(
-            DegenerateFilterError, match="every particle has left"
+            DegenerateFilterError,
+            match="every particle has left",
         ) as caught:
             filtered(EXACT, arm, steps, STILL, particles=20)
         place = {"take": "test01", "step": step, "time": DT * step}
@@ -302,7 +334,9 @@ def test_a_particle_outside_the_domain_loses_its_weight_and_is_moved_back():
     ],
 )
 def test_a_start_that_no_normal_law_has_or_beyond_the_limits_is_refused(
-    start, error, words
+    start,
+    error,
+    words,
 ):
     with pytest.raises(error, match=words):
         filtered(EXACT, FREE, STEPS, start, particles=5)
@@ -340,7 +374,8 @@ def off(values: np.ndarray, mean: np.ndarray) -> float:
 
 @pytest.mark.parametrize("name", DRAWING)
 def test_counts_have_the_mean_and_the_variance_of_their_scheme_and_of_no_other(
-    name, weights
+    name,
+    weights,
 ):
     rng, count = np.random.default_rng(1), len(weights)
     drawn = [chosen_by(name, weights, rng) for _ in range(REPEATS)]

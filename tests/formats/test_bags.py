@@ -57,7 +57,8 @@ def recorded(folder: Path, form: str, count: int = 5) -> Path:
 
 @pytest.mark.parametrize("form", FORMS)
 def test_messages_come_in_order_with_the_time_of_their_headers_and_a_cut_bag_is_refused(
-    tmp_path, form
+    tmp_path,
+    form,
 ):
     bag = recorded(tmp_path, form)
     assert is_bag(bag) and topics(bag) == {"/depth": IMAGE, "/colour": IMAGE}
@@ -177,7 +178,9 @@ MEASURED = {
 @pytest.mark.parametrize("options", [AB, LogOptions()])
 @pytest.mark.parametrize("name", MEASURED)
 def test_what_other_publishers_send_is_passed_over_and_repeated_messages_are_dropped(
-    tmp_path, options, name
+    tmp_path,
+    options,
+    name,
 ):
     measured, counted = MEASURED[name]
     recorded = {"/joint_states": measured, "/joint_commands": states(-0.001)}
@@ -190,10 +193,12 @@ def test_what_other_publishers_send_is_passed_over_and_repeated_messages_are_dro
 
 
 @pytest.mark.parametrize(
-    "kind", ["std_msgs/msg/Float64MultiArray", "trajectory_msgs/msg/JointTrajectory"]
+    "kind",
+    ["std_msgs/msg/Float64MultiArray", "trajectory_msgs/msg/JointTrajectory"],
 )
 def test_a_topic_that_may_have_the_command_is_named_as_not_read_with_the_remedy(
-    tmp_path, kind
+    tmp_path,
+    kind,
 ):
     held = {"/joint_states": states(), "/commands": []}
     bag = write_bag(tmp_path, "sqlite3", held, kinds={"/commands": kind})
@@ -208,7 +213,8 @@ OLD_POINTS, NEW_POINTS = ("desired", "actual"), ("reference", "feedback")
 
 
 def controller_states(
-    points: tuple[str, str] = OLD_POINTS, late: float = 0.0
+    points: tuple[str, str] = OLD_POINTS,
+    late: float = 0.0,
 ) -> list[tuple[float, Message]]:
     """States of a controller of the joints b and a: commands as of :func:`states`, at 1 and 2
     rad/s; angles measured 0.1 rad below.
@@ -236,7 +242,8 @@ CONTROLLERS = {  # form of the bag, points with values, topics beside /arm/state
 
 @pytest.mark.parametrize("name", CONTROLLERS)
 def test_the_state_of_a_controller_has_the_command_and_the_measured_angles(
-    tmp_path, name
+    tmp_path,
+    name,
 ):
     form, points, beside = CONTROLLERS[name]
     recorded = {"/arm/state": controller_states(points)} | beside
@@ -279,7 +286,7 @@ def test_efforts_and_velocities_are_read_as_what_they_are(tmp_path):
     fields = {"velocity": np.array([1.0, 2.0]), "effort": np.array([5.0, 6.0])}
     bag = write_bag(tmp_path, "ros1", {"/joint_states": states(**fields)})
     options = LogOptions(
-        signals={k: ["/joint_states"] for k in ("actual", "speed", "torque")}
+        signals={k: ["/joint_states"] for k in ("actual", "speed", "torque")},
     )
     log = read_joint_bag(bag, options)
     assert log.signals["speed"].tolist() == [[1, 2]] * 6
@@ -348,7 +355,10 @@ def test_what_does_not_fit_is_refused(tmp_path, recorded, options, words):
             (1 + number + k / 100, message) for k, (_, message) in enumerate(held)
         ]
     bag = write_bag(
-        tmp_path, "ros1", recorded, kinds=dict.fromkeys(recorded, JOINT_STATE)
+        tmp_path,
+        "ros1",
+        recorded,
+        kinds=dict.fromkeys(recorded, JOINT_STATE),
     )
     with pytest.raises(RecordingError, match=words):
         read_joint_bag(bag, options)

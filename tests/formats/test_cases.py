@@ -46,7 +46,7 @@ def columns() -> pd.DataFrame:
     """The signals of PAIRED, one column for each joint."""
     signals = {name: PAIRED[name] for name in ("q", "q_target")}
     return pd.DataFrame(
-        {f"{name}_{j}": q[:, j] for name, q in signals.items() for j in (0, 1)}
+        {f"{name}_{j}": q[:, j] for name, q in signals.items() for j in (0, 1)},
     )
 
 
@@ -191,7 +191,9 @@ def test_numbered_files_of_two_robots_are_two_findings_and_copies_are_one(tmp_pa
 @pytest.mark.parametrize("link", ["wrist", "elbow", "universe", "hand"])
 @pytest.mark.parametrize("locked", [{}, {"wrist": 0.4}])
 def test_the_tip_is_where_forward_kinematics_puts_it_whatever_names_are_shared(
-    tmp_path, link, locked
+    tmp_path,
+    link,
+    locked,
 ):
     file = tmp_path / "r.urdf"
     file.write_text(urdf(link))

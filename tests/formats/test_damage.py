@@ -51,7 +51,13 @@ from pipeline.formats.trajectory import read_trajectory, write_trajectory
 
 SAMPLES = np.random.default_rng(5).normal(size=(5, 6)).round(4)
 RECORD = ForceRecord(
-    np.arange(5) / 500, SAMPLES[:, :3], SAMPLES[:, 3:], 500.0, "", "4/2/13", {}
+    np.arange(5) / 500,
+    SAMPLES[:, :3],
+    SAMPLES[:, 3:],
+    500.0,
+    "",
+    "4/2/13",
+    {},
 )
 JOINTS = JointLog(np.arange(5) / 125, {"actual": SAMPLES}, {})
 POSES = pd.DataFrame(
@@ -106,7 +112,8 @@ def content(written: bytes) -> Callable[[Path], object]:
 camera = partial(read_intrinsics, width=640, height=480)
 image = partial(read_depth, shape=SMALL.shape)
 joints = partial(
-    read_joint_table, options=LogOptions(joints=6, signals={"actual": None})
+    read_joint_table,
+    options=LogOptions(joints=6, signals={"actual": None}),
 )
 SOUND = {
     "Motive": Sound(write_take, read_motive, samples, 7),
@@ -140,7 +147,9 @@ for name, cloud in CLOUDS.items():
 
 @pytest.mark.parametrize("name", SOUND)
 def test_a_file_cut_at_any_byte_is_refused_or_holds_only_rows_that_were_whole(
-    tmp_path, monkeypatch, name
+    tmp_path,
+    monkeypatch,
+    name,
 ):
     # without a process for each cut
     monkeypatch.setattr(intrinsics, "read_alone", lambda read, *args, **_: read(*args))
@@ -180,7 +189,9 @@ OF_FIVE_ROWS += ["joint table"]
 @settings(derandomize=True, max_examples=50, deadline=None)
 @given(picks=st.lists(st.integers(0, 4), min_size=3, max_size=9))
 def test_dropped_doubled_and_swapped_rows_are_counted_or_refused(
-    tmp_path_factory, name, picks
+    tmp_path_factory,
+    name,
+    picks,
 ):
     sound, file = SOUND[name], tmp_path_factory.getbasetemp() / "rows.csv"
     sound.write(file)

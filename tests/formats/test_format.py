@@ -71,7 +71,12 @@ def test_a_cell_that_is_no_finite_number_or_nothing_measures_is_refused_by_its_l
 ):
     with pytest.raises(RecordingError) as caught:
         numbers_of(
-            ["1;2", f"3;{cell}"], [4, 5], [0, 1], file=FILE, separator=";", gaps=True
+            ["1;2", f"3;{cell}"],
+            [4, 5],
+            [0, 1],
+            file=FILE,
+            separator=";",
+            gaps=True,
         )
     assert caught.value.evidence["line"] == 5 and len(str(caught.value)) < 200
 
@@ -119,7 +124,8 @@ MORE += ["1,5;2\n1;5,2;3\n1,5,2\n"]
 
 @pytest.mark.parametrize("text", MORE)
 def test_a_table_that_allows_more_is_refused_with_its_option_or_its_line(
-    tmp_path, text
+    tmp_path,
+    text,
 ):
     with pytest.raises(RecordingError) as caught:
         sheet(tmp_path, text).values([0, 1])
@@ -144,7 +150,11 @@ LAST = [("5,6\n", 3, 0), ("5,6", 2, 1), ("5\n", 2, 1), ("5\n6", 2, 2)]
 @pytest.mark.parametrize(("last", "rows", "cut"), LAST)
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
 def test_a_last_row_that_is_short_or_has_no_end_is_left_out_and_counted(
-    tmp_path, last, rows, cut, end
+    tmp_path,
+    last,
+    rows,
+    cut,
+    end,
 ):
     result = sheet(tmp_path, ("\ufeffx,y\n1,2\n3,4\n" + last).replace("\n", end))
     assert (len(result.rows), result.counts["cut_rows"], result.lines[0]) == (
@@ -159,7 +169,7 @@ def test_written_trajectories_read_back_bit_for_bit_with_and_without_joints(tmp_
     table[:, 0] = np.round(np.arange(321) / 30, 6)  # as six decimals print equal steps
     families = pd.DataFrame(table, columns=FAMILIES)
     both = families.assign(
-        **{"q:a": np.linspace(0, 1, 321), "q:b": np.linspace(2, 3, 321)}
+        **{"q:a": np.linspace(0, 1, 321), "q:b": np.linspace(2, 3, 321)},
     )
     for written in (families, both, both[["t", "q:a", "q:b"]]):
         write_trajectory(file, written.assign(other=1.0))

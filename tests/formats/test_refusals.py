@@ -28,7 +28,13 @@ from pipeline.formats.trajectory import COLUMNS, read_trajectory
 FORCE = "dataset.force.log"
 VALUES = np.random.default_rng(1).normal(size=(12, 6))
 WRENCHES = ForceRecord(
-    np.arange(12) / 500, VALUES[:, :3], VALUES[:, 3:], 500.0, "FT7", "4/2", {}
+    np.arange(12) / 500,
+    VALUES[:, :3],
+    VALUES[:, 3:],
+    500.0,
+    "FT7",
+    "4/2",
+    {},
 )
 TABLE = {
     "t": "time",
@@ -146,7 +152,10 @@ CASES = [
 
 @pytest.mark.parametrize(("name", "number"), CASES)
 def test_a_file_with_a_fault_is_refused_by_its_place_and_nothing_is_printed(
-    tmp_path, capfd, name, number
+    tmp_path,
+    capfd,
+    name,
+    number,
 ):
     sound, content = FORMATS[name], as_bytes(FORMATS[name].content)
     old, new, words, where = sound.changes[number]

@@ -66,7 +66,8 @@ TABLES = {
 
 @pytest.mark.parametrize("name", TABLES)
 def test_a_table_is_recognised_labelled_and_read_whatever_is_above_and_beside_its_numbers(
-    tmp_path, name
+    tmp_path,
+    name,
 ):
     text, left_out = TABLES[name]
     (tmp_path / "run.csv").write_bytes(text.encode())
@@ -79,7 +80,8 @@ def test_a_table_is_recognised_labelled_and_read_whatever_is_above_and_beside_it
     )
     assert finding.facts.get("columns_without_numbers", {}) == left_out
     log = read_joint_table(
-        tmp_path / "run.csv", LogOptions("time", joints=2, signals=SIGNALS)
+        tmp_path / "run.csv",
+        LogOptions("time", joints=2, signals=SIGNALS),
     )
     assert_allclose(log.time, TIME, atol=1e-6)
     assert_allclose(log.signals["target"], Q, atol=1e-6)
@@ -142,7 +144,8 @@ MENDED = {  # name: content, rows that are read, counts, words of inspect
 
 @pytest.mark.parametrize("name", MENDED)
 def test_what_a_table_lacks_or_repeats_is_filled_or_left_out_and_counted(
-    tmp_path, name
+    tmp_path,
+    name,
 ):
     content, rows, counts, words = MENDED[name]
     file = tmp_path / "run.csv"
@@ -164,7 +167,7 @@ RATES = ",".join(
     [
         *(f"w_RS_S_{a} [rad s^-1]" for a in "xyz"),
         *(f"a_RS_S_{a} [m s^-2]" for a in "xyz"),
-    ]
+    ],
 )
 CONTENTS = {  # labels: what inspect says of the table
     AXES: "of poses of a body (position and quaternion) 200 Hz; unit ns, m; columns timestamp",
@@ -180,7 +183,7 @@ def test_a_table_of_no_joints_is_named_by_its_labels_and_units(tmp_path, labels)
         for k in range(9)
     )
     (tmp_path / "data.csv").write_text(
-        "\n".join([f"#timestamp [ns],{labels}", *rows, ""])
+        "\n".join([f"#timestamp [ns],{labels}", *rows, ""]),
     )
     said = seen(tmp_path / "data.csv")
     assert (

@@ -23,7 +23,11 @@ def group(number: int, name: str) -> bytes:
 
 
 def parameter(
-    group: int, name: str, kind: int, sizes: Sequence[int], data: bytes
+    group: int,
+    name: str,
+    kind: int,
+    sizes: Sequence[int],
+    data: bytes,
 ) -> bytes:
     """A parameter of a ``group``: its ``kind`` is the bytes of a number, -1 for text."""
     body = struct.pack("<bB", kind, len(sizes))
@@ -130,7 +134,14 @@ def c3d(
     samples = len(analogs) * ratio  # of a frame
 
     parameters = point_group(
-        labels, frames, count, rate, unit, processor, long_frames, groups or {}
+        labels,
+        frames,
+        count,
+        rate,
+        unit,
+        processor,
+        long_frames,
+        groups or {},
     )
     parameters += analog_group([*analogs], ratio * rate, processor)
     parameters += group(3, "FORCE_PLATFORM") + parameter(3, "USED", 2, [], words(0))

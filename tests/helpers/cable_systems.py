@@ -13,7 +13,9 @@ def planar_cables(tension, angle, tension_sd, concentration) -> CableSystem:
 
 
 def sample_wrench(
-    system: CableSystem, samples: int, rng: np.random.Generator
+    system: CableSystem,
+    samples: int,
+    rng: np.random.Generator,
 ) -> np.ndarray:
     """``samples`` independent wrenches of one ``system``, (samples, n): Eq. (WrenchStatEq) in the
     plane, f and r × f in space; forces alone where the cables meet in one point.

@@ -73,7 +73,7 @@ POINT = np.dtype(
         ("label", "<i2"),
         ("y", "<f8"),
         ("tail", "u1", 5),
-    ]
+    ],
 )
 
 

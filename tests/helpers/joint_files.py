@@ -21,12 +21,14 @@ def log(samples: int = 100, joints: int = 6, seed: int = 1) -> JointLog:
 def read_joint_log(file: Path, *, joints: int, columns=None, options=PLAIN) -> JointLog:
     """The log of one signal in ``file``."""
     return movement.read_log(
-        file, replace(options, joints=joints, signals={"actual": columns})
+        file,
+        replace(options, joints=joints, signals={"actual": columns}),
     )
 
 
 def read_movement(
-    folder: Path, files: Sequence[str]
+    folder: Path,
+    files: Sequence[str],
 ) -> tuple[list[np.ndarray], dict[str, int]]:
     """Values of the signals of six joints at 125 Hz, each in one of ``files``, and the counts."""
     names = dict(zip(files, SIGNALS, strict=False))

@@ -127,7 +127,13 @@ def counted_beside(time, *angles) -> Columns:
 
 
 def added(
-    time, actual, target, value: float, joint: int, first: int, end: int
+    time,
+    actual,
+    target,
+    value: float,
+    joint: int,
+    first: int,
+    end: int,
 ) -> Columns:
     """Columns with ``value`` added to one joint's measured angles in the rows from ``first``."""
     actual[first:end, joint] += value
@@ -230,7 +236,9 @@ def write_beside(folder: Path, others: Sequence[str]) -> None:
 
 
 def write_arrays(
-    folder: Path, file: str, others: dict[str, list] | None = None
+    folder: Path,
+    file: str,
+    others: dict[str, list] | None = None,
 ) -> None:
     """Write arrays of joints × samples beside the times, and ``others``."""
     time, actual, target = motion()

@@ -34,7 +34,13 @@ AWAY = np.array([0.8, -3.0, -0.3, -1.5, 0.4, 0.1])
 
 
 def write_movement(
-    folder: Path, ways: int, *, late=0.0, offset=0.0, noise: float = 0.0, seed: int = 0
+    folder: Path,
+    ways: int,
+    *,
+    late=0.0,
+    offset=0.0,
+    noise: float = 0.0,
+    seed: int = 0,
 ) -> None:
     """Logs of ``ways`` out and back of 100 steps with 60 rows at rest between; measured angles
     ``late`` s behind the commanded ones.

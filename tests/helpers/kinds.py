@@ -39,7 +39,8 @@ def kind(
 
 
 def read_kinds(
-    name: str, writers: Mapping[str, Callable[..., object]]
+    name: str,
+    writers: Mapping[str, Callable[..., object]],
 ) -> list[FileKind]:
     """The kinds of a YAML file beside this module, whose files the ``writers`` write."""
     text = Path(__file__).with_name(name).read_text(encoding="utf-8")

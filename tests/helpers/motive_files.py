@@ -20,7 +20,8 @@ POSE = ("Rotation",) * 4 + ("Position",) * 3
 
 
 def columns(
-    *assets: tuple[str, str, str], quantities: tuple[str, ...] = ("Position",) * 3
+    *assets: tuple[str, str, str],
+    quantities: tuple[str, ...] = ("Position",) * 3,
 ) -> str:
     """Rows of labels of assets of a type, name and ID, each with X, Y, Z (W) of the quantities."""
     cells = [asset for asset in assets for _ in quantities]
@@ -53,23 +54,36 @@ def random_take(
     pose = RigidBody(generator.normal(size=(frames, 3)), turns)
     bodies = {"Base": pose} if body else {}
     return MotionTake(
-        "Take 1", "1.23", 100.0, frame, np.arange(frames) / 100, points, bodies, {}
+        "Take 1",
+        "1.23",
+        100.0,
+        frame,
+        np.arange(frames) / 100,
+        points,
+        bodies,
+        {},
     )
 
 
 def columns_file(
-    folder: Path, body: str, *, rotation: str = "Quaternion", unit: str = "Meters"
+    folder: Path,
+    body: str,
+    *,
+    rotation: str = "Quaternion",
+    unit: str = "Meters",
 ) -> Path:
     """A file of the columnar grammar with ``body`` after its first two lines."""
     file = folder / "take.csv"
     file.write_bytes(
-        (TOP.format(rotation=rotation, unit=unit) + "\n\n" + body).encode()
+        (TOP.format(rotation=rotation, unit=unit) + "\n\n" + body).encode(),
     )
     return file
 
 
 def rows_file(
-    folder: Path, *rows: str, head: str = "righthanded\ninfo,version,1.1\n"
+    folder: Path,
+    *rows: str,
+    head: str = "righthanded\ninfo,version,1.1\n",
 ) -> Path:
     """A file of the row-typed grammar."""
     file = folder / "rows.csv"

@@ -18,7 +18,10 @@ def run(*words: object) -> None:
 
 
 def write_takes(
-    folder: Path, *names: str, frames: int = 9, bodies: bool = False
+    folder: Path,
+    *names: str,
+    frames: int = 9,
+    bodies: bool = False,
 ) -> None:
     """Takes of motion capture, of markers or of rigid bodies alone."""
     folder.mkdir(parents=True, exist_ok=True)

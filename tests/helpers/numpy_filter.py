@@ -12,7 +12,14 @@ from pipeline.filtering.particle_filter import Posterior, initial_particles
 
 
 def plain_filter(
-    model, chain, commands, dt, start, measurements, options, rng
+    model,
+    chain,
+    commands,
+    dt,
+    start,
+    measurements,
+    options,
+    rng,
 ) -> Posterior:
     """Arguments and result of :func:`pipeline.filtering.particle_filter.particle_filter`."""
     grid, count = len(commands.v) + 1, options.particles

@@ -159,7 +159,13 @@ def write_cut_rows(folder: Path) -> None:
 
 
 def joint(
-    name: str, parent: str, child: str, *, kind="revolute", lower="-1", height=0.1
+    name: str,
+    parent: str,
+    child: str,
+    *,
+    kind="revolute",
+    lower="-1",
+    height=0.1,
 ) -> str:
     limit = f'<limit lower="{lower}" upper="1" velocity="1" effort="1"/>'
     ends = f'<parent link="{parent}"/><child link="{child}"/>'
@@ -173,7 +179,10 @@ def urdf(links: list[str], joints: list[str]) -> str:
 
 
 def write_robot(
-    folder: Path, links: list[str], joints: list[list[str]], **options: str
+    folder: Path,
+    links: list[str],
+    joints: list[list[str]],
+    **options: str,
 ) -> None:
     """Write a URDF of ``joints`` (name, parent, child) with equal ``options``."""
     elements = [joint(*names, **options) for names in joints]
@@ -256,10 +265,14 @@ WRITERS: dict[str, Callable[..., object]] = {
         table().assign(t=STAMPS - STAMPS[0]).to_parquet(folder / "a.parquet")
     ),
     "array of dates": lambda folder: np.savez(
-        folder / "a.npz", time=STAMPS.to_numpy(), q=Q, q_target=Q
+        folder / "a.npz",
+        time=STAMPS.to_numpy(),
+        q=Q,
+        q_target=Q,
     ),
     "array of times": lambda folder: savemat(
-        folder / "a.mat", {"time": TIME, "q": Q, "q_target": Q}
+        folder / "a.mat",
+        {"time": TIME, "q": Q, "q_target": Q},
     ),
 }
 KINDS: list[FileKind] = read_kinds("other_kinds.yaml", WRITERS)

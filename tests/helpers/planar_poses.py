@@ -16,7 +16,12 @@ def planar_chain(x=0.0, z=0.0, signs=(1.0, 1.0, 1.0), limit=3.0) -> PlanarChain:
     """The chain of these lengths with its first joint at ``x``, ``z``, straight up at zero."""
     links, ends = np.stack([np.zeros(3), LENGTHS], axis=1), np.full(3, limit)
     return PlanarChain(
-        np.array([x, z]), links, np.array(signs), -ends, ends, np.full(3, np.pi / 2)
+        np.array([x, z]),
+        links,
+        np.array(signs),
+        -ends,
+        ends,
+        np.full(3, np.pi / 2),
     )
 
 
@@ -45,7 +50,10 @@ def step() -> np.ndarray:
 
 
 def load_arm(
-    urdf: str | Path, joints: list[str], tool: str | None, locked: dict
+    urdf: str | Path,
+    joints: list[str],
+    tool: str | None,
+    locked: dict,
 ) -> Arm:
     """Arm of three parallel ``joints`` of a URDF."""
     return arm_of(Robot(str(urdf), list(joints), tool, locked=dict(locked), plane=True))

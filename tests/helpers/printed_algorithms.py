@@ -14,7 +14,9 @@ READINGS = {
     "qr_transposed": Decomposition("qr_transposed"),
 }
 every_reading = pytest.mark.parametrize(
-    "decomposition", READINGS.values(), ids=READINGS
+    "decomposition",
+    READINGS.values(),
+    ids=READINGS,
 )
 
 

@@ -140,8 +140,10 @@ def planned(output: str) -> dict[str, str]:
     """
     return dict(
         re.findall(
-            r"^Running stage '(.+)':\n> python -m pipeline (.+)$", output, re.MULTILINE
-        )
+            r"^Running stage '(.+)':\n> python -m pipeline (.+)$",
+            output,
+            re.MULTILINE,
+        ),
     )
 
 
@@ -149,7 +151,11 @@ def in_one_process(folder: Path, *targets: str) -> tuple[list[str], str]:
     """Run every stage of the plan of ``dvc repro`` in one process; their names and output."""
     stages = planned(succeeds("dvc", "repro", "--force", "--dry", *targets, cwd=folder))
     return [*stages], succeeds(
-        "python", "-c", EVERY_COMMAND, *stages.values(), cwd=folder
+        "python",
+        "-c",
+        EVERY_COMMAND,
+        *stages.values(),
+        cwd=folder,
     )
 
 
@@ -188,7 +194,9 @@ def contents(folder: Path) -> dict[str, bytes]:
 def shell_commands(page: str, word: str = "") -> list[list[str]]:
     """The commands of the shell blocks of the project's ``page`` that hold ``word``."""
     blocks = re.findall(
-        r"```sh\n(.*?)```", (ROOT / page).read_text(encoding="utf-8"), re.DOTALL
+        r"```sh\n(.*?)```",
+        (ROOT / page).read_text(encoding="utf-8"),
+        re.DOTALL,
     )
     lines = [line for block in blocks if word in block for line in block.splitlines()]
     return [shlex.split(line, comments=True) for line in lines]

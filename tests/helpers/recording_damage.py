@@ -14,7 +14,7 @@ ROW = re.compile(rb'[ \t"]*[-+]?[\d.]')  # start of a row of numbers, not of a h
 def some(among, number: float, rng: np.random.Generator) -> list:
     """``number`` of the entries ``among``, in order."""
     return sorted(
-        rng.choice(among, min(int(number), len(among)), replace=False).tolist()
+        rng.choice(among, min(int(number), len(among)), replace=False).tolist(),
     )
 
 
@@ -93,7 +93,9 @@ def swap_labels(labels, frames, markers, number, rng, apart):
     link = int(rng.integers(links - apart))
     columns = []
     for on_link, of_link in zip(
-        (link, link + apart), rng.choice(3, 2, False), strict=True
+        (link, link + apart),
+        rng.choice(3, 2, False),
+        strict=True,
     ):
         column = markers[3 * on_link + of_link]
         columns.append(slice(column, column + 3))
@@ -169,10 +171,10 @@ def on_pixels(change):
 
 
 all_lost_pixels = on_pixels(
-    lambda x, share, rng: np.where(rng.random(x.shape) < share, 0, x)
+    lambda x, share, rng: np.where(rng.random(x.shape) < share, 0, x),
 )
 all_other_unit = on_pixels(
-    lambda x, factor, rng: np.where(x * factor < 2**16, x * factor, 0)
+    lambda x, factor, rng: np.where(x * factor < 2**16, x * factor, 0),
 )
 
 

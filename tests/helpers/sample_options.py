@@ -72,7 +72,9 @@ def parameters(folder: Path, comment: str = "", **choices: str | None) -> Path:
 
 
 def filter_options(
-    particles: int = 1000, scheme: str = "systematic", threshold: float = 0.5
+    particles: int = 1000,
+    scheme: str = "systematic",
+    threshold: float = 0.5,
 ) -> Filter:
     """Options of the particle filter."""
     return Filter(scheme, threshold, particles)

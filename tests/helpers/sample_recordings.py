@@ -70,7 +70,7 @@ def write_zoo(folder: Path) -> None:
     point["RATE"]["value"] = [100]
     point["LABELS"]["value"] = ["A", "B", "C"]
     c3d["data"]["points"] = np.concatenate(
-        [rng.normal(size=(3, 3, 20)), np.ones((1, 3, 20))]
+        [rng.normal(size=(3, 3, 20)), np.ones((1, 3, 20))],
     )
     c3d.write(str(folder / "take.c3d"))
     time, felt = np.arange(500) / 100, rng.normal(size=(2, 500, 3))
@@ -84,7 +84,8 @@ def write_zoo(folder: Path) -> None:
     write_index(folder / "indexed" / "depth.txt", np.array([0.0, 0.1, 0.2, 0.4]), names)
     frames(folder / "numbered")
     write_intrinsics(
-        folder / "camera.yaml", Intrinsics(30.0, 30.0, 16.0, 12.0, *SHAPE[::-1])
+        folder / "camera.yaml",
+        Intrinsics(30.0, 30.0, 16.0, 12.0, *SHAPE[::-1]),
     )
     pictures = [
         (k / 10, image(np.full(SHAPE, 900 + k, np.uint16), 1 + k / 10))

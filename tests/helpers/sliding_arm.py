@@ -20,5 +20,9 @@ def sliding_arm(axes: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> Seria
     placements.append([*before.T.ravel(), 0.0, 0.0, 0.0])
     limits = lower, upper, np.ones(3)
     return SerialChain(
-        ("x", "y", "z"), 1.0, np.array(placements), np.ones(3, bool), *limits
+        ("x", "y", "z"),
+        1.0,
+        np.array(placements),
+        np.ones(3, bool),
+        *limits,
     )

@@ -29,7 +29,8 @@ def stage_arrows() -> list[tuple[str, str]]:
                 graph.add_edge(*arrow)
     arrows = nx.transitive_reduction(graph).edges
     return sorted(
-        arrows, key=lambda arrow: (names.index(arrow[1]), names.index(arrow[0]))
+        arrows,
+        key=lambda arrow: (names.index(arrow[1]), names.index(arrow[0])),
     )
 
 

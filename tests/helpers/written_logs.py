@@ -25,7 +25,9 @@ CALIBRATION = f"""<?xml version="1.0" encoding="utf-8"?>
 
 
 def refusal(
-    read: Callable[..., object], file: Path, *arguments: object
+    read: Callable[..., object],
+    file: Path,
+    *arguments: object,
 ) -> RecordingError:
     """The error with which ``read`` refuses ``file``, which it has to name."""
     with pytest.raises(RecordingError) as caught:
@@ -35,7 +37,10 @@ def refusal(
 
 
 def write_netft(
-    file: Path, record: ForceRecord, *, counts_per_unit: int | None = None
+    file: Path,
+    record: ForceRecord,
+    *,
+    counts_per_unit: int | None = None,
 ) -> None:
     """Write :func:`netft_text`."""
     Path(file).write_bytes(netft_text(record, counts_per_unit).encode())

@@ -44,11 +44,14 @@ def test_depth_of_a_box_equals_that_of_analytic_slabs():
     for rotation in Rotation.random(10, rng=rng).as_matrix():
         centre = np.array([*rng.uniform(-0.1, 0.1, 2), 1.2])
         depth, grazing = cast(
-            place_solid(prism(BOX, -half[1], half[1]), rotation, centre), x, y
+            place_solid(prism(BOX, -half[1], half[1]), rotation, centre),
+            x,
+            y,
         )
         origin, ray = -centre @ rotation, directions @ rotation
         bounds = np.sort(
-            np.stack([(-half - origin) / ray, (half - origin) / ray]), axis=0
+            np.stack([(-half - origin) / ray, (half - origin) / ray]),
+            axis=0,
         )
         enter, leave = bounds[0].max(axis=-1), bounds[1].min(axis=-1)
         hit = enter < leave
@@ -62,7 +65,9 @@ def test_depth_of_a_box_equals_that_of_analytic_slabs():
 
 def digest(seed: int) -> str:
     camera = DepthCamera(
-        ARM, KinectOptions(), draw_bias(KinectOptions(), np.random.default_rng(1))
+        ARM,
+        KinectOptions(),
+        draw_bias(KinectOptions(), np.random.default_rng(1)),
     )
     rng = np.random.default_rng(seed)
     images = [camera.observe(q, rng) for q in np.linspace(FOLDED, EXTENDED, 5)]
@@ -121,7 +126,10 @@ def test_a_scene_that_cannot_be_seen_is_refused():
 
 
 CLEAN = KinectOptions(
-    axial=(0.0, 0.0, 0.0, 0.0), lateral=(0.0, 0.0), edge_lost=0.0, edge_mixed=0.0
+    axial=(0.0, 0.0, 0.0, 0.0),
+    lateral=(0.0, 0.0),
+    edge_lost=0.0,
+    edge_mixed=0.0,
 )
 
 
@@ -159,7 +167,7 @@ def test_noise_of_a_flat_wall_has_the_axial_deviation(depth: float, grazing: flo
     assert not error.std() == pytest.approx(predicted(depth) * 1.02, rel=0.006)
     assert abs(error.mean()) < 5 * error.std() / np.sqrt(error.size)
     assert abs((error[:, 1:] * error[:, :-1]).mean()) < 5 * error.var() / np.sqrt(
-        error.size
+        error.size,
     )
 
 
@@ -196,7 +204,8 @@ def test_edges_lose_and_mix_their_pixels_at_the_stated_rates_and_nowhere_else():
     assert between.size / edge.size == pytest.approx(0.2, abs=0.03)
     assert not between.size / edge.size == pytest.approx(0.3, abs=0.03)
     assert between.mean() == pytest.approx(
-        1500, abs=5 * 1000 / np.sqrt(12 * between.size)
+        1500,
+        abs=5 * 1000 / np.sqrt(12 * between.size),
     )
     image[:, 19:21] = np.rint(1000 * depth[:, 19:21])
     np.testing.assert_array_equal(image, np.rint(1000 * depth))
@@ -212,7 +221,8 @@ def test_without_noise_the_image_is_the_exact_depth_in_whole_millimetres():
     assert image.dtype == np.uint16
     assert image.shape == (424, 512)
     np.testing.assert_array_equal(
-        image, np.where(valid, np.rint(depth * np.float32(1000)), 0)
+        image,
+        np.where(valid, np.rint(depth * np.float32(1000)), 0),
     )
     assert 0.1 < valid.mean() < 0.9
 

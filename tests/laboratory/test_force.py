@@ -109,12 +109,14 @@ def test_directions_in_space_spread_by_their_concentration_alike_in_all_directio
     azimuth, elevation, many = 0.4, 0.8, 600
     cables = pulled([1.0] * many, [azimuth] * many, [elevation] * many)
     robots = Robots(
-        tension_sd=(1.0,) * many, concentration=(kappa,) * many, wander_time=0.4
+        tension_sd=(1.0,) * many,
+        concentration=(kappa,) * many,
+        wander_time=0.4,
     )
     e = directions(cables, robots, 60, 2.0, np.random.default_rng(41))
     level = np.cos(elevation)
     mean = np.array(
-        [level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)]
+        [level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)],
     )
     sideways = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
     upwards = np.cross(mean, sideways)
@@ -147,7 +149,12 @@ def test_the_transducer_adds_the_stated_noise_bias_and_drift():
 
 def test_a_cable_never_pushes(rng):
     record = record_force(
-        pulled([2.0, 7.0, 2.0], DIRECTION), ROBOTS, SILENT, 0.0, 60.0, rng
+        pulled([2.0, 7.0, 2.0], DIRECTION),
+        ROBOTS,
+        SILENT,
+        0.0,
+        60.0,
+        rng,
     )
     assert record.tension.min() == 0.0
 
@@ -172,5 +179,10 @@ def test_the_disturbances_of_another_arm_and_cables_of_fewer_robots_are_refused(
         open_session(ARM.chain, replace(DYNAMICS, sway_std=(1e-3, 1e-3)), rng)
     with pytest.raises(ConfigError, match="3 robots and 2 cables"):
         record_force(
-            pulled(TENSION[:2], DIRECTION), ROBOTS, Transducer(), 1.0, 1.0, rng
+            pulled(TENSION[:2], DIRECTION),
+            ROBOTS,
+            Transducer(),
+            1.0,
+            1.0,
+            rng,
         )

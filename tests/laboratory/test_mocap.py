@@ -67,7 +67,7 @@ def test_noise_and_errors_of_placement_have_the_stated_deviations():
     # the error of placement is drawn once
     options, rng = MocapOptions(placement_std=1e-3), np.random.default_rng(3)
     errors = np.stack(
-        [mocap.place_markers(TEMPLATE, options, rng) - TEMPLATE for _ in range(400)]
+        [mocap.place_markers(TEMPLATE, options, rng) - TEMPLATE for _ in range(400)],
     )
     assert errors.std() == pytest.approx(1e-3, rel=0.03)
     assert errors.mean(axis=0) == pytest.approx(0.0, abs=4e-3 / 20)
@@ -124,7 +124,10 @@ def test_lost_labels_reappear_as_unlabeled_columns():
 
 def test_a_hidden_marker_loses_no_label_and_begins_no_unlabeled_column():
     options = replace(
-        SILENT, lost_label_rate=0.02, lost_label_frames=8, occlusion_rate=0.02
+        SILENT,
+        lost_label_rate=0.02,
+        lost_label_frames=8,
+        occlusion_rate=0.02,
     )
     result = take(options, 3000)
     hidden = np.isnan(labelled(take(replace(options, lost_label_rate=0), 3000))[..., 0])
@@ -137,20 +140,26 @@ def test_a_hidden_marker_loses_no_label_and_begins_no_unlabeled_column():
 
 def test_without_noise_a_body_is_where_pinocchio_carries_its_mount(rng):
     places = np.array(
-        [[0.08, 0.0, 0.01], [-0.01, 0.08, 0], [-0.07, -0.03, 0.01], [0, -0.05, 0.02]]
+        [[0.08, 0.0, 0.01], [-0.01, 0.08, 0], [-0.07, -0.03, 0.01], [0, -0.05, 0.02]],
     )
     mount, q = (places.mean(axis=0), [0.2, -0.4, 1.1]), rng.uniform(-1.5, 1.5, (20, 7))
     for link, chain in link_chains(LWR4, ["link_5", "flange"], "markers").items():
         body = {link: mocap.MarkerCluster(chain, places, mocap.in_body(places, *mount))}
         (where, quaternion) = mocap.capture_bodies(
-            body, q, (WORLD, ORIGIN), SILENT, rng
+            body,
+            q,
+            (WORLD, ORIGIN),
+            SILENT,
+            rng,
         )[link]
         rotation, position = link_poses(LWR4, link, q)
         at = (position + rotation @ mount[0]) @ WORLD.T + ORIGIN
         turn = WORLD @ rotation @ Rotation.from_euler("xyz", mount[1]).as_matrix()
         np.testing.assert_allclose(where, at, atol=1e-12)
         np.testing.assert_allclose(
-            Rotation.from_quat(quaternion).as_matrix(), turn, atol=1e-12
+            Rotation.from_quat(quaternion).as_matrix(),
+            turn,
+            atol=1e-12,
         )
 
 

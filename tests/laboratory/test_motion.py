@@ -22,7 +22,9 @@ def test_the_arm_rests_folded_goes_out_rests_and_comes_back_the_same_way():
     turn = np.abs(t - half) <= rest
     assert np.array_equal(q[ends], np.tile(TRAJECTORY.folded, (ends.sum(), 1)))
     np.testing.assert_allclose(
-        q[turn], np.tile(TRAJECTORY.extended, (turn.sum(), 1)), atol=1e-12
+        q[turn],
+        np.tile(TRAJECTORY.extended, (turn.sum(), 1)),
+        atol=1e-12,
     )
     # the instants at which rest and motion meet may round to either side
     assert abs((~speed.any(axis=1)).sum() - (ends.sum() + turn.sum())) <= 4
@@ -55,12 +57,14 @@ def test_the_arm_rests_folded_goes_out_rests_and_comes_back_the_same_way():
 def test_a_motion_that_the_arm_cannot_do_is_refused(change, words):
     with pytest.raises(ConfigError, match=words):
         dynamics.desired_trajectory(
-            ARM.chain, replace(TRAJECTORY, **change(TRAJECTORY))
+            ARM.chain,
+            replace(TRAJECTORY, **change(TRAJECTORY)),
         )
 
 
 SAMPLED = dynamics.JointPath(
-    dynamics.desired_path(ARM.chain, TRAJECTORY), TRAJECTORY.rate
+    dynamics.desired_path(ARM.chain, TRAJECTORY),
+    TRAJECTORY.rate,
 )
 
 
@@ -91,7 +95,8 @@ def test_takes_made_together_are_those_made_one_by_one():
     ],
 )
 def test_a_path_that_the_arm_cannot_follow_is_refused_with_its_first_step(
-    change, words
+    change,
+    words,
 ):
     SAMPLED.require_followable(ARM.chain)
     bad = replace(SAMPLED, joints=change(SAMPLED.joints))
@@ -101,7 +106,9 @@ def test_a_path_that_the_arm_cannot_follow_is_refused_with_its_first_step(
 
 @pytest.mark.parametrize(("steps_per_lag", "paths"), [(13.5, 4000), (540.0, 600)])
 def test_lagged_noise_has_variance_one_and_the_correlation_of_four_lags(
-    steps_per_lag, paths, rng
+    steps_per_lag,
+    paths,
+    rng,
 ):
     steps = np.round(np.array([0.5, 1.0, 2.0]) * steps_per_lag).astype(int)
     noise = dynamics.lagged_noise((paths, steps[-1] + 1), steps_per_lag, rng)

@@ -44,7 +44,7 @@ DATASETS = {
     if values["name"] != "youbot_redundant" and values.get("laboratory")
 }
 PUBLISHED = published_values(
-    parse_claims(read_yaml(ROOT / "pipeline/verdicts/claims.yaml")["claims"])
+    parse_claims(read_yaml(ROOT / "pipeline/verdicts/claims.yaml")["claims"]),
 )
 TEXT = (ROOT / "pipeline/laboratory/README.md").read_text(encoding="utf-8")
 FREE = "–"
@@ -258,7 +258,9 @@ def time_numbers(recorded: Session) -> dict[str, float]:
         "standard deviation of a pose of joint 2": deviation[..., 1].std(),
         "standard deviation of joint 2 at rest over at full speed": at_rest / moving,
         "correlation of joint 2's noise with the next step's": later_noise(
-            noise, recorded.full_speed, 1
+            noise,
+            recorded.full_speed,
+            1,
         )[0][1],
         "correlation of joint 2's deviation with the one 30 ms later": left[1],
         mean_path: off_command / expected,
@@ -266,7 +268,9 @@ def time_numbers(recorded: Session) -> dict[str, float]:
 
 
 def later_noise(
-    noise: np.ndarray, moving: np.ndarray, steps: int
+    noise: np.ndarray,
+    moving: np.ndarray,
+    steps: int,
 ) -> tuple[np.ndarray, float]:
     """Return the correlation of each joint's noise with itself ``steps`` later, and its band."""
     deviation = noise - noise.mean(axis=0)

@@ -174,7 +174,9 @@ def cost_of_choices(blocks: int, spread: float) -> tuple[float, float]:
     [(2, 0.06, 0.31), (4, 0.06, 0.28), (8, 0.02, 0.16)],
 )
 def test_the_rule_has_the_stated_cost_and_less_than_with_an_interval_above_zero(
-    blocks, cost, cost_of_interval
+    blocks,
+    cost,
+    cost_of_interval,
 ):
     costs = cost_of_choices(blocks, 1.0)
     assert costs == pytest.approx((cost, cost_of_interval), abs=0.005)
@@ -187,10 +189,13 @@ def test_the_rule_has_the_stated_cost_and_less_than_with_an_interval_above_zero(
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("factor", "least", "most"), [(1.0, 0, 1), (1.5, 16, 20), (0.67, 16, 20)]
+    ("factor", "least", "most"),
+    [(1.0, 0, 1), (1.5, 16, 20), (0.67, 16, 20)],
 )
 def test_ten_takes_confirm_a_right_law_and_not_a_standard_deviation_wrong_by_half(
-    factor, least, most
+    factor,
+    least,
+    most,
 ):
     # most: one in twenty; least: sixteen in twenty, of ten takes of 6 s each
     sessions, rng = 20, np.random.default_rng(5)

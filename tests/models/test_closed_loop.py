@@ -64,7 +64,9 @@ def path(chain) -> closed_loop.MeanPath:
 
 
 def moved(
-    path: closed_loop.MeanPath, commands: Commands, off: np.ndarray
+    path: closed_loop.MeanPath,
+    commands: Commands,
+    off: np.ndarray,
 ) -> np.ndarray:
     """(STEPS + 1, 3) deviation from the path of an arm without noise that starts at ``off``."""
     still = Start(path.poses[0] + off, np.zeros((3, 3)))
@@ -92,13 +94,16 @@ def test_the_noise_left_in_a_loop_is_what_was_put_in_with_the_measurements(path)
         # the path is the mean of these takes, as in the fit
         off = chain.displacement(chain.pose(q[:, k]), chain.pose(q[:, k].mean(axis=0)))
         q[:, k + 1] = q[:, k] + np.matvec(
-            chain.inverse_jacobian(q[:, k]), v[k] + share * off
+            chain.inverse_jacobian(q[:, k]),
+            v[k] + share * off,
         )
     noise = process_noise(chain, q, v)
     recorded = Recorded(chain, q[:, :-1], v, noise, JOINTS, np.eye(3))
     np.testing.assert_allclose(recorded.poses, q, atol=1e-15)
     closed = closed_loop.closed_loop_steps(
-        recorded, closed_loop.mean_path(recorded), share
+        recorded,
+        closed_loop.mean_path(recorded),
+        share,
     )
     # the part common to all takes is the curvature of the mean path
     assert np.max(np.ptp(closed.noise, axis=0)) < 1e-5
@@ -112,7 +117,10 @@ def test_the_noise_left_in_a_loop_is_what_was_put_in_with_the_measurements(path)
 
 
 def takes_of(
-    kind: str, path: closed_loop.MeanPath, share: float, seed: int
+    kind: str,
+    path: closed_loop.MeanPath,
+    share: float,
+    seed: int,
 ) -> Recorded:
     """Takes of a model in a loop with ``share`` κ, measured with noise and a constant of each take;
     the correction is computed by NumPy, not by the compiled loop.
@@ -127,7 +135,8 @@ def takes_of(
     for k in range(STEPS):
         v = np.tile(path.v[k], (TAKES, 1))
         v[:, :m] += share * chain.displacement(
-            chain.pose(q[:, k]), chain.pose(path.poses[k])
+            chain.pose(q[:, k]),
+            chain.pose(path.poses[k]),
         )
         q[:, k + 1] = draw_steps(model, chain, q[:, k], v, rng)[0]
     measured = q + std * rng.standard_normal(q.shape)
@@ -175,7 +184,8 @@ def test_the_share_comes_back_from_takes_of_every_model(kind, n, m, path):
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["additive", "gaussian"])
 def test_its_interval_covers_the_truth_as_it_says_and_the_regressions_does_not(
-    kind, path
+    kind,
+    path,
 ):
     """At least 12 of 16 intervals of 95 % cover the truth, which nine in 10 000 such sets miss, and
     the mean deviation is within one standard error. Control: regression.
@@ -216,7 +226,11 @@ def test_the_likelihood_is_that_of_the_whole_motion_as_one_normal_vector():
     noise = np.stack([covariance(1.0) for _ in range(steps)])
     measured = covariance(0.5)
     space = closed_loop.StateSpace(
-        drift, correction, noise, measured, np.ones(steps, dtype=bool)
+        drift,
+        correction,
+        noise,
+        measured,
+        np.ones(steps, dtype=bool),
     )
     deviation = 2 * rng.standard_normal((takes, steps + 1, n))
     deviation -= deviation.mean(axis=0)
@@ -249,13 +263,19 @@ def test_a_share_without_a_covariance_has_no_likelihood_and_the_others_keep_thei
     """The innovation y_1 − y_0 has the variance 1.99κ² − 0.2 + 0.02, negative at κ = 0.1."""
     unit = np.ones((1, 1, 1))
     space = closed_loop.StateSpace(
-        unit, unit, -0.2 * unit, 0.01 * unit[0], np.ones(1, dtype=bool)
+        unit,
+        unit,
+        -0.2 * unit,
+        0.01 * unit[0],
+        np.ones(1, dtype=bool),
     )
     deviation = np.array([1.0, -1.0])[:, None, None] * np.ones((2, 2, 1))
     shares = [1.0, 0.1]
     with np.errstate(all="raise"):
         likelihoods = closed_loop.take_log_likelihoods(
-            space, deviation, np.array(shares)
+            space,
+            deviation,
+            np.array(shares),
         )
         alone = closed_loop.take_log_likelihoods(space, deviation, np.array(shares[:1]))
     assert np.all(np.isfinite(alone)) and np.array_equal(likelihoods[:1], alone)
@@ -271,7 +291,9 @@ def test_a_single_take_and_an_unknown_measurement_noise_are_refused(path):
     parts = {"q": recorded.q[:, moving], "noise": recorded.noise[:, moving]}
     never = replace(recorded, v=recorded.v[moving], known_measurement=None, **parts)
     open_loop = Estimate(
-        {"kind": "additive", "noise_covariance": COVARIANCE.tolist()}, {}, {}
+        {"kind": "additive", "noise_covariance": COVARIANCE.tolist()},
+        {},
+        {},
     )
     with pytest.raises(ModelDomainError, match="never rests"):
         closed_loop.fit_closed_loop(never, options, open_loop)

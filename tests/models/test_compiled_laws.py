@@ -96,10 +96,14 @@ def standardised(drawn: np.ndarray, mean: np.ndarray, covariance: np.ndarray) ->
 
 
 @pytest.mark.parametrize(
-    "model", [*MODELS.values(), *WIDE.values()], ids=[*MODELS, *WIDE]
+    "model",
+    [*MODELS.values(), *WIDE.values()],
+    ids=[*MODELS, *WIDE],
 )
 def test_draws_have_the_models_moments_and_by_numpy_the_law_of_the_compiled_step(
-    model, chain, step
+    model,
+    chain,
+    step,
 ):
     """NumPy draws a Wishart step from two gamma variates, the compiled law from one. Bands: five
     standard errors of a mean and of a covariance.
@@ -120,7 +124,9 @@ def test_draws_have_the_models_moments_and_by_numpy_the_law_of_the_compiled_step
 
 @every_model
 def test_at_rest_a_matrix_model_stays_and_every_other_has_its_floor(
-    model, chain, poses
+    model,
+    chain,
+    poses,
 ):
     rest = np.zeros(3)
     drawn, clipped = draw_steps(model, chain, poses, rest, RNG())

@@ -32,7 +32,13 @@ TAKES, REST = 60, 20
 
 
 def recorded(
-    chain, poses, step, model, *, takes=TAKES, measured=MEASUREMENT
+    chain,
+    poses,
+    step,
+    model,
+    *,
+    takes=TAKES,
+    measured=MEASUREMENT,
 ) -> Recorded:
     """Takes of a rest and of a motion through ``poses``, each step drawn from the ``model``."""
     v = np.concatenate([np.zeros((REST, 3)), np.tile(step, (40, 1))])
@@ -62,7 +68,11 @@ def wishart(estimator: str, name: str = "pivoted_lu", **options) -> Wishart:
 @pytest.mark.parametrize("name", ["pivoted_lu", "qr"])
 @pytest.mark.parametrize("sigma_b", [0.1, 0.25, 0.5])
 def test_known_dispersions_come_back_but_from_the_papers_estimator(
-    chain, poses, step, sigma_b, name
+    chain,
+    poses,
+    step,
+    sigma_b,
+    name,
 ):
     """Band of the moments: four standard errors, below 2 %; of the likelihood: 2 %.
 
@@ -80,7 +90,8 @@ def test_known_dispersions_come_back_but_from_the_papers_estimator(
     error = np.std(resampled, ddof=1)
     assert error < 0.01 * sigma_b
     assert abs(by_moments.estimates["sigma_b"] - sigma_b) < min(
-        4 * error, 0.02 * sigma_b
+        4 * error,
+        0.02 * sigma_b,
     )
     likely = estimate(data, wishart("likelihood", name)).estimates["sigma_b"]
     assert likely == pytest.approx(sigma_b, rel=0.02)
@@ -102,10 +113,16 @@ def test_known_dispersions_come_back_but_from_the_papers_estimator(
 
 
 def test_the_moments_of_a_gaussian_model_and_of_the_measurement_sum_to_the_recorded_ones(
-    chain, poses, step
+    chain,
+    poses,
+    step,
 ):
     data = recorded(
-        chain, poses, step, GaussianModel(0.05, 30.0), measured=100 * MEASUREMENT
+        chain,
+        poses,
+        step,
+        GaussianModel(0.05, 30.0),
+        measured=100 * MEASUREMENT,
     )
     fitted = estimate(data, Gaussian("gaussian")).model
     modelled = fitted.covariance(chain, data.q, data.v).mean(axis=(0, 1))
@@ -121,7 +138,10 @@ def test_the_moments_of_a_gaussian_model_and_of_the_measurement_sum_to_the_recor
 
 @pytest.mark.parametrize("options", [wishart("moments"), Gaussian("gaussian")])
 def test_noise_that_is_the_measurements_alone_gives_no_model_and_says_why(
-    chain, poses, step, options
+    chain,
+    poses,
+    step,
+    options,
 ):
     data = recorded(chain, poses, step, GaussianModel(0.0, 30.0))
     noise = np.concatenate([data.noise[:, :REST], 0.9 * data.noise[:, REST:]], 1)
@@ -134,7 +154,10 @@ def test_noise_that_is_the_measurements_alone_gives_no_model_and_says_why(
 
 @pytest.mark.parametrize("estimator", ["moments", "paper", "likelihood"])
 def test_the_bound_of_the_gaussian_model_is_found_where_the_noise_bends_with_it(
-    chain, poses, step, estimator
+    chain,
+    poses,
+    step,
+    estimator,
 ):
     norms = frobenius(chain.inverse_jacobian(poses[REST : REST + 40]))
     u = 1.1 * float(norms.max())
@@ -148,7 +171,10 @@ def test_the_bound_of_the_gaussian_model_is_found_where_the_noise_bends_with_it(
 
 @pytest.mark.parametrize("estimator", ["moments", "paper", "likelihood"])
 def test_where_the_noise_follows_the_speed_alone_the_bound_is_unbounded(
-    chain, poses, step, estimator
+    chain,
+    poses,
+    step,
+    estimator,
 ):
     data = recorded(chain, poses, step, GaussianModel(1e-3, 2000.0))
     fitted = estimate(data, Gaussian("gaussian", estimator=estimator))
@@ -156,7 +182,8 @@ def test_where_the_noise_follows_the_speed_alone_the_bound_is_unbounded(
     assert fitted.undetermined == ("u", "alpha")
     level, parameters = fitted.determined["noise_level"], fitted.parameters
     assert [*fitted.determined] == ["noise_level"] and level == pytest.approx(
-        2.0, rel=0.05
+        2.0,
+        rel=0.05,
     )
     # the exported model, of this level alone, has the fitted variance; α·u of the search has not
     models = fitted.model, build_model({"kind": "gaussian", "level": level})
@@ -181,7 +208,9 @@ def test_a_motion_at_rest_throughout_is_refused(chain, poses, step, kind, estima
 
 
 def test_the_curve_over_the_weight_falls_through_the_moment_estimate(
-    chain, poses, step
+    chain,
+    poses,
+    step,
 ):
     data = recorded(chain, poses, 0.1 * step, WishartModel(0.5), takes=20)
     options, rng = wishart("moments"), np.random.default_rng(3)
@@ -207,7 +236,12 @@ def test_the_curve_over_the_weight_falls_through_the_moment_estimate(
     ],
 )
 def test_the_papers_estimate_follows_the_bound_where_the_bound_holds_steps(
-    chain, poses, step, sigma_b, speed, ratio_of_ends
+    chain,
+    poses,
+    step,
+    sigma_b,
+    speed,
+    ratio_of_ends,
 ):
     data = recorded(chain, poses, speed * step, WishartModel(sigma_b), takes=20)
     options, rng = wishart("moments"), np.random.default_rng(3)
@@ -215,7 +249,9 @@ def test_the_papers_estimate_follows_the_bound_where_the_bound_holds_steps(
     metrics, tables = diagnose(data, options, estimate(data, options), 1, rng)
 
     floors = tables["sigma_b_floors"].pivot(
-        index="floor", columns="ratio", values="sigma_b"
+        index="floor",
+        columns="ratio",
+        values="sigma_b",
     )
     low, high = ratio_of_ends
     assert floors.shape == (6, 3)
@@ -228,7 +264,8 @@ def test_the_papers_estimate_follows_the_bound_where_the_bound_holds_steps(
 
 COUNT, STEPS = 40, 80  # takes, and steps of each, on the arms below
 every_arm = pytest.mark.parametrize(
-    ("n", "m"), [pytest.param(7, 6, marks=pytest.mark.slow), (3, 2)]
+    ("n", "m"),
+    [pytest.param(7, 6, marks=pytest.mark.slow), (3, 2)],
 )
 
 
@@ -265,7 +302,12 @@ ESTIMATORS = {
     ids=[f"{option[0]} {option[2]}" for option in ESTIMATORS],
 )
 def test_known_parameters_come_back_on_any_arm_and_others_do_not(
-    n, m, option, names, band, factor
+    n,
+    m,
+    option,
+    names,
+    band,
+    factor,
 ):
     """Variances and standard deviations by their relative error, covariances by the error of the
     correlation. Control: a model whose noise is larger by a factor.
@@ -281,7 +323,8 @@ def test_known_parameters_come_back_on_any_arm_and_others_do_not(
 
     def error(model) -> float:
         estimates = estimate(
-            recorded_on(*at, measured, model, COUNT), options
+            recorded_on(*at, measured, model, COUNT),
+            options,
         ).estimates
         errors = []
         for name, true in truth.values.items():
@@ -319,11 +362,14 @@ def standard_error(data: Recorded, rng: np.random.Generator) -> float:
 
 
 def test_the_standard_error_is_the_spread_over_independent_recordings(
-    chain, poses, step
+    chain,
+    poses,
+    step,
 ):
     rng = np.random.default_rng(1)
     spread = np.std(
-        [mean_covariance(correlated(COUNT, rng))[0, 0] for _ in range(1000)], ddof=1
+        [mean_covariance(correlated(COUNT, rng))[0, 0] for _ in range(1000)],
+        ddof=1,
     )
     recordings = [correlated(COUNT, rng) for _ in range(12)]
     errors = [
@@ -351,7 +397,12 @@ def test_the_standard_error_is_the_spread_over_independent_recordings(
     ],
 )
 def test_resampled_sums_give_the_estimate_of_the_resampled_takes(
-    chain, poses, step, kind, estimator, tolerance
+    chain,
+    poses,
+    step,
+    kind,
+    estimator,
+    tolerance,
 ):
     still = recording(chain, poses, step, np.zeros((8, 20, 3)))
     data = draw_data(WishartModel(0.25), still, np.random.default_rng(2))

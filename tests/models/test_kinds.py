@@ -36,7 +36,8 @@ def test_malformed_and_missing_parameters_are_refused(text, tmp_path):
     if text is not None:
         (tmp_path / "parameters.json").write_text(text)
     with pytest.raises(
-        ContractError, match=r"parameters.*run the stage fit"
+        ContractError,
+        match=r"parameters.*run the stage fit",
     ) as refused:
         kinds.fitted_model(tmp_path)
     assert refused.value.evidence["file"] == tmp_path / "parameters.json"
@@ -54,20 +55,26 @@ def test_the_level_of_an_unbounded_gaussian_model_is_its_limit(chain, poses, ste
         return model.covariance(chain, poses, step)[:, 0, 0]
 
     np.testing.assert_allclose(
-        variance(level=2.0), variance(alpha=1e-6, u=2e6), rtol=1e-9
+        variance(level=2.0),
+        variance(alpha=1e-6, u=2e6),
+        rtol=1e-9,
     )
     # control: another level
     assert np.all(variance(level=2.1) > 1.05 * variance(level=2.0))
 
 
 def test_a_closed_loop_corrects_its_share_of_the_way_to_the_target(
-    tmp_path, chain, poses, step
+    tmp_path,
+    chain,
+    poses,
+    step,
 ):
     model = load(write_model(tmp_path / "model.json", "additive", chain, share=0.25))
     target = chain.pose(poses[0])
     off = chain.displacement(chain.pose(poses), target)
     np.testing.assert_allclose(
-        model.command(poses, target, task_step=step), step + 0.25 * off
+        model.command(poses, target, task_step=step),
+        step + 0.25 * off,
     )
     opened = load(write_model(tmp_path / "open.json", "additive", chain))
     assert (
@@ -84,11 +91,13 @@ def test_it_warns_once_by_name_beyond_what_was_fitted_and_not_within(tmp_path, c
         warnings.simplefilter("error")
         model.mean(q, task_step=v)
     with pytest.warns(
-        OutsideRanges, match=r"b: 2\.4 rad is outside the range 1\.071 to 2\.071"
+        OutsideRanges,
+        match=r"b: 2\.4 rad is outside the range 1\.071 to 2\.071",
     ):
         model.mean(bent, task_step=v)
     with pytest.warns(
-        OutsideRanges, match=r"speed of phi: 5 rad/s is outside the range -4 to 4"
+        OutsideRanges,
+        match=r"speed of phi: 5 rad/s is outside the range -4 to 4",
     ):
         model.step(q, task_step=v * 5, rng=np.random.default_rng(1))
     with warnings.catch_warnings():

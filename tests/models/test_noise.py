@@ -52,7 +52,9 @@ def test_the_measurement_noise_is_what_moves_at_rest():
     v[3:6, 1] = 0.01
     noise[:, 3:6] *= 10
     np.testing.assert_allclose(
-        measurement_covariance(noise, v), np.diag([1.0, 4.0, 9.0]), atol=0.5
+        measurement_covariance(noise, v),
+        np.diag([1.0, 4.0, 9.0]),
+        atol=0.5,
     )
     # control: with the moving steps it would be far larger
     assert np.trace(takes_moments(noise)[1].mean(axis=0)) > 30 * 14 / 2
@@ -92,7 +94,8 @@ def test_at_the_recorded_level_the_total_variance_is_the_recorded_one(name, size
     scaled = at_recorded_level(model, data)
     of_noise = float(np.trace(mean_covariance(data.noise)))
     assert model_trace(scaled, data) + np.trace(MEASUREMENT) == pytest.approx(
-        of_noise, rel=1e-9
+        of_noise,
+        rel=1e-9,
     )
     # other parameters do not change, nor does the covariance over time of a normal model
     assert type(scaled) is type(model)
@@ -102,14 +105,18 @@ def test_at_the_recorded_level_the_total_variance_is_the_recorded_one(name, size
         at = data.chain, data.q, data.v
         ratio = model_trace(scaled, data) / model_trace(model, data)
         np.testing.assert_allclose(
-            scaled.covariance(*at), ratio * model.covariance(*at), rtol=1e-12
+            scaled.covariance(*at),
+            ratio * model.covariance(*at),
+            rtol=1e-12,
         )
     # in a closed loop every take has its own commands
     closed = at_recorded_level(
-        model, replace(data, v=np.tile(data.v, (len(data.q), 1, 1)))
+        model,
+        replace(data, v=np.tile(data.v, (len(data.q), 1, 1))),
     )
     assert model_trace(closed, data) == pytest.approx(
-        model_trace(scaled, data), rel=1e-12
+        model_trace(scaled, data),
+        rel=1e-12,
     )
 
 
@@ -117,16 +124,19 @@ def test_there_is_no_level_without_noise_of_the_motion():
     at_rest = replace(recorded(), v=np.zeros_like(recorded().v))
     for model in MODELS.values():
         with pytest.raises(
-            ModelDomainError, match="does not exceed the measurement noise"
+            ModelDomainError,
+            match="does not exceed the measurement noise",
         ):
             at_recorded_level(model, recorded(1e-6))
     for name in ("gaussian", "wishart"):
         with pytest.raises(
-            ModelDomainError, match=r"no noise at any step|at rest at every step"
+            ModelDomainError,
+            match=r"no noise at any step|at rest at every step",
         ):
             at_recorded_level(MODELS[name], at_rest)
     with pytest.raises(
-        ModelDomainError, match=r"at the limit .* of a finite covariance"
+        ModelDomainError,
+        match=r"at the limit .* of a finite covariance",
     ):
         at_recorded_level(MODELS["wishart"], recorded(1e3))
 
@@ -151,7 +161,10 @@ def takes(poses: np.ndarray, count: int, steps: int) -> np.ndarray:
 
 
 def test_without_noise_single_steps_start_where_the_recording_was_and_a_free_run_adds_them_up(
-    chain, poses, step, rng
+    chain,
+    poses,
+    step,
+    rng,
 ):
     q = takes(poses, 5, 8)
     v = np.tile(step, (8, 1))
@@ -176,7 +189,9 @@ def test_without_noise_single_steps_start_where_the_recording_was_and_a_free_run
 
 
 def test_the_bias_of_a_step_is_the_mean_of_many_draws_and_zero_for_a_normal_law(
-    chain, poses, rng
+    chain,
+    poses,
+    rng,
 ):
     q = np.tile(takes(poses, 5, 3), (2000, 1, 1))
     v = np.tile([0.0, 0.0, 0.01], (3, 1))
@@ -188,7 +203,7 @@ def test_the_bias_of_a_step_is_the_mean_of_many_draws_and_zero_for_a_normal_law(
     np.testing.assert_allclose(np.linalg.norm(off, axis=-1), bias[1:], rtol=0.3)
     assert mean_bias(MODELS["gaussian"], chain, q, v).max() < 1e-12
     assert np.isnan(
-        mean_bias(MODELS["wishart without a covariance"], chain, q, v)
+        mean_bias(MODELS["wishart without a covariance"], chain, q, v),
     ).all()
 
 
@@ -209,7 +224,11 @@ def test_a_free_run_that_reaches_a_singular_pose_is_lost_and_counted(chain, pose
 
 @pytest.mark.parametrize(("mode", "growth"), [("one_step", 0.0), ("free_running", 0.5)])
 def test_the_spread_stays_step_by_step_and_grows_with_the_root_of_time_running_freely(
-    mode, growth, chain, poses, rng
+    mode,
+    growth,
+    chain,
+    poses,
+    rng,
 ):
     count, steps = 2000, 16
     q = np.tile(poses[0], (count, steps + 1, 1))

@@ -45,7 +45,9 @@ def test_the_log_density_is_scipys(model, measurement, chain, poses, step):
         return [stats.multivariate_normal(m, c + added).logpdf(x) for x, m, c in laws]
 
     np.testing.assert_allclose(
-        result, scipys(NONE if measurement is None else measurement), 1e-9
+        result,
+        scipys(NONE if measurement is None else measurement),
+        1e-9,
     )
     # control: the other noise is another density
     unlike = scipys(MEASUREMENT if measurement is None else NONE)
@@ -109,7 +111,7 @@ def test_shrinkage_is_nearer_to_the_truth_where_takes_are_few_and_vanishes_where
         errors[1] += np.sum((mean_covariance(noise) - true) ** 2)
     assert errors[0] < 0.6 * errors[1]
     _, intensity = shrunk_covariance(
-        rng.multivariate_normal(np.zeros(3), true, (400, 10))
+        rng.multivariate_normal(np.zeros(3), true, (400, 10)),
     )
     assert intensity < 0.02
 
@@ -123,7 +125,8 @@ EXTENSIONS = np.geomspace(0.02, 17.0, 200)
 
 
 @pytest.mark.parametrize(
-    ("norm", "alpha", "u"), [(13.5, 0.1, 18.0), (17.0, 1.0, 17.5), (2.0, 0.5, 40.0)]
+    ("norm", "alpha", "u"),
+    [(13.5, 0.1, 18.0), (17.0, 1.0, 17.5), (2.0, 0.5, 40.0)],
 )
 def test_the_closed_form_solves_the_log_det_problem(norm, alpha, u):
     expected = noise_scale(norm, alpha, u, 3, 3) * np.eye(3)
@@ -140,7 +143,9 @@ def test_a_wrong_scale_is_seen_and_a_problem_without_an_optimum_yields_no_number
     norms, right = np.array([13.6, 16.4]), convex.noise_scale
     assert convex.noise_covariance_gap(norms, 0.1, 18.0, 3, 3) < 1e-3
     monkeypatch.setattr(
-        convex, "noise_scale", lambda *arguments: 1.05 * right(*arguments)
+        convex,
+        "noise_scale",
+        lambda *arguments: 1.05 * right(*arguments),
     )
     assert convex.noise_covariance_gap(norms[:1], 0.1, 18.0, 3, 3) > 0.04
     with pytest.raises(SolverError):
@@ -155,7 +160,8 @@ def test_independent_rows_make_the_step_isotropic_with_variance_v_sigma_v(step):
     rng = np.random.default_rng(2)
     drawn = (
         stats.matrix_normal(np.zeros((3, 3)), colcov=sigma).rvs(
-            200_000, random_state=rng
+            200_000,
+            random_state=rng,
         )
         @ step
     )
@@ -173,7 +179,11 @@ def test_the_law_of_a_step_is_that_of_algorithm_2(chain, step):
     q = np.tile(POSE, (DRAWS, 1))
     inverse = chain.inverse_jacobian(POSE)
     sigma = solve_noise_covariance(
-        float(np.linalg.norm(inverse)), model.alpha, model.u, 3, 3
+        float(np.linalg.norm(inverse)),
+        model.alpha,
+        model.u,
+        3,
+        3,
     )
     law = stats.matrix_normal(inverse, colcov=sigma)
     matrices = POSE + law.rvs(DRAWS, random_state=rng) @ step
@@ -183,7 +193,7 @@ def test_the_law_of_a_step_is_that_of_algorithm_2(chain, step):
 
     def p_value(sample: np.ndarray) -> float:
         return stats.ks_2samp(
-            *(np.linalg.norm(x - mean, axis=1) for x in (sample, matrices))
+            *(np.linalg.norm(x - mean, axis=1) for x in (sample, matrices)),
         ).pvalue
 
     assert clipped == 0 and p_value(drawn) > 0.01 > 1e-4 > p_value(wrong)
@@ -194,11 +204,13 @@ def test_the_law_of_a_step_is_that_of_algorithm_2(chain, step):
 
 
 def test_the_noise_shrinks_as_the_pose_nears_the_bound_and_is_clipped_and_counted_beyond(
-    chain, step
+    chain,
+    step,
 ):
     """Against the paper's motivation: nearer a singularity the inverse form gives less noise."""
     q = np.stack(
-        [np.zeros(4), np.deg2rad([100.0, 70.0, 50.0, 20.0]), np.zeros(4)], axis=-1
+        [np.zeros(4), np.deg2rad([100.0, 70.0, 50.0, 20.0]), np.zeros(4)],
+        axis=-1,
     )
     norms = frobenius(chain.inverse_jacobian(q))
     model = GaussianModel(0.1, float(norms[2]) + 0.1)
@@ -218,7 +230,9 @@ def test_the_noise_shrinks_as_the_pose_nears_the_bound_and_is_clipped_and_counte
 def model_covariance(alpha: float, extension: float) -> np.ndarray:
     u = INVERSE_NORM.max() + extension
     return (alpha**2 * (u**2 - INVERSE_NORM**2) / 9 * STEP_NORM**2)[
-        :, None, None
+        :,
+        None,
+        None,
     ] * np.eye(3)
 
 
@@ -227,11 +241,18 @@ def traces_of(alpha: float, extension: float) -> np.ndarray:
 
 
 def fit(
-    covariance: np.ndarray, beta1: float = 0.5, extensions: np.ndarray = EXTENSIONS
+    covariance: np.ndarray,
+    beta1: float = 0.5,
+    extensions: np.ndarray = EXTENSIONS,
 ):
     mean = np.full((STEPS, 3), 0.01)
     return fit_distance(
-        (mean, covariance), STEP_NORM, INVERSE_NORM, 3, beta1, extensions
+        (mean, covariance),
+        STEP_NORM,
+        INVERSE_NORM,
+        3,
+        beta1,
+        extensions,
     )
 
 
@@ -254,7 +275,7 @@ def test_alpha_is_the_best_for_each_extension():
     for i in (0, 80, 199):
         alphas = np.linspace(0.5, 2, 301) * result.alphas[i]
         distance = np.abs(
-            alphas[:, None] ** 2 * traces_of(1.0, EXTENSIONS[i]) - target
+            alphas[:, None] ** 2 * traces_of(1.0, EXTENSIONS[i]) - target,
         ).sum(axis=1)
         rivals = 0.5 * distance + 0.5 * STEPS * np.sqrt(3) * 0.01
         assert result.objectives[i] <= rivals.min() * (1 + 1e-12)
@@ -274,7 +295,7 @@ def test_the_printed_objective_without_the_absolute_value_rewards_no_noise_at_al
     """tr{Cov(q) − Cov(q̃)} as printed falls all the way to α = 0; its absolute value does not."""
     alphas = np.linspace(0, 0.3, 61)
     difference = np.array(
-        [traces_of(alpha, 1.0) - traces_of(0.1, 1.0) for alpha in alphas]
+        [traces_of(alpha, 1.0) - traces_of(0.1, 1.0) for alpha in alphas],
     )
     assert alphas[difference.sum(axis=1).argmin()] == 0
     assert alphas[np.abs(difference).sum(axis=1).argmin()] == pytest.approx(0.1)

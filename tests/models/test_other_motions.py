@@ -23,7 +23,8 @@ def motions(chain) -> list[MotionSteps]:
         dq = 5e-3 * np.tile(direction, (TAKES, STEPS, 1))
         noise = [1e-3, 2e-3, 3e-3] * rng.standard_normal(dq.shape)
         true = np.concatenate(
-            [np.zeros((TAKES, 1, 3)), np.cumsum(dq + noise, axis=1)], axis=1
+            [np.zeros((TAKES, 1, 3)), np.cumsum(dq + noise, axis=1)],
+            axis=1,
         )
         q = true + [0.4, 1.7, -0.3] + POSE_NOISE * rng.standard_normal(true.shape)
         result.append(MotionSteps(name, q[:, :-1], dq, np.diff(q, axis=1) - dq))
@@ -41,7 +42,8 @@ def test_a_step_has_the_noise_of_two_measured_poses(chain, motions):
 
 
 def test_the_prediction_of_a_motion_has_the_measurement_noise_that_the_fit_left_out(
-    chain, motions
+    chain,
+    motions,
 ):
     options = {"additive": Options("additive", estimator="shrinkage")}
     table = matrix_scores(motions, JOINTS, POSE_NOISE, chain, options)

@@ -21,7 +21,8 @@ def test_the_fit_returns_known_variances_within_their_error(rest, growth, measur
     fitted_rest, fitted_growth = greatest_likelihood(noise, STEPS, measured)
     least = std.min() ** 2
     assert fitted_rest == pytest.approx(
-        rest, abs=0.1 * (rest + measured) + 0.02 * least
+        rest,
+        abs=0.1 * (rest + measured) + 0.02 * least,
     )
     assert fitted_growth == pytest.approx(growth, rel=0.05, abs=5e-3)
 

@@ -34,7 +34,10 @@ ROUNDED = 8  # number of starts that differ by rounding
 
 
 def plain_objective(
-    points: np.ndarray, nodes: np.ndarray, gamma1: float, gamma2: float
+    points: np.ndarray,
+    nodes: np.ndarray,
+    gamma1: float,
+    gamma2: float,
 ) -> float:
     """Eq. (KinObj) of ``points`` (I, 2) at ``nodes`` (4, 2), every distance as the distance to the
     closest point of the segment.
@@ -65,7 +68,8 @@ def plain_halved(v, points, o1, bounds, gamma1: float, gamma2: float) -> float:
 
 
 def _distances(
-    points: np.ndarray, nodes: np.ndarray
+    points: np.ndarray,
+    nodes: np.ndarray,
 ) -> tuple[np.ndarray, list[tuple[np.ndarray, np.ndarray]]]:
     """Distance of every point to the nearest segment; of every segment the distances of its own
     points, and of the others 0, and on which side all are.
@@ -104,7 +108,10 @@ def plain_rank(v, points, o1, ee, bounds, gamma1: float, gamma2: float) -> float
 
 
 def ranked(
-    points: np.ndarray, nodes: np.ndarray, share: float, *gammas: float
+    points: np.ndarray,
+    nodes: np.ndarray,
+    share: float,
+    *gammas: float,
 ) -> float:
     frame = frame_of(points.T, nodes[0], nodes[3], limits(share), gammas)
     return RANK(frame, nodes[1:3].ravel())
@@ -137,11 +144,13 @@ def test_the_objective_is_the_printed_one() -> None:
         nodes[1:3] += rng.normal(scale=0.01, size=(2, 2))
         value = ranked(CLOUDS[frame], nodes, 0.9, 0.7, 0.4)
         assert value == pytest.approx(
-            plain_objective(CLOUDS[frame], nodes, 0.7, 0.4), rel=1e-12
+            plain_objective(CLOUDS[frame], nodes, 0.7, 0.4),
+            rel=1e-12,
         )
         free = problem(CLOUDS[frame], Q[frame])
         v = variables(free, CHAIN.points(Q[frame])[1:], "fitted") + rng.normal(
-            scale=0.01, size=5
+            scale=0.01,
+            size=5,
         )
         plain = plain_halved(v, CLOUDS[frame], CHAIN.origin, limits(), *GAMMAS)
         assert RANK(free, v) == pytest.approx(plain, rel=1e-10)
@@ -157,14 +166,20 @@ def test_a_point_at_a_joint_is_of_both_segments_and_poses_out_of_range_rank_behi
     longer = CHAIN.points(Q[0])
     longer[1] = longer[0] + (longer[1] - longer[0]) * 1.2
     plain = plain_rank(
-        longer[1:3].ravel(), CLOUDS[0], *longer[[0, 3]], limits(), 1.0, 0.3
+        longer[1:3].ravel(),
+        CLOUDS[0],
+        *longer[[0, 3]],
+        limits(),
+        1.0,
+        0.3,
     )
     assert ranked(CLOUDS[0], longer, 0.05, 1.0, 0.3) == pytest.approx(plain, rel=1e-12)
     assert plain > INFEASIBLE + 0.02
 
 
 @pytest.mark.parametrize(
-    "end", ["commanded", pytest.param("fitted", marks=pytest.mark.slow)]
+    "end",
+    ["commanded", pytest.param("fitted", marks=pytest.mark.slow)],
 )
 def test_the_simplex_finds_what_scipys_finds_or_better(end) -> None:
     """The objective jumps, so that the minimum of a start depends on its rounding: at frame 96 and

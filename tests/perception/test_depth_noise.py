@@ -67,7 +67,8 @@ def test_a_take_has_no_say_in_its_own_noise():
 
 @pytest.mark.parametrize("window", [0, 2])
 def test_it_is_the_sample_mean_and_the_pooled_covariance_of_the_takes_that_have_a_frame(
-    tmp_path, window
+    tmp_path,
+    window,
 ):
     table = errors(9)
     table = table[~((table["frame"] == 4) & table["take"].isin(["test_0", "test_1"]))]

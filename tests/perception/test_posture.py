@@ -45,7 +45,9 @@ def test_exact_points_give_exact_angles():
     }
     single |= {"flange": {"g": [0.0, 0.07, 0.01], "h": [0.06, 0.0, 0.02]}}
     result = tracked(
-        points(UR5, single, motion(FRAMES)), single, posture=START.round(1).tolist()
+        points(UR5, single, motion(FRAMES)),
+        single,
+        posture=START.round(1).tolist(),
     )
     np.testing.assert_allclose(result.q, motion(FRAMES), atol=1e-9)
 
@@ -154,7 +156,8 @@ def test_joints_that_no_point_shows_are_named():
     measured = MEASURED[:2]  # every frame is tried
     upper = {"upper_arm": MARKERS["upper_arm"]}
     with pytest.raises(
-        RecordingError, match="determine joint_3, joint_4, joint_5, joint_6:"
+        RecordingError,
+        match="determine joint_3, joint_4, joint_5, joint_6:",
     ):
         tracked(measured[:, UPPER], upper)
     two = {link: MARKERS[link] for link in ("upper_arm", "forearm")}
@@ -210,7 +213,9 @@ def recording(noise: float = 0.0, seed: int = 3) -> np.ndarray:
 
 
 def of_plane(
-    positions: np.ndarray, template: np.ndarray = PLACES, take: str = ""
+    positions: np.ndarray,
+    template: np.ndarray = PLACES,
+    take: str = "",
 ) -> JointTrack:
     return track(positions, points_in_plane(ARM, template, 0.01), max_gap=10, take=take)
 
@@ -274,7 +279,8 @@ def test_gaps_of_turning_joints_are_filled_the_short_way_round_and_of_sliding_on
     solved, sliding = np.array([True, False, True]), np.array([False, True])
     filled, counts = fill_gaps(q, solved, sliding, 1, "t")
     np.testing.assert_allclose(
-        filled, [[3.1, 0.0], [np.pi, 1.9], [2 * np.pi - 3.1, 3.8]]
+        filled,
+        [[3.1, 0.0], [np.pi, 1.9], [2 * np.pi - 3.1, 3.8]],
     )
     assert counts == {"interpolated": 1, "held": 0}
 
@@ -299,7 +305,10 @@ LINE = np.array([PLACES[0], [[0, 0, 0.02], [0, 0, 0.06], [0, 0, 0.1]], PLACES[2]
     ],
 )
 def test_markers_that_never_fit_and_templates_that_decide_no_angle_are_refused(
-    positions, template, error, words
+    positions,
+    template,
+    error,
+    words,
 ):
     with pytest.raises(error, match=words):
         of_plane(positions, template)

@@ -24,7 +24,9 @@ WIDTH = 0.06  # m
 
 CHAIN = planar_chain(0.01, 0.115)
 ARM = Arm(
-    CHAIN, Rotation.from_euler("z", 2.9).as_matrix(), np.array([0.02, -0.01, 0.0])
+    CHAIN,
+    Rotation.from_euler("z", 2.9).as_matrix(),
+    np.array([0.02, -0.01, 0.0]),
 )
 Q = np.array([-0.5, 1.4, -0.6])
 # the camera is 1.1 m before the plane, turned by a few degrees

@@ -38,7 +38,9 @@ def test_the_maxent_law_has_the_mean_and_the_dispersion_it_was_asked_for(sigma_b
     assert largest_score(squared, np.array(sigma_b**2)) < 4.5
     assert largest_score(squared, np.array((1.1 * sigma_b) ** 2)) > 4.5
     np.testing.assert_allclose(
-        wishart.normalized_std(draws, np.eye(n)), np.sqrt(squared.mean()), rtol=1e-12
+        wishart.normalized_std(draws, np.eye(n)),
+        np.sqrt(squared.mean()),
+        rtol=1e-12,
     )
 
 
@@ -71,7 +73,7 @@ def test_of_two_laws_that_meet_the_constraints_the_wishart_law_has_the_greater_e
         maxent(d, n).logpdf(np.moveaxis(drawn, 0, -1)) for drawn in (of_own, of_other)
     )
     assert abs(log_density.mean() - cross.mean()) < 4.5 * np.sqrt(
-        (log_density.var() + cross.var()) / draws
+        (log_density.var() + cross.var()) / draws,
     )
     # so the entropies differ by the divergence of the other law from this one
     divergence = rival.logpdf(np.moveaxis(of_other, 0, -1)) - cross
@@ -92,11 +94,13 @@ def test_theta_follows_the_papers_equation_for_any_size():
 def test_the_limits_of_the_dispersion_are_where_density_mean_and_variance_of_the_inverse_end():
     for moments, d in [(0, 2), (1, 4), (2, 6)]:
         assert 4 / wishart.largest_dispersion(
-            3, inverse_moments=moments
+            3,
+            inverse_moments=moments,
         ) ** 2 == pytest.approx(d)
     for sigma_b in (0.0, -0.2, np.sqrt(2), 3.0, np.nan):
         with pytest.raises(
-            ModelDomainError, match=r"sigma_B must lie between 0 and 1\.414"
+            ModelDomainError,
+            match=r"sigma_B must lie between 0 and 1\.414",
         ):
             wishart.degrees_of_freedom(sigma_b, 3)
 
@@ -107,7 +111,9 @@ POSES, BUFFER = 20_000, block_rows(7, 6)
 @pytest.mark.parametrize("degrees", [0.02, 1.0, 1.9999, 2.0, 2.0001, 3.7, 1e6])
 @pytest.mark.parametrize(("count", "normals"), [(3, 2), (POSES, 7)])
 def test_chi_squares_are_numpys_and_so_are_the_normals_behind_them(
-    degrees, count, normals
+    degrees,
+    count,
+    normals,
 ):
     rng, numpy_rng = np.random.default_rng(7), np.random.default_rng(7)
     block = np.full((BUFFER.size, POSES), np.nan)
@@ -117,7 +123,8 @@ def test_chi_squares_are_numpys_and_so_are_the_normals_behind_them(
     assert np.isnan(block[:, count:]).all()
     for k, d in enumerate(freedom):
         np.testing.assert_array_equal(
-            block[first + k, :count], numpy_rng.chisquare(d, count)
+            block[first + k, :count],
+            numpy_rng.chisquare(d, count),
         )
     rows = block[then : then + normals, :count]
     np.testing.assert_array_equal(rows, numpy_rng.standard_normal((count, normals)).T)

@@ -21,7 +21,9 @@ def path(t: np.ndarray) -> np.ndarray:
 
 
 def recording(
-    noise: float = 0.0, seed: int = 0, offset: float = OFFSET
+    noise: float = 0.0,
+    seed: int = 0,
+    offset: float = OFFSET,
 ) -> tuple[np.ndarray, ...]:
     """30 Hz frames with jittered stamps on their own clock, another point of the body; 100 Hz on
     the motion clock.
@@ -103,7 +105,8 @@ HELD = {"rate": RATE, "limit": 0.05, "joints": JOINTS}
 
 
 def logged(
-    kind: str = "there and back", lag: float = 0.0
+    kind: str = "there and back",
+    lag: float = 0.0,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Measured and commanded angles (N, 4) in rad at 100 Hz: point to point with pauses, all joints
     together; or without rest, each joint on another path. The last joint does not move.
@@ -210,7 +213,9 @@ def test_an_error_is_a_share_of_the_motion_and_at_rest_of_a_tenth_of_a_radian():
 
 
 def jittered(
-    samples: int = 400, jitter: float = 2e-4, sampled: bool = True
+    samples: int = 400,
+    jitter: float = 2e-4,
+    sampled: bool = True,
 ) -> JointLog:
     """A log at 200 Hz whose times jitter; ``sampled``: the angles are those of these times."""
     even = np.arange(samples) * 0.005
@@ -221,7 +226,8 @@ def jittered(
 
 @pytest.mark.parametrize("sampled", [True, False])
 def test_a_jittered_clock_is_asked_about_and_the_angles_say_which_it_is(
-    tmp_path, sampled
+    tmp_path,
+    sampled,
 ):
     log = jittered(sampled=sampled)
     np.savez(tmp_path / "log.npz", times=log.time, q=log.signals["actual"])

@@ -83,7 +83,13 @@ def record(folder: Path, arm: Arm, units: float = 1000.0) -> tuple[Path, Depth]:
         camera=camera,
         search=0.4,
         workspace=Workspace(
-            0.05, 0.05, 0.06, -0.02, 0.0, min_pixels=10, max_points=500
+            0.05,
+            0.05,
+            0.06,
+            -0.02,
+            0.0,
+            min_pixels=10,
+            max_points=500,
         ),
     )
 
@@ -141,7 +147,9 @@ def test_a_bag_of_images_gives_the_points_of_the_images(tmp_path, form):
     info = [(STAMPS[0], camera_info(CAMERA_MATRIX, [0.0] * 5, (WIDTH, HEIGHT)))]
     (tmp_path / "bags").mkdir()
     bag = write_bag(
-        tmp_path / "bags", form, {"/depth/image": images, "/depth/camera_info": info}
+        tmp_path / "bags",
+        form,
+        {"/depth/image": images, "/depth/camera_info": info},
     )
     recorded = replace(depth, takes="bags/*", index=None, intrinsics=None, start=None)
     assert depth_paths(tmp_path, recorded) == {"take": bag}
@@ -216,7 +224,10 @@ TIME, MOTION = np.arange(40) / 30.0, np.arange(160) / 100.0  # s
 
 
 PLANAR = load_arm(
-    "pipeline/arm/ur5.urdf", ["joint_2", "joint_3", "joint_4"], "wrist_centre", {}
+    "pipeline/arm/ur5.urdf",
+    ["joint_2", "joint_3", "joint_4"],
+    "wrist_centre",
+    {},
 )
 
 
@@ -230,14 +241,14 @@ def frames(centroid: np.ndarray, take: str = "test_001") -> pd.DataFrame:
     columns = {"take": take, "part": "test", "frame": np.arange(len(TIME)), "t": TIME}
     x, z = centroid.T
     return pd.DataFrame(
-        columns | {"file": f"kinect/{take}", "points": 5, "x": x, "z": z}
+        columns | {"file": f"kinect/{take}", "points": 5, "x": x, "z": z},
     )
 
 
 # rows of the table ``markers``: one marker, that runs along the path in the arm's plane
 AT = PLANAR.to_base(np.insert(path(MOTION), 1, 0.0, axis=1)).T
 MARKERS = pd.DataFrame(
-    {"take": "test_001", "part": "test", "k": np.arange(160), "t": MOTION}
+    {"take": "test_001", "part": "test", "k": np.arange(160), "t": MOTION},
 )
 MARKERS = MARKERS.assign(link=1, marker=1, x=AT[0], y=AT[1], z=AT[2])
 
@@ -245,7 +256,9 @@ MARKERS = MARKERS.assign(link=1, marker=1, x=AT[0], y=AT[1], z=AT[2])
 def test_an_offset_is_that_of_the_motion_unless_it_is_stated():
     filmed = frames(path(TIME + 0.12))
     rows, quality = on_motion_clock(
-        CameraTake(filmed, MARKERS, []), made(Depth, search=0.3), PLANAR
+        CameraTake(filmed, MARKERS, []),
+        made(Depth, search=0.3),
+        PLANAR,
     )
     values = {row["quantity"]: row["value"] for row in quality}
     assert abs(values["clock_offset"] - 0.12) < 1e-4
@@ -255,7 +268,7 @@ def test_an_offset_is_that_of_the_motion_unless_it_is_stated():
         rows, quality = on_motion_clock(CameraTake(seen, MARKERS, []), stated, PLANAR)
         np.testing.assert_allclose(rows["t"], TIME - 0.25)
         assert [(row["quantity"], row["value"]) for row in quality] == [
-            ("clock_offset", -0.25)
+            ("clock_offset", -0.25),
         ]
 
 
@@ -268,7 +281,9 @@ def test_takes_that_tell_no_offset_are_refused_by_their_name():
     ):
         with pytest.raises(RecordingError, match=words) as refused:
             on_motion_clock(
-                CameraTake(seen, MARKERS, []), made(Depth, search=0.3), PLANAR
+                CameraTake(seen, MARKERS, []),
+                made(Depth, search=0.3),
+                PLANAR,
             )
         assert refused.value.evidence["take"] == "test_001"
     with pytest.raises(RecordingError, match="no motion-capture take") as refused:

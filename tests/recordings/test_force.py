@@ -55,7 +55,9 @@ def test_a_record_gives_the_loaded_samples_without_their_bias(tmp_path, netft):
     log, write = record(), write_netft if netft else write_daqft
     write(tmp_path / "log.csv", log)
     rows, quality = force_rows(
-        tmp_path, "C1", options(format="netft" if netft else "daqft")
+        tmp_path,
+        "C1",
+        options(format="netft" if netft else "daqft"),
     )
     loaded, logged = log.time >= TARE, np.hstack([log.force, log.torque])
     np.testing.assert_allclose(rows["t"], log.time[loaded], rtol=0, atol=1e-9)
@@ -88,7 +90,9 @@ def test_moments_are_about_the_stated_point_whatever_the_bias(tmp_path):
     np.testing.assert_allclose(moments[0], 0, atol=1e-12)
     # the control: about the origin
     np.testing.assert_allclose(
-        moments[1].mean(axis=0), np.cross(point, LOAD), atol=1e-3
+        moments[1].mean(axis=0),
+        np.cross(point, LOAD),
+        atol=1e-3,
     )
 
 

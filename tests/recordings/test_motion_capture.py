@@ -55,7 +55,7 @@ def carried(template: np.ndarray) -> np.ndarray:
 def markers_of() -> dict[str, np.ndarray]:
     names = (name for link in TEMPLATE.values() for name in link)
     return dict(
-        zip(names, carried(PLACES).reshape(-1, 9, 3).swapaxes(0, 1), strict=True)
+        zip(names, carried(PLACES).reshape(-1, 9, 3).swapaxes(0, 1), strict=True),
     )
 
 
@@ -75,12 +75,23 @@ def bodies_of() -> dict[str, RigidBody]:
 
 
 def written(
-    folder: Path, markers: dict, bodies: dict | None = None, first=0, rate=100.0
+    folder: Path,
+    markers: dict,
+    bodies: dict | None = None,
+    first=0,
+    rate=100.0,
 ) -> Path:
     """Motive's file t.csv of a take: of its ``rate`` in Hz, from the frame ``first`` on."""
     frame = first + np.arange(STEPS + 1)
     take = MotionTake(
-        "t", "1.23", rate, frame, (frame - first) / rate, markers, bodies or {}, {}
+        "t",
+        "1.23",
+        rate,
+        frame,
+        (frame - first) / rate,
+        markers,
+        bodies or {},
+        {},
     )
     write_motive(folder / "t.csv", take, start=START)
     return folder / "t.csv"
@@ -154,7 +165,8 @@ def test_a_body_that_the_take_lacks_or_that_has_no_link_is_named(tmp_path):
     with pytest.raises(ConfigError, match="no link arm; there are link1, link2, link3"):
         read(file, bodies={"arm": Body("B1", MOUNT)})
     with pytest.raises(
-        RecordingError, match="no marker named x8, x9 in the take; it has a1, a2"
+        RecordingError,
+        match="no marker named x8, x9 in the take; it has a1, a2",
     ):
         read(file, markers=TEMPLATE | {"link1": {n: [0.0] * 3 for n in ("x8", "x9")}})
 
@@ -165,12 +177,14 @@ def test_takes_of_another_rate_or_length_are_refused(tmp_path):
         read(written(tmp_path, markers, rate=120.0))
     for size in (100, 0.01, 1 / 2.54):  # cm for m, m for cm, inches for cm
         with pytest.raises(
-            RecordingError, match=f"{size:.3g} times as far apart as in the"
+            RecordingError,
+            match=f"{size:.3g} times as far apart as in the",
         ):
             read(written(tmp_path, {name: size * xyz for name, xyz in markers.items()}))
     (tmp_path / "walk.own").write_text("OWN\n1 2 3\n4 5 6\n")
     with pytest.raises(
-        RecordingError, match="no take of motion capture in C3D or Motive CSV"
+        RecordingError,
+        match="no take of motion capture in C3D or Motive CSV",
     ):
         read(tmp_path / "walk.own")
     file = written(tmp_path, markers)
@@ -247,7 +261,9 @@ def test_the_steps_take_the_arm_from_each_commanded_pose_to_the_next(file):
     table = trajectory_rows(file, commanded(replace(UR5, task=["x", "y", "z"])))
     assert values(table, "v").shape == (GRID + 1, 3)
     np.testing.assert_allclose(
-        values(table, "u")[:-1] / 100, np.diff(q, axis=0), atol=1e-12
+        values(table, "u")[:-1] / 100,
+        np.diff(q, axis=0),
+        atol=1e-12,
     )
 
 
@@ -265,7 +281,9 @@ def test_another_arms_or_another_grids_trajectory_is_refused(file, robot, rate, 
 
 @pytest.mark.parametrize(("rate", "fits"), [(120.0, True), (121.0, False)])
 def test_a_step_that_is_rounded_to_microseconds_has_the_rate_of_the_motion(
-    tmp_path, rate, fits
+    tmp_path,
+    rate,
+    fits,
 ):
     q = motion(GRID + 1) / 2
     rounded = np.round(np.arange(GRID + 1) / 120, 6)

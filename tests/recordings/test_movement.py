@@ -86,7 +86,9 @@ WRAP = {
 @pytest.mark.parametrize("target", WRAP)
 @pytest.mark.parametrize("actual", WRAP)
 def test_wrapped_angles_are_unwrapped_counted_and_taken_beside_their_command(
-    tmp_path, actual, target
+    tmp_path,
+    actual,
+    target,
 ):
     rows = {"actual": WRAP[actual](TURNING + 1e-5), "target": WRAP[target](TURNING)}
     np.savez(tmp_path / "run.npz", time=np.arange(60) / 100, **rows)
@@ -105,10 +107,13 @@ def test_wrapped_angles_are_unwrapped_counted_and_taken_beside_their_command(
 
 
 @pytest.mark.parametrize(
-    ("size", "words"), [(4.4, "jumps by 4.4.* 2π"), (1, "jumps by 1.* lost sign")]
+    ("size", "words"),
+    [(4.4, "jumps by 4.4.* 2π"), (1, "jumps by 1.* lost sign")],
 )
 def test_a_jump_that_is_neither_a_motion_nor_whole_turns_is_refused(
-    tmp_path, size, words
+    tmp_path,
+    size,
+    words,
 ):
     angles = TURNING + np.where(np.arange(60) < 20, 0.0, size)[:, None] * [0, 1]
     np.savez(tmp_path / "run.npz", time=np.arange(60) / 100, q=angles)
@@ -305,7 +310,8 @@ TIMES = np.arange(250) / 83.3
     ],
 )
 def test_encoders_in_another_unit_order_or_clock_than_what_was_tracked_are_refused(
-    wrong, words
+    wrong,
+    words,
 ):
     tracked = pd.DataFrame({"t": TIME} | spread("q", JOINTS, Q))
     at_readings = np.stack([np.interp(TIMES, TIME, joint) for joint in Q.T], axis=1)

@@ -28,7 +28,10 @@ from pipeline.recordings.quality import (
 
 
 def measured(
-    quantity: str, values: dict[str, float], part: str = "training", unit: str = "m"
+    quantity: str,
+    values: dict[str, float],
+    part: str = "training",
+    unit: str = "m",
 ):
     """A value of the ``quantity`` of each take."""
     rows = []
@@ -50,7 +53,7 @@ def test_a_take_beyond_a_limit_is_left_out_whole_and_one_at_the_limit_or_without
         [
             measured("likeness", {"a": 9.0, "b": 9.0, "c": 1.0}, unit="1"),
             measured("alike_takes", {"a": 2.0, "b": 2.0, "c": 1.0}, unit="takes"),
-        ]
+        ],
     )
     words = "likeness 9 beyond 3.5, 2 takes are copies of one"
     named = reasons(beside_limits(copies, {"likeness": 3.5}))
@@ -113,7 +116,8 @@ def dataset(tmp_path) -> Dataset:
 
 
 def test_each_part_has_the_files_that_its_patterns_name_and_what_none_names(
-    recordings, dataset
+    recordings,
+    dataset,
 ):
     parts = inventory.by_part(inventory.listing(recordings), dataset)
     assert [*parts] == [*inventory.KEYS]
@@ -126,7 +130,8 @@ def test_each_part_has_the_files_that_its_patterns_name_and_what_none_names(
 
 
 def test_a_listing_tells_a_change_that_keeps_the_size_and_needs_a_file(
-    recordings, tmp_path
+    recordings,
+    tmp_path,
 ):
     before = inventory.listing(recordings).set_index("file")
     (recordings / UNCLAIMED).write_text(UNCLAIMED[::-1])
@@ -173,7 +178,9 @@ def test_a_name_that_cannot_be_printed_is_refused_without_its_signs(tmp_path, na
     ],
 )
 def test_a_name_is_the_part_of_the_path_that_the_pattern_leaves_open(
-    pattern, path, name
+    pattern,
+    path,
+    name,
 ):
     assert inventory.take_name(Path("raw", path), Path("raw"), pattern) == name
 
@@ -215,7 +222,9 @@ def residuals(takes: int, rng: np.random.Generator) -> np.ndarray:
 
 
 def pushed(
-    rows: np.ndarray, height: float, rng: np.random.Generator
+    rows: np.ndarray,
+    height: float,
+    rng: np.random.Generator,
 ) -> tuple[np.ndarray, int]:
     """``rows`` with a push in one place of one joint of one take, and that take."""
     takes, length, joints = rows.shape

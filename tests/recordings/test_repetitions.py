@@ -12,7 +12,9 @@ STEPS = 100
 
 
 def way(
-    start: np.ndarray, end: np.ndarray, steps: int = STEPS
+    start: np.ndarray,
+    end: np.ndarray,
+    steps: int = STEPS,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Angles and speeds on the rows of a motion from rest to rest: the speed is not zero on the
     ``steps`` rows after the first.
@@ -25,7 +27,9 @@ def way(
 
 
 def log(
-    *parts: tuple, creep: float = 0.0, seed: int = 0
+    *parts: tuple,
+    creep: float = 0.0,
+    seed: int = 0,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Commanded angles and speeds of parts ("rest", rows, pose) and ("go", from, to[, steps]); at
     rest the angles creep.

@@ -183,7 +183,8 @@ def test_rows_at_the_end_where_the_arm_has_stopped_are_left_out():
 
 
 @pytest.mark.parametrize(
-    ("quantum", "printed"), [(9.5e-6, 6), (1.6e-5, 8), (1e-3, 6), (0.0, 12)]
+    ("quantum", "printed"),
+    [(9.5e-6, 6), (1.6e-5, 8), (1e-3, 6), (0.0, 12)],
 )
 def test_the_step_of_recorded_angles_is_found_where_there_is_one(quantum, printed):
     rng, t = np.random.default_rng(2), np.arange(4000) / RATE

@@ -74,7 +74,9 @@ def test_an_unbounded_bound_has_no_interval_and_along_its_ridge_the_level_stays(
 
 @pytest.mark.slow
 def test_noise_of_the_measurement_alone_gives_no_model_and_later_stages_leave_it_out(
-    project, choose, capsys
+    project,
+    choose,
+    capsys,
 ):
     """The reason is in the place of the parameters, and every stage that needs them prints it."""
     choose(models=["additive", "gaussian", "wishart"])
@@ -104,7 +106,8 @@ def test_noise_of_the_measurement_alone_gives_no_model_and_later_stages_leave_it
 
 
 def test_a_closed_loop_is_fitted_beside_the_open_one_unless_the_options_say_no(
-    project, choose
+    project,
+    choose,
 ):
     fit.run("gaussian")
     model, share = fitted_closed_loop(fit.OUT / "gaussian")
@@ -122,7 +125,8 @@ def test_a_closed_loop_is_fitted_beside_the_open_one_unless_the_options_say_no(
 
 
 def test_results_of_models_that_are_not_chosen_go_and_the_others_stay(
-    tmp_path, monkeypatch
+    tmp_path,
+    monkeypatch,
 ):
     monkeypatch.chdir(tmp_path)
     parameters(tmp_path, models="[additive]")
@@ -150,7 +154,8 @@ def test_a_stated_noise_of_a_pose_is_twice_in_the_noise_of_a_step(project):
 
 @pytest.mark.slow
 def test_the_true_model_predicts_best_and_its_coverage_is_a_normal_ones(
-    project, choose
+    project,
+    choose,
 ):
     choose(models=["gaussian", "additive", "wishart"])
     predict.run()
@@ -192,7 +197,8 @@ def test_without_test_takes_each_is_predicted_by_the_others(project, choose):
 
 
 def test_every_other_reading_has_evidence_of_the_wishart_model_and_of_no_other(
-    project, choose
+    project,
+    choose,
 ):
     readings.run()
     rows = contracts.read("readings", readings.OUT)

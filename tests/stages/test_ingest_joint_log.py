@@ -24,7 +24,8 @@ CHAIN = ["joint_2", "joint_3", "joint_4"]
 
 
 def test_repetitions_are_gathered_over_movements_and_their_mean_command_is_the_trajectory(
-    read, tmp_path
+    read,
+    tmp_path,
 ):
     late = {"late": 8e-4, "noise": 1e-5}
     write_movement(tmp_path / "logs/move_1", 5, offset=1e-4, **late)
@@ -62,7 +63,10 @@ def test_repetitions_are_gathered_over_movements_and_their_mean_command_is_the_t
     ],
 )
 def test_too_few_or_unequal_repetitions_are_refused_with_what_there_is(
-    read, tmp_path, choice, words
+    read,
+    tmp_path,
+    choice,
+    words,
 ):
     write_movement(tmp_path / "logs/move_1", 5, offset=1e-4)
     write_movement(tmp_path / "logs/move_2", 1, offset=-1e-4)
@@ -76,7 +80,8 @@ def test_too_few_or_unequal_repetitions_are_refused_with_what_there_is(
 
 
 def test_recordings_that_are_not_there_are_refused_by_their_folder(
-    log_project, tmp_path
+    log_project,
+    tmp_path,
 ):
     nowhere, inventory = tmp_path / "nowhere", tmp_path / "inventory.csv"
     log_project("ur5_planar", nowhere)
@@ -99,7 +104,10 @@ def test_recordings_that_are_not_there_are_refused_by_their_folder(
     ],
 )
 def test_options_that_contradict_each_other_are_refused(
-    log_project, tmp_path, choice, words
+    log_project,
+    tmp_path,
+    choice,
+    words,
 ):
     with pytest.raises(ConfigError, match=words):
         log_project("ur5_planar", tmp_path, joint_log=choice)
@@ -139,7 +147,9 @@ def test_one_table_a_movement_gives_what_one_file_a_signal_does(read, tmp_path):
 
 
 def test_a_disturbed_repetition_is_left_out_by_name_and_the_others_stay_as_they_were(
-    read, tmp_path, capsys
+    read,
+    tmp_path,
+    capsys,
 ):
     write_movement(tmp_path / "logs/move_1", 9, noise=5e-5)
     names, q = read(tmp_path / "logs")
@@ -175,7 +185,11 @@ def logs(tmp_path) -> Path:
 
 
 def spoil(
-    folder: Path, *, factor: float = 1.0, order: bool = False, early: int = 0
+    folder: Path,
+    *,
+    factor: float = 1.0,
+    order: bool = False,
+    early: int = 0,
 ) -> None:
     """Log what is commanded in another unit, with columns exchanged, or ``early`` rows before."""
     for name in FILES[1:]:
@@ -209,7 +223,11 @@ def spoil(
     ],
 )
 def test_a_command_that_is_no_pair_is_refused_and_settled_by_its_option(
-    read, logs, wrong, words, option
+    read,
+    logs,
+    wrong,
+    words,
+    option,
 ):
     names, q = read(logs)
     for number in (1, 2):
@@ -230,7 +248,8 @@ def test_joints_that_are_locked_elsewhere_than_logged_are_refused(read, tmp_path
     # joint 1 turns by 0.2 rad in this motion, joint 6 by 0.1
     write_movement(tmp_path / "logs/move_1", 5)
     with pytest.raises(
-        RecordingError, match=r"joint_1 is locked at 1 rad.*0.8 to 1"
+        RecordingError,
+        match=r"joint_1 is locked at 1 rad.*0.8 to 1",
     ) as refused:
         read(tmp_path / "logs", robot={"locked": {"joint_1": float(HOME[0])}})
     assert refused.value.evidence["key"] == "dataset.robot.locked.joint_1"
@@ -243,7 +262,8 @@ def test_joints_that_are_locked_elsewhere_than_logged_are_refused(read, tmp_path
 
 
 def test_a_step_that_the_joint_cannot_make_is_refused_with_joint_time_speed_and_limit(
-    read, logs
+    read,
+    logs,
 ):
     log = read_joint_log(logs / "move_2" / FILES[0], joints=6)
     log.signals["actual"][200, 4] += 0.2

@@ -41,7 +41,9 @@ def spread_of(noise: np.ndarray) -> np.ndarray:
 
 
 def process_noise(
-    log_project, dataset: str, ur5: Path
+    log_project,
+    dataset: str,
+    ur5: Path,
 ) -> tuple[list[str], np.ndarray, np.ndarray]:
     """Names of the takes, joint angles and process noise by the stages."""
     log_project(dataset, ur5)
@@ -58,7 +60,12 @@ def process_noise(
     [("ur5_planar", 372, 1, 3), ("ur5_rounds", 361, 0, 20)],
 )
 def test_the_real_logs_go_from_raw_files_to_process_noise(
-    ur5, log_project, dataset, steps, cut_off, others
+    ur5,
+    log_project,
+    dataset,
+    steps,
+    cut_off,
+    others,
 ):
     names, q, w = process_noise(log_project, dataset, ur5)
     assert q.shape == (4, steps + 1, 3) and len(set(names)) == 4
@@ -82,7 +89,8 @@ def test_the_real_logs_go_from_raw_files_to_process_noise(
     # a position-controlled arm does not wander: what one step adds the next takes back
     varying = (w - w.mean(axis=0))[:, ~still]
     recoil = np.sum(varying[:, 1:] * varying[:, :-1], axis=(0, 1)) / np.sum(
-        varying**2, axis=(0, 1)
+        varying**2,
+        axis=(0, 1),
     )
     assert np.all(recoil < -0.3)
 

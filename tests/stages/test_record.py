@@ -74,7 +74,8 @@ def test_angles_are_measured_as_well_as_their_noise_lets_them():
     assert quality.sum()[["interpolated", "rejected"]].sum() == 0
     trajectory = contracts.read("trajectory", Path("data/ingest/motion"))
     assert values(trajectory, "v").shape == (321, 6) and values(
-        trajectory, "u"
+        trajectory,
+        "u",
     ).shape == (321, 7)
     noise = values(contracts.read("process_noise", Path("data/track")), "w")
     assert noise.shape == (3 * 320, 7) and 1e-4 < noise.std() < 1e-2
@@ -95,7 +96,7 @@ def test_takes_beyond_a_limit_are_left_out_and_named_and_the_others_stay(capsys)
     printed = capsys.readouterr().out
     assert "1 of 5 takes left out: train_001 (longest_gap 25 beyond 20)\n" in printed
     assert {*contracts.read("takes", track.OUT).query("left_out")["take"]} == {
-        "train_001"
+        "train_001",
     }
     stay = before[before["take"] != "train_001"].reset_index(drop=True)
     pd.testing.assert_frame_equal(contracts.read("joints", track.OUT), stay)

@@ -160,7 +160,7 @@ def test_an_altered_number_a_dataset_of_the_paper_and_another_dataset_are_seen()
     joints = ["joint_2", "joint_3", "joint_4"]
     changes = {"dataset": "ur5", "synthetic": False, "joints": joints, "tables": {}}
     YOUBOT.with_name("ur5.json").write_text(
-        replace(run, metrics={}, **changes).to_json()
+        replace(run, metrics={}, **changes).to_json(),
     )
     report.run()
     assert all(
@@ -193,7 +193,10 @@ def test_an_altered_number_a_dataset_of_the_paper_and_another_dataset_are_seen()
     ],
 )
 def test_malformed_claims_or_evidence_are_refused_and_earlier_pages_are_left(
-    file, old, new, words
+    file,
+    old,
+    new,
+    words,
 ):
     before, text = written(), file.read_text() if file.exists() else ""
     file.write_text(text.replace(old, new, 1)) if old is not None else file.unlink()

@@ -41,12 +41,14 @@ THREE = ["additive", "wishart", "gaussian"]
 def write_camera() -> None:
     """Joint angles at every fourth step of the test takes, and the moments of their noise."""
     joints = contracts.read("joints", Path("data/track")).query(
-        "part == 'test' and k % 4 == 0"
+        "part == 'test' and k % 4 == 0",
     )
     rng = np.random.default_rng(3)
     noise = rng.multivariate_normal([0.01, 0.0, -0.01], 1e3 * MEASUREMENT, len(joints))
     seen = joints[["take", "part", "t"]].assign(
-        frame=joints["k"] // 4, points=9, objective=0.0
+        frame=joints["k"] // 4,
+        points=9,
+        objective=0.0,
     )
     for joint, angle in zip(JOINTS, (values(joints, "q") + noise).T, strict=True):
         seen[f"q:{joint}"] = angle
@@ -59,7 +61,10 @@ def write_camera() -> None:
 
 @pytest.mark.slow
 def test_a_case_with_the_choices_of_the_run_has_the_runs_evidence_and_verdicts(
-    project, choose, tmp_path, monkeypatch
+    project,
+    choose,
+    tmp_path,
+    monkeypatch,
 ):
     choose(models=THREE)
     # the tables of losses and repairs, which these recordings lack
@@ -95,7 +100,10 @@ def test_a_case_with_the_choices_of_the_run_has_the_runs_evidence_and_verdicts(
         table.set_index([*KEYS])[[*NUMBERS]].astype(float) for table in (run, again)
     ]
     pd.testing.assert_frame_equal(
-        *indexed, check_like=True, rtol=1e-9, check_exact=False
+        *indexed,
+        check_like=True,
+        rtol=1e-9,
+        check_exact=False,
     )
     assert {"additive", "additive_closed", "none"} < {*run["model"]}
     arm = ArmNames(tuple(JOINTS), tuple(takes.training.chain.task))
@@ -128,7 +136,8 @@ def test_the_chosen_dataset_is_written_and_an_unknown_one_is_refused_by_key(proj
 
 
 def test_without_a_depth_camera_or_a_force_transducer_what_needs_them_is_left_out(
-    project, choose
+    project,
+    choose,
 ):
     bounds = {"agents": [3, 4], "systems": 4, "test_systems": 5, "repeats": 2}
     absent = {"dataset": {"depth": None, "force": None}, "wrench": bounds}
@@ -143,7 +152,8 @@ def test_without_a_depth_camera_or_a_force_transducer_what_needs_them_is_left_ou
 
 
 def test_figures_without_tables_are_left_out_and_publish_replaces_earlier_files(
-    project, choose
+    project,
+    choose,
 ):
     choose(overrides={"dataset": {"force": None}})
     for folder in ("tables", "metrics"):

@@ -47,7 +47,12 @@ def curve(variation: float) -> np.ndarray:
 
 
 def takes_of(
-    std: np.ndarray, law: str, share: float, takes: int, rng, *repeats
+    std: np.ndarray,
+    law: str,
+    share: float,
+    takes: int,
+    rng,
+    *repeats,
 ) -> np.ndarray:
     """(..., takes, STEPS, 2) noise, correlated from step to step by ``share``."""
     unit = LAWS[law](rng, (*repeats, takes, *std.shape))
@@ -65,7 +70,10 @@ def takes_of(
     [("normal", 0.0, 0.05), ("normal", 0.7, 0.4), ("heavy-tailed", 0.0, 0.05)],
 )
 def test_a_true_model_passes_in_all_joints_and_constant_noise_fails_as_often_as_the_power_says(
-    variation, law, share, of_many
+    variation,
+    law,
+    share,
+    of_many,
 ):
     takes = 50 if variation == of_many else 4
     std, rng = curve(variation), np.random.default_rng(takes)
@@ -223,7 +231,8 @@ def percentile(values: np.ndarray):
 
 
 @pytest.mark.parametrize(
-    ("interval", "takes", "repeats"), [(jackknife, 6, 3000), (percentile, TAKES, 150)]
+    ("interval", "takes", "repeats"),
+    [(jackknife, 6, 3000), (percentile, TAKES, 150)],
 )
 def test_intervals_cover_the_true_mean_as_often_as_they_say(interval, takes, repeats):
     draws = np.random.default_rng(10).normal(1, 2, (repeats, takes))
@@ -281,7 +290,10 @@ def test_the_lag_one_correlation_is_that_of_its_law_whatever_the_mean_at_each_st
     ],
 )
 def test_what_lies_between_recordings_is_their_share_of_the_variance(
-    groups, offset, least, greatest
+    groups,
+    offset,
+    least,
+    greatest,
 ):
     noise = np.random.default_rng(10).normal(size=(4, 100, 3))
     noise[2:] += offset

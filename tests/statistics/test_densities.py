@@ -41,7 +41,8 @@ def grid(points, reach):
 
 @pytest.mark.parametrize(("count", "reach"), [(5, 4.0), (5000, 4.0), (3000, 0.5)])
 def test_binning_agrees_with_direct_summation_also_on_a_grid_that_leaves_samples_out(
-    count, reach
+    count,
+    reach,
 ):
     samples = draw(count)
     bandwidth = normal_reference_bandwidth(samples)
@@ -63,18 +64,23 @@ def test_the_bandwidth_of_a_normal_sample_is_the_normal_reference_and_outliers_l
     # (4/((p+2)N))^{1/(p+4)} at p = 2
     reference = np.sqrt(np.diag(COVARIANCE)) * 40_000 ** (-1 / 6)
     np.testing.assert_allclose(
-        normal_reference_bandwidth(samples), reference, rtol=0.03
+        normal_reference_bandwidth(samples),
+        reference,
+        rtol=0.03,
     )
     samples[:400] *= 1000
     np.testing.assert_allclose(
-        normal_reference_bandwidth(samples), reference, rtol=0.05
+        normal_reference_bandwidth(samples),
+        reference,
+        rtol=0.05,
     )
     # median 2, deviations 2 1 0 2 7: MAD 2
     column = np.array([0.0, 1.0, 2.0, 4.0, 9.0])
     for p in (1, 2, 3):
         rule = 2 / 0.6745 * (4 / ((p + 2) * 5)) ** (1 / (p + 4))
         np.testing.assert_allclose(
-            normal_reference_bandwidth(np.tile(column[:, None], p)), rule
+            normal_reference_bandwidth(np.tile(column[:, None], p)),
+            rule,
         )
     samples[:24_000, 1] = 5.0
     with pytest.raises(ModelDomainError, match="median absolute deviation"):
@@ -158,7 +164,8 @@ def test_the_autocorrelation_time_is_that_of_the_slowest_component():
     both = np.column_stack([fast[:, 0], slow[:, 0]])
     assert autocorrelation_time(both) == pytest.approx(19, rel=0.1)
     assert autocorrelation_time(rng.standard_normal((200_000, 2))) == pytest.approx(
-        1, abs=0.05
+        1,
+        abs=0.05,
     )
     means = [
         record(4000, DECAY, rng).mean(axis=0)

@@ -20,7 +20,9 @@ def test_the_normal_log_score_is_the_log_density():
     pairs = zip(errors, stacked, strict=True)
     expected = [multivariate_normal(np.zeros(3), c).logpdf(e) for e, c in pairs]
     np.testing.assert_allclose(
-        scores.normal_log_score(errors, stacked), expected, rtol=1e-12
+        scores.normal_log_score(errors, stacked),
+        expected,
+        rtol=1e-12,
     )
 
 
@@ -48,12 +50,14 @@ def test_an_honest_posterior_covers_as_it_says_in_every_joint_and_a_narrow_one_d
     for joint, rms in zip(JOINTS, std, strict=True):
         assert honest[f"rms_error_{joint}_rad"].mean() == pytest.approx(rms, rel=0.02)
         assert honest[f"coverage_of_one_sigma_{joint}"].mean() == pytest.approx(
-            0.683, abs=0.02
+            0.683,
+            abs=0.02,
         )
         assert narrow[f"coverage_of_one_sigma_{joint}"].mean() < 0.42
     assert honest["nees"].mean() == pytest.approx(len(JOINTS), rel=0.05)
     table = scores.score_comparison(
-        {"honest": honest, "narrow": narrow}, "honest"
+        {"honest": honest, "narrow": narrow},
+        "honest",
     ).set_index(["model", "score"])
     assert table.loc[("narrow", "log_score"), "high"] < 0
 

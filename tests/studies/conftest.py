@@ -26,7 +26,9 @@ def project(tmp_path, monkeypatch):
     noise |= triangle("r", JOINTS, np.tile(4e-4 * np.eye(3), (4, 1, 1)))
     Path("data/articulate").mkdir()
     contracts.write(
-        pd.DataFrame(frames | noise), "kinect_noise", Path("data/articulate")
+        pd.DataFrame(frames | noise),
+        "kinect_noise",
+        Path("data/articulate"),
     )
     Path("data/raw").symlink_to(ROOT / "data/raw")
     Path("reports").mkdir(exist_ok=True)

@@ -64,7 +64,9 @@ def made_by(drawn, stated, reading, path):
 
 @pytest.mark.parametrize("reading", [PIVOTED, "lu_xzp", "lu_zxp", QR_TRANSPOSED])
 def test_the_reading_that_made_the_numbers_is_the_most_likely_on_its_path(
-    drawn, stated, reading
+    drawn,
+    stated,
+    reading,
 ):
     number, most_likely = laws.READINGS.index(reading), []
     for path in range(0, 120, 6):
@@ -91,7 +93,8 @@ def test_the_likelihood_is_the_mean_of_normal_densities(stated):
 
 
 def test_pivoted_lu_is_more_than_twice_as_wide_as_the_gaussian_model_on_every_path(
-    drawn, stated
+    drawn,
+    stated,
 ):
     ratios = np.exp(laws.log_quantities(drawn, stated)["difference"])
     difference = dict(zip(laws.READINGS, ratios, strict=True))

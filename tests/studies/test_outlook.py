@@ -44,7 +44,8 @@ def displacement(start: np.ndarray, legs: np.ndarray) -> np.ndarray:
     for _ in range(30):
         lengths, inverse = legs_at(OPTIONS, poses)
         poses = moved(
-            poses, np.linalg.solve(inverse, (legs - lengths)[..., None])[..., 0]
+            poses,
+            np.linalg.solve(inverse, (legs - lengths)[..., None])[..., 0],
         )
     np.testing.assert_allclose(legs_at(OPTIONS, poses)[0], legs, atol=1e-10)
     after, before = poses[:, 3:].reshape(-1, 3, 3), start[3:].reshape(3, 3)
@@ -75,7 +76,8 @@ def test_the_noise_of_the_pose_is_that_of_drawn_legs_through_newtons_method(name
         d = 7 / law.sigma_b**2
         b = wishart(d, np.eye(6) / d, seed=rng).rvs(draws)
         steps = np.linalg.solve(left @ b @ right, np.tile(v, (draws, 1))[..., None])[
-            ..., 0
+            ...,
+            0,
         ]
     share = k / (len(MOTION.q) - 1)
     turn = Rotation.from_rotvec(share * np.array(OPTIONS.turn[1])).as_matrix().ravel()
@@ -95,7 +97,9 @@ def test_the_inverse_jacobian_is_that_of_finite_differences_of_the_legs():
         legs_at(OPTIONS, moved(poses, sign * steps))[0] for sign in (1, -1)
     )
     np.testing.assert_allclose(
-        legs_at(OPTIONS, pose)[1], (ahead - behind).T / (2 * h), atol=1e-9
+        legs_at(OPTIONS, pose)[1],
+        (ahead - behind).T / (2 * h),
+        atol=1e-9,
     )
 
 
@@ -124,7 +128,7 @@ def test_errors_fall_with_the_number_of_cables():
     assert lever(BOUNDS) == pytest.approx(0.25)
     rows = [
         error_rows(BOUNDS, [3, 6, 12, 24], (200, 300), np.random.default_rng(n)).assign(
-            repeat=n
+            repeat=n,
         )
         for n in range(2)
     ]

@@ -50,7 +50,8 @@ def test_a_step_is_the_inverse_jacobian_times_velocity_and_duration(arm):
     speed = np.diff(q, axis=0) * task.rate
     for k in (10, 30):
         velocity = task.rate * task.chain.displacement(
-            task.chain.pose(q[k]), task.path[k + 1]
+            task.chain.pose(q[k]),
+            task.path[k + 1],
         )
         expected = np.linalg.pinv(numerical_jacobian(task, q[k])) @ velocity
         np.testing.assert_allclose(speed[k], expected, rtol=1e-5, atol=1e-7)
@@ -113,7 +114,8 @@ def test_a_path_without_a_motion_in_the_limits_is_refused():
     task = path_task("planar", 20)
     for changes in ({"margin": 5.0}, {"rate": 1e5}):
         with pytest.raises(
-            ConfigError, match="no start has a motion within the limits"
+            ConfigError,
+            match="no start has a motion within the limits",
         ):
             feasible_motions(replace(task, **changes), 64)
 
@@ -153,7 +155,7 @@ def test_orders_agree_in_part():
 
     def tau(predicted: list[float]) -> float:
         return stage.agreement(
-            pd.DataFrame({"predicted": predicted, "ratio": realised[: len(predicted)]})
+            pd.DataFrame({"predicted": predicted, "ratio": realised[: len(predicted)]}),
         )
 
     assert tau(realised) == 1.0

@@ -235,7 +235,10 @@ def test_changes_tell_decisions_from_chance_and_count_other_seeds_as_chance():
     ],
 )
 def test_a_seed_without_evidence_changes_a_verdict_by_chance(
-    holds, fails, verdict, changed
+    holds,
+    fails,
+    verdict,
+    changed,
 ):
     table = robustness_table(("motion", "", "a", holds, fails)).assign(cases=2)
     (row,) = changes(table).itertuples()

@@ -73,7 +73,8 @@ def test_the_depth_cameras_noise_has_the_interpolated_moments_and_is_estimated_s
     laboratory,
 ):
     draws = laboratory.depth_noise.sample(
-        np.full(20_000, 0.25), np.random.default_rng(4)
+        np.full(20_000, 0.25),
+        np.random.default_rng(4),
     )
     variance = 0.75 * 1e-4 + 0.25 * 4e-4
     error = 4 * np.sqrt(variance / len(draws))

@@ -38,7 +38,8 @@ RUN = [
 
 @pytest.mark.parametrize("name", RUN)
 def test_a_study_writes_its_answer_and_equal_bytes_with_any_number_of_workers(
-    name, project
+    name,
+    project,
 ):
     folder = ROOT / "pipeline/studies" / name
     run(name)
@@ -46,7 +47,7 @@ def test_a_study_writes_its_answer_and_equal_bytes_with_any_number_of_workers(
     declared = {table for table in read_yaml(folder / "tables.yaml") if table[0] != "."}
     assert {Path(file).stem for file in first if file.endswith(".csv")} <= declared
     assert {f"reports/studies/{name}/{name}.{kind}" for kind in ("png", "svg")} < {
-        *first
+        *first,
     }
     text = first[f"reports/studies/{name}.md"].decode()
     question, *rest = text.partition("\n\n")[2].split("\n\n")
@@ -60,7 +61,7 @@ def test_a_study_writes_its_answer_and_equal_bytes_with_any_number_of_workers(
     assert not re.search(r"\bnan\b|\{|\}", text)
     if name in WORKERS:
         config.COMPOSED.write_text(
-            config.COMPOSED.read_text().replace("workers: 1", "workers: 2")
+            config.COMPOSED.read_text().replace("workers: 1", "workers: 2"),
         )
         shutil.rmtree("reports/studies")  # a trial would not replace its page
         run(name)
@@ -70,7 +71,8 @@ def test_a_study_writes_its_answer_and_equal_bytes_with_any_number_of_workers(
 def test_a_factor_that_does_not_exist_is_refused_by_its_name(project):
     options = options_of("robustness", factors={"swing": [1.0]})
     with pytest.raises(
-        ConfigError, match="no factor swing; known factors are sway_std"
+        ConfigError,
+        match="no factor swing; known factors are sway_std",
     ):
         study_of("robustness").evaluate(None, options)
 
@@ -83,7 +85,7 @@ def test_the_page_states_why_a_dataset_gives_no_answer(project, capsys):
     text = Path("reports/studies/recovery.md").read_text()
     assert "No answer for this dataset: " in text and reason in text
     assert reason in capsys.readouterr().out and set(written()) == {
-        "reports/studies/recovery.md"
+        "reports/studies/recovery.md",
     }
 
 
@@ -102,7 +104,9 @@ def test_a_trial_of_a_study_leaves_an_earlier_page_as_it_is(project):
 
 
 def pose_tables(
-    tmp_path, monkeypatch, effects: pd.DataFrame
+    tmp_path,
+    monkeypatch,
+    effects: pd.DataFrame,
 ) -> dict[str, pd.DataFrame]:
     """Tables of the study of the pose, of a dataset with the table ``pose_effect``."""
     effects = effects.assign(quantity=pose.NORM, windows=40, groups=8)
@@ -125,7 +129,8 @@ def test_the_answer_on_the_pose_follows_from_interval_and_power(tmp_path, monkey
 
 
 def test_of_repeated_motions_the_differing_noise_answers_and_the_repeated_stands_beside(
-    tmp_path, monkeypatch
+    tmp_path,
+    monkeypatch,
 ):
     parts = [pose.ALL, pose.DIFFERING, pose.REPEATED]
     effects = pd.DataFrame({"noise": parts, "exponent": [0.4, 0.1, 0.5]})
@@ -141,7 +146,8 @@ def test_of_repeated_motions_the_differing_noise_answers_and_the_repeated_stands
 
 
 def test_a_study_leaves_the_tables_and_page_of_an_earlier_run_where_a_part_of_it_fails(
-    project, monkeypatch
+    project,
+    monkeypatch,
 ):
     study = study_of("outlook")
     run("outlook")
@@ -227,14 +233,17 @@ def test_a_row_has_bias_error_and_coverage_of_the_estimates():
 
 @pytest.mark.parametrize("name", ["additive", "gaussian"])
 def test_a_known_law_has_the_recorded_variance_and_the_names_of_the_estimates(
-    recorded, name
+    recorded,
+    name,
 ):
     (case,) = stage.known_laws(recorded, options_of("recovery", estimators={name: []}))
     law = build_model(case.truth.parameters)
     mean = law.covariance(recorded.chain, recorded.q, recorded.v).mean(axis=(0, 1))
     np.testing.assert_allclose(
-        np.trace(mean), np.trace(mean_covariance(recorded.noise)), rtol=1e-6
+        np.trace(mean),
+        np.trace(mean_covariance(recorded.noise)),
+        rtol=1e-6,
     )
     assert set(case.truth.values) == set(
-        estimate(recorded, case.estimators["–"]).estimates
+        estimate(recorded, case.estimators["–"]).estimates,
     )

@@ -118,7 +118,8 @@ def test_a_log_of_the_dataset_is_read_as_the_dataset_has_it(logs):
     with pytest.raises(RecordingError, match="no repetition of the dataset's motion"):
         command.new_takes(logs / "other", settings.dataset, q.mean(axis=0))
     with pytest.raises(
-        ConfigError, match="of the dataset other, which has no run here"
+        ConfigError,
+        match="of the dataset other, which has no run here",
     ):
         command.run_folder("other", Path("other.json"))
     with pytest.raises(ConfigError, match="none of ur5_planar in data/export"):
@@ -128,7 +129,9 @@ def test_a_log_of_the_dataset_is_read_as_the_dataset_has_it(logs):
 
 
 def test_a_single_run_is_assessed_by_an_exported_error_law_without_a_run_of_stages(
-    tmp_path, capsys, monkeypatch
+    tmp_path,
+    capsys,
+    monkeypatch,
 ):
     monkeypatch.chdir(tmp_path)
     for name, seed, noise in (
@@ -149,7 +152,8 @@ def test_a_single_run_is_assessed_by_an_exported_error_law_without_a_run_of_stag
         command.run(tmp_path / name, Path("model.json"))
         printed[name] = capsys.readouterr().out
     low, high = re.search(
-        r"one sample: ([\d.]+) to ([\d.]+) by joint", printed["new"]
+        r"one sample: ([\d.]+) to ([\d.]+) by joint",
+        printed["new"],
     ).groups()
     assert 0.8 < float(low) < float(high) < 1.25
     for words in ("of 5 runs", "new_1", "new_2"):

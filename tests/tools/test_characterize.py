@@ -17,7 +17,9 @@ RECORDINGS = ROOT.parent / "shared/recordings"
 
 
 def test_a_folder_of_logs_alone_becomes_a_card_and_a_model(
-    tmp_path, monkeypatch, capsys
+    tmp_path,
+    monkeypatch,
+    capsys,
 ):
     logs = tmp_path / "bench"
     write_movement(logs / "move_1", 3, noise=5e-5, late=2e-3)
@@ -41,11 +43,13 @@ def test_a_folder_of_logs_alone_becomes_a_card_and_a_model(
     std = np.sqrt(np.diag(model.law.covariance_of_joint_step(np.full(6, 5e-3))))
     np.testing.assert_allclose(std, np.sqrt(2) * 5e-5, rtol=0.2)
     with pytest.raises(
-        ConfigError, match="pose_noise must be a number > 0 in rad, got 'some'"
+        ConfigError,
+        match="pose_noise must be a number > 0 in rad, got 'some'",
     ):
         tool_call("characterize", [str(logs), "--set", "motion.pose_noise=some"])()
     with pytest.raises(
-        ConfigError, match="model wishart needs a Jacobian: give --urdf"
+        ConfigError,
+        match="model wishart needs a Jacobian: give --urdf",
     ):
         tool_call("characterize", [str(logs), "--model", "wishart"])()
 
@@ -59,10 +63,15 @@ def test_a_name_that_is_a_path_is_refused(name, tmp_path):
 def test_a_folder_without_a_usable_log_names_the_reason(tmp_path):
     table = np.arange(400).reshape(100, 4) / 100
     np.savetxt(
-        tmp_path / "a.csv", table, delimiter=",", header="t,q_1,q_2,q_3", comments=""
+        tmp_path / "a.csv",
+        table,
+        delimiter=",",
+        header="t,q_1,q_2,q_3",
+        comments="",
     )
     with pytest.raises(
-        ConfigError, match=r"can be used: a\.csv: no commanded angles.* --urdf FILE"
+        ConfigError,
+        match=r"can be used: a\.csv: no commanded angles.* --urdf FILE",
     ):
         tool_call("characterize", [str(tmp_path)])()
     t = np.linspace(0, 6, 601)
@@ -100,5 +109,5 @@ def test_what_is_not_there_is_refused_before_anything_is_written(root, logs):
     with pytest.raises(ConfigError, match="no scale 'tiny'; there are "):
         tool_call("characterize", [str(logs), "--scale", "tiny"])()
     assert [file for file in root.rglob("*") if file.is_file()] == [
-        root / "params.yaml"
+        root / "params.yaml",
     ]

@@ -135,7 +135,11 @@ def test_the_command_that_pulls_missing_recordings_is_named(root, files, capsys)
     ],
 )
 def test_what_configure_and_ingest_would_refuse_is_printed(
-    files, capsys, old, new, words
+    files,
+    capsys,
+    old,
+    new,
+    words,
 ):
     edit(files[0], old, new)
     assert words in refused(capsys, "[0-9]+")
@@ -148,7 +152,8 @@ UNITS = {"time_unit": "s", "angle_unit": "rad"}  # suggested, as no archive stat
 def angles(t: np.ndarray) -> np.ndarray:
     """Angles in rad of three joints that repeat a motion without rest."""
     return np.stack(
-        [np.sin(t), 0.7 * np.cos(1.4 * t), 0.4 * np.sin(0.8 * t + 1)], axis=1
+        [np.sin(t), 0.7 * np.cos(1.4 * t), 0.4 * np.sin(0.8 * t + 1)],
+        axis=1,
     )
 
 

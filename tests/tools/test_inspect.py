@@ -167,7 +167,10 @@ def test_recordings_that_differ_in_a_number_share_a_line_and_json_has_each(tmp_p
 
 
 def test_the_command_prints_a_table_json_and_one_line_of_error(
-    zoo, tmp_path, monkeypatch, capsys
+    zoo,
+    tmp_path,
+    monkeypatch,
+    capsys,
 ):
     def call(*words: object) -> tuple[int, str, str]:
         monkeypatch.setattr(sys, "argv", ["pipeline", "inspect", *map(str, words)])
@@ -188,7 +191,8 @@ SAMPLES = ROOT.parent / "shared/samples"
 
 
 @pytest.mark.skipif(
-    not SAMPLES.is_dir(), reason="files of real instruments are not beside it"
+    not SAMPLES.is_dir(),
+    reason="files of real instruments are not beside it",
 )
 def test_files_that_real_instruments_wrote_are_told_apart():
     findings = {finding.file.name: finding for finding in inspect(SAMPLES)}
@@ -200,5 +204,6 @@ def test_files_that_real_instruments_wrote_are_told_apart():
     force = findings["daqft_dotnet_semicolon.csv"]
     assert (force.rate, force.facts["decimal"]) == (62.5, ",")
     assert findings["kinect2_ir_intrinsics.yaml"].facts["fx"] == pytest.approx(
-        366.95, abs=0.01
+        366.95,
+        abs=0.01,
     )

@@ -20,7 +20,7 @@ ENTRY = """  {0}:
       size: 10
 """
 LOCK = "schema: '2.0'\nstages:\n" + "".join(
-    map(ENTRY.format, ("files", "track", "fit"))
+    map(ENTRY.format, ("files", "track", "fit")),
 )
 
 
@@ -66,7 +66,8 @@ def test_the_entries_of_a_lock_are_sorted_as_its_pipeline(project, capsys):
 
 def test_a_lock_file_with_a_conflict_is_left_to_the_user(project):
     text = LOCK.replace("  track:", "<<<<<<< ours\n  track:").replace(
-        "  fit:", "=======\n  fit:"
+        "  fit:",
+        "=======\n  fit:",
     )
     (project / "dvc.lock").write_text(text)
     command.run()

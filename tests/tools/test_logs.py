@@ -101,7 +101,8 @@ FOLDERS = {  # name: what writes the files, values that are stated, number of lo
 
 @pytest.mark.parametrize("name", FOLDERS)
 def test_tables_of_angles_are_found_by_names_shapes_values_or_what_is_stated(
-    tmp_path, name
+    tmp_path,
+    name,
 ):
     make, stated, count, joints = FOLDERS[name]
     make(tmp_path)

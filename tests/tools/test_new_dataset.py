@@ -24,18 +24,26 @@ def exports(tmp_path) -> Path:
     """Takes of motion capture, two of which a depth camera saw, and a force log."""
     folder = tmp_path / "exports"
     write_takes(
-        folder / "mocap", "fit_1", "fit_2", "fit_3", "hold_1", "hold_2", frames=21
+        folder / "mocap",
+        "fit_1",
+        "fit_2",
+        "fit_3",
+        "hold_1",
+        "hold_2",
+        frames=21,
     )
     for name in ("hold_1", "hold_2"):
         (folder / "kinect" / name / "depth").mkdir(parents=True)
         files = tuple(f"depth/{number}.png" for number in range(3))
         for file in files:
             write_depth(
-                folder / "kinect" / name / file, np.full((12, 16), 1000, np.uint16)
+                folder / "kinect" / name / file,
+                np.full((12, 16), 1000, np.uint16),
             )
         write_index(folder / "kinect" / name / "depth.txt", np.arange(3) / 30, files)
     write_intrinsics(
-        folder / "kinect/camera.yaml", Intrinsics(20.0, 20.0, 8.0, 6.0, 16, 12)
+        folder / "kinect/camera.yaml",
+        Intrinsics(20.0, 20.0, 8.0, 6.0, 16, 12),
     )
     values = np.random.default_rng(1).normal(size=(50, 3))
     record = ForceRecord(np.arange(50) / 100, values, values, 100.0, "FT1", START, {})
@@ -67,7 +75,9 @@ def require_known_keys() -> None:
 
 
 def test_what_the_recordings_state_is_filled_in_and_the_rest_is_asked_for(
-    root, exports, capsys
+    root,
+    exports,
+    capsys,
 ):
     shutil.copy(ROOT / "pipeline/arm/youbot.urdf", exports / "robot.urdf")
     whole = (exports / "force/C1.csv").read_text()
@@ -78,7 +88,8 @@ def test_what_the_recordings_state_is_filled_in_and_the_rest_is_asked_for(
     require_known_keys()
     assert sheet["recordings"] == "../exports"
     assert contains(
-        sheet["mocap"], {"training": "mocap/fit_*.csv", "test": "mocap/hold_*.csv"}
+        sheet["mocap"],
+        {"training": "mocap/fit_*.csv", "test": "mocap/hold_*.csv"},
     )
     assert sheet["mocap"]["markers"] == {
         f"Link{n}": {f"Link{n}:Marker{k}": "???" for k in (1, 2, 3)} for n in (1, 2, 3)
@@ -104,21 +115,22 @@ def test_what_the_recordings_state_is_filled_in_and_the_rest_is_asked_for(
             ), line
     printed = capsys.readouterr().out.splitlines()
     assert "1 files not placed" in printed[0] and printed[1].endswith(
-        "data/raw/lab/dataset.yaml"
+        "data/raw/lab/dataset.yaml",
     )
     count = len(unfilled())
     assert printed[-2].startswith(
-        f"new-dataset: {count} values are open: about.subject"
+        f"new-dataset: {count} values are open: about.subject",
     )
     assert printed[-1].startswith("next: `python -m pipeline new-dataset lab --ask`")
     stage = OmegaConf.load(root / "data/raw/lab/dvc.yaml").stages.inventory
     assert stage.outs == [
-        {"data/raw/lab/inventory.csv": {"cache": False, "persist": True}}
+        {"data/raw/lab/inventory.csv": {"cache": False, "persist": True}},
     ]
 
 
 def test_rigid_bodies_follow_an_arm_in_space_and_logs_named_as_takes_are_its_encoders(
-    root, space_exports
+    root,
+    space_exports,
 ):
     run("lab", "--from", space_exports)
     sheet, option = written()
@@ -127,7 +139,8 @@ def test_rigid_bodies_follow_an_arm_in_space_and_logs_named_as_takes_are_its_enc
     mount = {"position": "???", "rpy": "???"}
     assert sheet["mocap"]["bodies"] == {body: {"name": body, "mount": mount}}
     assert contains(
-        sheet["encoders"], {"time": "time", "actual": ["measured_a", "measured_b"]}
+        sheet["encoders"],
+        {"time": "time", "actual": ["measured_a", "measured_b"]},
     )
     assert (
         "one of logs/hold_*.csv, logs/move_*.csv"
@@ -176,7 +189,9 @@ def test_numbered_frames_and_bags_are_takes_and_several_topics_a_choice(root, ex
 
 
 def test_units_groups_and_steps_that_nothing_settles_are_asked_for(
-    root, exports, tmp_path
+    root,
+    exports,
+    tmp_path,
 ):
     (tmp_path / "old").mkdir()
     rows = [f"frame,{k},{k / 100:.6f},1,1,{k},0,1,0,0,0,1,0,0,0,0" for k in range(9)]
@@ -202,7 +217,7 @@ def test_labelled_tables_are_joint_logs_only_if_their_labels_say_it(root, tmp_pa
         (tmp_path / place).mkdir()
         for number in (1, 2):
             (tmp_path / place / f"run_{number}.csv").write_text(
-                "\n".join([header, *rows, ""])
+                "\n".join([header, *rows, ""]),
             )
         shutil.copy(ROOT / "pipeline/arm/youbot.urdf", tmp_path / place / "arm.urdf")
         run(place, "--from", tmp_path / place)

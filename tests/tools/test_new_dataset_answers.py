@@ -24,7 +24,10 @@ from pipeline.tools.new_dataset import command
 
 @pytest.mark.slow
 def test_what_is_left_is_asked_for_and_each_answer_is_checked_at_once(
-    root, logs, monkeypatch, capsys
+    root,
+    logs,
+    monkeypatch,
+    capsys,
 ):
     run("lab", "--from", logs, "--set", "about.subject=an arm")
     text = datasheet.path_of("lab").read_text()
@@ -89,7 +92,10 @@ def write_foreign_logs(folder: Path) -> None:
 
 @pytest.mark.slow
 def test_logs_with_foreign_labels_need_eight_questions_and_no_motion_is_printed_twice(
-    root, tmp_path, monkeypatch, capsys
+    root,
+    tmp_path,
+    monkeypatch,
+    capsys,
 ):
     shutil.copytree(ROOT / "pipeline/conf", root / "conf", dirs_exist_ok=True)
     write_foreign_logs(tmp_path / "gen3")
@@ -133,7 +139,8 @@ def test_a_value_that_is_set_or_not_yet_written_can_be_set(root, logs):
         run("lab", "--set", "joint_log.time_unit=minutes")
     assert option["limits"] == {"residual_rms": 0.01, "longest_gap": 5}
     with pytest.raises(
-        ConfigError, match=r"motion.rate is 100: set motion.rate to \{key: value"
+        ConfigError,
+        match=r"motion.rate is 100: set motion.rate to \{key: value",
     ):
         run("lab", "--set", "motion.rate.unit=Hz")
 
@@ -144,7 +151,10 @@ ORDERS = [*permutations(["tool", "joints", "task"])]
 @pytest.mark.parametrize("order", ORDERS)
 @pytest.mark.parametrize("exists", [True, False])
 def test_values_that_depend_on_each_other_are_set_together_in_any_order(
-    root, logs, order, exists
+    root,
+    logs,
+    order,
+    exists,
 ):
     joints = [f"joint_{number}" for number in range(1, 6)]
     stated = {
@@ -178,14 +188,17 @@ def test_values_that_depend_on_each_other_are_set_together_in_any_order(
     ],
 )
 def test_an_option_name_or_folder_that_does_not_fit_writes_nothing(
-    root, logs, words, said
+    root,
+    logs,
+    words,
+    said,
 ):
     with pytest.raises(PipelineError, match=said):
         run(*(words if "--from" in words else [*words, "--from", logs]))
     with pytest.raises(ConfigError, match=r"make it with --from|cannot name"):
         run(words[0], "--ask")
     assert [file for file in root.rglob("*") if file.is_file()] == [
-        root / "params.yaml"
+        root / "params.yaml",
     ]
 
 
@@ -194,7 +207,7 @@ def test_motions_through_a_singular_pose_or_made_once_are_offered_last(monkeypat
     offered = [
         FoundMotion(np.zeros(2), np.ones(2), number, None, places, [], least)
         for number, (places, least) in enumerate(
-            [(twice, 1e-3), (twice[:1], 1.0), (twice, 0.9)]
+            [(twice, 1e-3), (twice[:1], 1.0), (twice, 0.9)],
         )
     ]
     dataset = SimpleNamespace(robot=None, motion=SimpleNamespace(rate=1.0))

@@ -39,7 +39,12 @@ def write_command(file: Path, joints: list[str], rows: list[str]) -> None:
     ],
 )
 def test_an_arm_with_markers_is_planar_only_if_its_joints_or_its_trajectory_say_so(
-    root, tmp_path, urdf, joints, rows, planar
+    root,
+    tmp_path,
+    urdf,
+    joints,
+    rows,
+    planar,
 ):
     takes = tmp_path / "takes"
     write_takes(takes, "fit_1", "fit_2")
@@ -68,7 +73,9 @@ AT_TIMES = pytest.mark.xfail(strict=False, reason="robot.locked stays open at ti
 
 @pytest.mark.parametrize("exists", [pytest.param(True, marks=AT_TIMES), False])
 def test_a_planar_proposal_becomes_an_arm_in_space_by_one_command(
-    root, tmp_path, exists
+    root,
+    tmp_path,
+    exists,
 ):
     takes = tmp_path / "takes"
     write_takes(takes, "fit_1")
@@ -105,14 +112,16 @@ def named_urdf(file: Path, limit: float = 6.3) -> None:
     for number, joint in enumerate(UR_JOINTS, start=1):
         text = text.replace(f'"joint_{number}"', f'"{joint}_joint"')
     file.write_text(
-        re.sub('(?s)(elbow_joint.*?upper=)"[^"]*"', rf'\1"{limit}"', text, count=1)
+        re.sub('(?s)(elbow_joint.*?upper=)"[^"]*"', rf'\1"{limit}"', text, count=1),
     )
 
 
 @pytest.mark.parametrize("kind", [k for k in joint_kinds.KINDS if k.number in ("19", "20")
                                   and not k.stops], ids=lambda kind: kind.number)  # fmt: skip
 def test_joints_follow_the_names_in_the_logs_whatever_the_order_of_the_urdf(
-    root, tmp_path, kind
+    root,
+    tmp_path,
+    kind,
 ):
     (tmp_path / "logs").mkdir()
     kind.make(tmp_path / "logs")
@@ -125,7 +134,9 @@ def test_joints_follow_the_names_in_the_logs_whatever_the_order_of_the_urdf(
 
 @pytest.mark.parametrize("labels", NAMELESS)
 def test_without_names_the_limits_support_the_positions_and_other_names_contradict_them(
-    root, tmp_path, labels
+    root,
+    tmp_path,
+    labels,
 ):
     columns, joints, note = NAMELESS[labels]
     (tmp_path / "logs").mkdir()

@@ -135,7 +135,7 @@ def test_figures_are_beside_each_other_with_their_text_and_a_card_is_folded(repo
     text = f"# R\n\n## F\nKey.\n\n### One\n{figure}### Two\n{figure}## Next\nThe end.\n"
     (reports / "report.md").write_text(text)
     (reports / "model_card.md").write_text(
-        "# Card\n\nAnswer.\n\n## Why\nA rule.\n\n## More\nx\n"
+        "# Card\n\nAnswer.\n\n## Why\nA rule.\n\n## More\nx\n",
     )
     tree = parsed(page("", [reports / "report.md", reports / "model_card.md"], reports))
     cards = [part for part in tree.iter("div") if part.get("class") == "card"]
@@ -151,10 +151,10 @@ def test_figures_are_beside_each_other_with_their_text_and_a_card_is_folded(repo
 
 def test_anchors_of_errata_lead_to_their_headings_and_studies_to_their_page(reports):
     (reports / "errata.md").write_text(
-        '# Errata\n\n<a id="sign"></a>\n\n## 1. A sign\n\nWrong.\n'
+        '# Errata\n\n<a id="sign"></a>\n\n## 1. A sign\n\nWrong.\n',
     )
     (reports / "report.md").write_text(
-        "# R\n\n[why](errata.md#sign), [study](studies/pose.md#answer)\n"
+        "# R\n\n[why](errata.md#sign), [study](studies/pose.md#answer)\n",
     )
 
     html = page("", [reports / "report.md", reports / "errata.md"], reports)

@@ -26,15 +26,25 @@ def test_a_row_of_evidence_is_found_by_all_of_its_keys_and_no_two_rows_have_the_
     rows = [evidence_row("std", 2.0, model="wishart", joint=JOINTS[1])]
     rows.append(
         evidence_row(
-            "std", -1.0, -2.0, 0.5, model="wishart", rival="additive", entry=12
-        )
+            "std",
+            -1.0,
+            -2.0,
+            0.5,
+            model="wishart",
+            rival="additive",
+            entry=12,
+        ),
     )
     evidence = index(evidence_table([*rows, evidence_row("u", np.inf)]))
     template = Reference("std", model="{model}", joint="{joint 2}")
     names = {"model": "wishart"}
     assert template.look_up(evidence, names | ARM.numbered) == 2.0
     difference = Reference(
-        "std", model="wishart", rival="additive", entry="12", column="low"
+        "std",
+        model="wishart",
+        rival="additive",
+        entry="12",
+        column="low",
     )
     assert difference.look_up(evidence, {}) == -2.0
     for missing in (template, Reference("std", model="wishart"), Reference("u")):
@@ -88,7 +98,7 @@ def test_two_claims_of_one_name_are_refused():
 
 STEPS = ["all", "moving, ‖J⁻¹‖: 1, 2"]
 TABLE = pd.DataFrame(
-    {"steps": STEPS, "mean": [0.1 + 0.2, -np.inf], "low": [np.nan, 1e-300]}
+    {"steps": STEPS, "mean": [0.1 + 0.2, -np.inf], "low": [np.nan, 1e-300]},
 )
 KINDS = {"a": "additive", "g": "gaussian", "gf": "gaussian"}
 EVIDENT = evidence_table([evidence_row("sigma_s", 1 / 3, configuration=3, entry="01")])
@@ -144,7 +154,12 @@ NUMBERS = {"additive_error": 0.01, "wishart_error": 0.015}
 
 
 def verdict(
-    recordings="synthetic", arm=ARM, claim=CLAIM, numbers=NUMBERS, more=None, **changes
+    recordings="synthetic",
+    arm=ARM,
+    claim=CLAIM,
+    numbers=NUMBERS,
+    more=None,
+    **changes,
 ):
     """Return the verdict on ``claim`` with ``changes`` from ``numbers`` and ``more`` numbers."""
     evidence = evidence_of(numbers | (more or {}))
@@ -263,7 +278,8 @@ def test_a_number_of_a_rule_is_not_printed_as_a_value_compared_with():
     assert d.case_text(case) == "-0.1 ([-0.2, 0.1]) (limit 0.5) ✗"
     forced = {"value": metric("wishart"), "rule": "less", "limit": None} | FORCED
     (case,) = verdict(
-        **changes | forced | {"threshold": None}, numbers={"wishart": 1, "than": 3}
+        **changes | forced | {"threshold": None},
+        numbers={"wishart": 1, "than": 3},
     ).cases
     assert case.difference == -2 and case.holds is None  # it has no interval
     numbers["numbers"] |= {"wishart": -0.1, "a": 0.2}
@@ -295,7 +311,9 @@ CONTROLLED = EVERY | {
     ],
 )
 def test_a_claim_that_holds_for_the_speed_law_too_has_a_verdict_of_its_own(
-    correlations, powers, expected
+    correlations,
+    powers,
+    expected,
 ):
     rows = []
     numbers = {"wishart": ((0.6,) * 3, (0.9,) * 3), "speed": (correlations, powers)}

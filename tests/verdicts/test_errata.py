@@ -61,7 +61,7 @@ def test_the_printed_scale_and_bound_mean_a_third_of_the_noise_level(norm):
         {"alpha": 0.1, "u": 18.0},
     )
     assert levels["published"] ** 2 / 3 == pytest.approx(
-        3 * noise_scale(norm, 0.1, 18.0, 3, 3)
+        3 * noise_scale(norm, 0.1, 18.0, 3, 3),
     )
     here = noise_scale(norm, levels["alpha"], 18.0, 3, 3)
     assert 3.364**2 / 3 == pytest.approx(3 * here)
@@ -301,13 +301,14 @@ def published() -> np.ndarray:
     stated = config.read_yaml(ROOT / "pipeline/verdicts/claims.yaml")["claims"]
     claims = {claim["id"]: claim for claim in stated}
     return np.array(
-        [claims[f"sigma-s-{name.lower()}"]["published"] for name in CONFIGURATIONS]
+        [claims[f"sigma-s-{name.lower()}"]["published"] for name in CONFIGURATIONS],
     )
 
 
 @pytest.mark.slow
 def test_of_the_published_sigma_s_the_second_entry_of_c2_alone_is_doubtful_and_only_just(
-    bounds, published
+    bounds,
+    published,
 ):
     """Beyond the 5 % limit of one normal distance, and on that of six (2.638) once the standard
     error is known to a percent.
@@ -371,7 +372,8 @@ def test_the_distance_of_the_variances_grows_with_the_forces_and_its_share_does_
 
 @pytest.mark.parametrize(("second", "representable"), [(np.pi / 2, False), (0.0, True)])
 def test_the_covariances_of_two_columns_are_no_multiples_of_one_matrix(
-    second, representable
+    second,
+    representable,
 ):
     rng, kappa = np.random.default_rng(5), 400.0
     covariances = []

@@ -37,7 +37,8 @@ def moved(predicted: float = 1.1e-4, motions: int = 3, gain: float = 1.0) -> dic
     names = [str(k) for k in range(1, motions + 1)]
     rows = []
     for (model, motion), (horizon, joint) in product(
-        product(LAWS, names), product(HORIZONS, "ab")
+        product(LAWS, names),
+        product(HORIZONS, "ab"),
     ):
         memory = model == "joint_error"
         own = {
@@ -66,7 +67,7 @@ def moved(predicted: float = 1.1e-4, motions: int = 3, gain: float = 1.0) -> dic
     seen = [("pose", "a", "rad", -1.25, 2.5), ("joint speed", "a", "rad/s", -1.0, 0.5)]
     seen.append(("joint speed", "b", "rad/s", 0.0, 0.001))
     matrix = [
-        ("wishart", "1", np.nan, "the Jacobian is singular at 3 measured pose(s)")
+        ("wishart", "1", np.nan, "the Jacobian is singular at 3 measured pose(s)"),
     ]
     return {
         "joint_scores": pd.DataFrame(rows),
@@ -74,10 +75,11 @@ def moved(predicted: float = 1.1e-4, motions: int = 3, gain: float = 1.0) -> dic
         "motions": pd.DataFrame([(k, 4, 300, "a") for k in names], columns=MOTIONS),
         "motion_ranges": pd.DataFrame(seen, columns=RANGE),
         "unused_recordings": pd.DataFrame(
-            {"recording": ["run_9"], "reason": ["disturbed"]}
+            {"recording": ["run_9"], "reason": ["disturbed"]},
         ),
         "other_motions": pd.DataFrame(
-            matrix, columns=["model", "motion", "score", "reason"]
+            matrix,
+            columns=["model", "motion", "score", "reason"],
         ),
     }
 
@@ -95,7 +97,7 @@ def predicted(half: float = 0.1, **matrix: float) -> Run:
         }
         for score, value in (("log_score", mean), ("coverage_of_one_sigma_a", 0.7)):
             rows.append(
-                {"steps": "all", "model": model, "score": score, "mean": value} | ends
+                {"steps": "all", "model": model, "score": score, "mean": value} | ends,
             )
     pairs = [
         {
@@ -167,10 +169,12 @@ def test_the_card_opens_with_the_law_its_predictions_and_what_was_not_used():
 
 
 @pytest.mark.parametrize(
-    ("predicted", "named"), [(1.35e-4, 0), (1.45e-4, 6), (0.7e-4, 6)]
+    ("predicted", "named"),
+    [(1.35e-4, 0), (1.45e-4, 6), (0.7e-4, 6)],
 )
 def test_the_card_names_every_predicted_standard_deviation_that_is_not_confirmed(
-    predicted, named
+    predicted,
+    named,
 ):
     text = answer(logged(predicted=predicted))
     assert text.count(" !") == named
@@ -236,11 +240,12 @@ def test_a_card_without_jumps_of_the_speed_repeats_no_rows():
 
 def test_intervals_of_few_motions_are_of_the_possible_values():
     scores = moved()["joint_scores"].query(
-        "model == 'joint_error' and samples == 'commanded'"
+        "model == 'joint_error' and samples == 'commanded'",
     )
     numbers = scores["motion"].astype(float)
     wide = scores.assign(
-        predicted_rad=3e-5 * numbers**2, two_sigma=1.06 - 0.06 * numbers
+        predicted_rad=3e-5 * numbers**2,
+        two_sigma=1.06 - 0.06 * numbers,
     )
     wide["two_sigma"] = wide["two_sigma"].clip(upper=1.0)
     ratio, share = (
@@ -270,15 +275,16 @@ def test_no_law_is_an_answer_with_its_reason():
 
 @pytest.mark.parametrize(("score", "half"), [(10.7, 0.1), (11.05, 0.1)])
 def test_a_matrix_model_is_recommended_for_this_motion_by_its_intervals_alone(
-    score, half
+    score,
+    half,
 ):
     text = choice(predicted(half, wishart=score))  # below, or above within the interval
     assert text.startswith(
-        "On lab **no matrix model** has a log score above every baseline:"
+        "On lab **no matrix model** has a log score above every baseline:",
     )
     assert " Wishart matrix model not above autoregressive baseline." in text
     assert choice(predicted(wishart=12.0, other=11.5)).startswith(
-        "The log score of the **Wishart"
+        "The log score of the **Wishart",
     )
 
 
@@ -295,7 +301,7 @@ def test_the_card_holds_parameters_ranges_takes_and_other_datasets():
     )
     assert page.count("- lab: ") == 1
     run.tables["evidence"] = evidence_table(
-        [evidence_row("takes", 4, model="recorded")]
+        [evidence_row("takes", 4, model="recorded")],
     )
     assert "| wishart | s | 0.5 | 0.0125 | – |" in model_card(run, [])
 

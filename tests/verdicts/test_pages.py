@@ -98,7 +98,7 @@ FIGURES = paper.parse_items(
             "says": "x",
             "without_code": "a photo",
         },
-    ]
+    ],
 )
 CAPTIONS = {
     name: {"title": f"The {name}", "caption": "Red. Compare."}
@@ -112,7 +112,12 @@ DRAWN = Drawn(CAPTIONS, FIGURES, SOURCES)
 
 def test_claims_are_under_their_figure_with_the_verdict_of_every_group(grouped):
     page = report_page.report_page(
-        RUNS[0], grouped, tally(grouped), DRAWN, [], Edition("1.2", 2017)
+        RUNS[0],
+        grouped,
+        tally(grouped),
+        DRAWN,
+        [],
+        Edition("1.2", 2017),
     )
 
     assert page.startswith("# Matrix-Based Characterization")
@@ -254,7 +259,7 @@ def test_the_level_of_the_published_pair_is_beside_the_fitted_level(ends, words)
         [
             SIGMA | {"id": name, "published": n}
             for name, n in (("u", 18.0), ("alpha", 0.1))
-        ]
+        ],
     )
     fitted = {"noise_level_moments": 3.36} | LEVEL | ends
     metrics = RUNS[0].metrics | {"fit_gaussian": fitted}
@@ -324,7 +329,7 @@ def filtered(**differences: tuple[float, float]) -> Run:
         for score, by in zip(SCORES, (rms, -0.5, 0.0, log), strict=True):
             ends = {"difference": by, "low": by - 0.1, "high": by + 0.1}
             rows.append(
-                {"model": model, "score": score, "mean": SCORES[score] + by} | ends
+                {"model": model, "score": score, "mean": SCORES[score] + by} | ends,
             )
     tables = {"filter_against_none": pd.DataFrame(rows)}
     return Run("lab", "paper", True, ["a", "b"], PLANE, {}, {}, tables)

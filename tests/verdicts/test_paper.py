@@ -50,16 +50,19 @@ SMALL = paper.parse_items([EQUATION, *FURTHER])
     ],
 )
 def test_a_docstring_cites_labels_in_parentheses_and_theorems_by_number(
-    docstring, names
+    docstring,
+    names,
 ):
     assert paper.cited_items(docstring, SMALL) == names
 
 
 @pytest.mark.parametrize(
-    "docstring", ["Eq. (NormStdd)", "Theorem 2", "Fig. (Room)", "Eqs. (cost)–(const7)"]
+    "docstring",
+    ["Eq. (NormStdd)", "Theorem 2", "Fig. (Room)", "Eqs. (cost)–(const7)"],
 )
 def test_a_citation_of_what_the_paper_does_not_have_is_refused_with_its_place(
-    tmp_path, docstring
+    tmp_path,
+    docstring,
 ):
     file = tmp_path / "step.py"
     file.write_text(f'class Step:\n    def sample(self):\n        """{docstring}."""\n')
@@ -71,7 +74,7 @@ def test_a_citation_of_what_the_paper_does_not_have_is_refused_with_its_place(
 
 ROOT = Path(__file__).parents[2]
 ITEMS = paper.parse_items(
-    config.read_yaml(ROOT / "pipeline/verdicts/paper.yaml")["items"]
+    config.read_yaml(ROOT / "pipeline/verdicts/paper.yaml")["items"],
 )
 SOURCES = paper.citations(ROOT / "pipeline", ITEMS)
 NUMBERED = {"equation": 42, "figure": 11, "theorem": 5, "definition": 2, "algorithm": 2}
@@ -157,11 +160,11 @@ ENTRY = {
 }
 ENTRY |= {"fact": "It is {{ metric('fit', 'std_{joint 1}') }}."}
 ENTRY |= {
-    "done": "A sum of {{ claim('sigma', 'walk') }}, speed {{ claim('sigma', 'speed') }}."
+    "done": "A sum of {{ claim('sigma', 'walk') }}, speed {{ claim('sigma', 'speed') }}.",
 }
 ENTRY |= {"tests": ["tests/models/test_noise.py::test_one"]}
 CLAIM = {key: key for key in ("where", "statement", "quantity", "reason")} | {
-    "id": "sigma"
+    "id": "sigma",
 }
 CLAIM |= {
     "about": "method",
@@ -173,7 +176,8 @@ CLAIM |= {"value": {"quantity": "sigma_b"}}
 
 
 @pytest.mark.parametrize(
-    ("fit", "ours"), [({"std_shoulder": 0.28765}, "0.2877"), ({}, paper.MISSING)]
+    ("fit", "ours"),
+    [({"std_shoulder": 0.28765}, "0.2877"), ({}, paper.MISSING)],
 )
 def test_numbers_of_the_run_and_of_the_claims_stand_in_the_prose(fit, ours):
     arm = (["shoulder", "elbow", "wrist"], ["x", "z", "phi"])
@@ -222,7 +226,7 @@ def test_a_malformed_erratum_is_refused_with_its_key(changes, key):
 @pytest.fixture(scope="module")
 def errata() -> list[paper.Erratum]:
     return paper.parse_errata(
-        config.read_yaml(ROOT / "pipeline/verdicts/errata.yaml")["errata"]
+        config.read_yaml(ROOT / "pipeline/verdicts/errata.yaml")["errata"],
     )
 
 
@@ -234,8 +238,9 @@ def youbot() -> Run:
 
 CLAIMS = parse_claims(
     validated(
-        ClaimsFile, config.read_yaml(ROOT / "pipeline/verdicts/claims.yaml")
-    ).claims
+        ClaimsFile,
+        config.read_yaml(ROOT / "pipeline/verdicts/claims.yaml"),
+    ).claims,
 )
 TYPED = r"\d[.,]\d|\de-?\d"  # a measured number; they come from a run
 
@@ -254,7 +259,8 @@ def test_every_erratum_has_its_numbers_in_the_run_and_tests_that_exist(errata, y
 
 
 def test_every_claim_has_evidence_that_a_stage_writes_and_reasons_that_exist(
-    errata, youbot
+    errata,
+    youbot,
 ):
     missing = [
         f"{verdict.claim.id}: {case.case}"
@@ -269,7 +275,7 @@ def test_every_claim_has_evidence_that_a_stage_writes_and_reasons_that_exist(
     }
     unless = [claim.unless for claim in CLAIMS if claim.unless]
     assert {u.limit for u in unless if u.value.quantity == scores.BETWEEN} == {
-        scores.LIMIT
+        scores.LIMIT,
     }
     datasets = {file.stem for file in (ROOT / "pipeline/conf/dataset").glob("*.yaml")}
     assert {name for claim in CLAIMS for name in claim.why} <= datasets

@@ -46,7 +46,7 @@ def numbers(*cases: dict) -> Cases:
         *(
             np.array([case.get(name, np.nan) for case in cases])
             for name in Cases._fields
-        )
+        ),
     )
 
 
@@ -57,7 +57,10 @@ def mean_of(values: np.ndarray, **stated: float) -> dict:
 
 
 def drawn(
-    rng: np.random.Generator, centre: float, std: float, **stated: float
+    rng: np.random.Generator,
+    centre: float,
+    std: float,
+    **stated: float,
 ) -> list[dict]:
     """The mean of 20 takes about ``centre``: 4.5 standard errors are ``std``."""
     return [mean_of(rng.normal(centre, std, 20), **stated)]
@@ -106,7 +109,7 @@ def followed(rng: np.random.Generator, true: float) -> list[dict]:
     rows = following_tests(curve(0.4), noise(rng, true), steady, JOINTS, rng)
     named = {"correlation": "value", "limit": "threshold"}
     return rows.rename(columns=named)[["value", "threshold", "power"]].to_dict(
-        "records"
+        "records",
     )
 
 
@@ -124,10 +127,18 @@ def falling(rng: np.random.Generator, by: float) -> list[dict]:
 # rule → cases from draws, whose claim is true (side 1), false (−1), or just at the limit (0)
 DRAWN = {
     "within_relative": lambda rng, side: drawn(
-        rng, 0.8 + 0.2 * side, 0.2, published=1.0, tolerance=0.2
+        rng,
+        0.8 + 0.2 * side,
+        0.2,
+        published=1.0,
+        tolerance=0.2,
     ),
     "within_absolute": lambda rng, side: drawn(
-        rng, -0.8 - 0.2 * side, 0.2, published=-1.0, tolerance=0.2
+        rng,
+        -0.8 - 0.2 * side,
+        0.2,
+        published=-1.0,
+        tolerance=0.2,
     ),
     "below": lambda rng, side: drawn(rng, 1 - 0.2 * side, 0.2, yardstick=1.0),
     "above": lambda rng, side: drawn(rng, 1 + 0.2 * side, 0.2, yardstick=1.0),
@@ -139,13 +150,20 @@ DRAWN = {
     "greater": lambda rng, side: drawn(rng, 0.05 + 0.5 * side, 0.5, margin=0.05),
     "decreasing": lambda rng, side: falling(rng, 0.01 * side),
     "equivalent": lambda rng, side: drawn(
-        rng, 0.2 - 0.1 * side, 0.1, than=1.0, tolerance=0.2
+        rng,
+        0.2 - 0.1 * side,
+        0.1,
+        than=1.0,
+        tolerance=0.2,
     ),
     "interval_contains": lambda rng, side: greatest(
-        rng, 0.28 - 0.035 * side, published=0.25, tolerance=0.005
+        rng,
+        0.28 - 0.035 * side,
+        published=0.25,
+        tolerance=0.005,
     ),
     "standard_errors": lambda rng, side: [
-        {"value": 1.0, "distance": rng.normal(3 - 3 * side, 1), "limit": 2.638}
+        {"value": 1.0, "distance": rng.normal(3 - 3 * side, 1), "limit": 2.638},
     ],
 }
 # the claim of these is refuted or else holds: there is no margin at the limit
@@ -180,10 +198,13 @@ def test_a_rule_passes_just_on_the_true_side_fails_just_on_the_false_and_errs_as
 
 
 @pytest.mark.parametrize(
-    ("ratio", "least", "greatest"), [(1.0, 0, 0), (1.25, 0, 0.1), (1.6, 0.8, 1)]
+    ("ratio", "least", "greatest"),
+    [(1.0, 0, 0), (1.25, 0, 0.1), (1.6, 0.8, 1)],
 )
 def test_noise_of_few_takes_varies_where_it_grows_with_the_speed_within_them(
-    ratio, least, greatest
+    ratio,
+    least,
+    greatest,
 ):
     rng, holds = np.random.default_rng(11), []
     for _ in range(REPEATS):
@@ -303,11 +324,13 @@ def verdict_on_spread(claim: str, std: np.ndarray, rng: np.random.Generator) -> 
 
 
 @pytest.mark.parametrize(
-    "claim", ["spread-followed-by-wishart", "spread-of-wishart-nearer-than-additive"]
+    "claim",
+    ["spread-followed-by-wishart", "spread-of-wishart-nearer-than-additive"],
 )
 @pytest.mark.parametrize("maker", MADE_BY)
 def test_a_claim_on_the_shape_of_the_noise_is_told_from_a_law_of_the_speed_alone(
-    claim, maker
+    claim,
+    maker,
 ):
     std, expected = MADE_BY[maker]
     rng = np.random.default_rng(8)

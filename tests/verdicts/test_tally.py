@@ -42,13 +42,19 @@ CLAIMS = parse_claims(
         BELOW | {"id": "of-method", "about": "method", "why": {"c": "it mixes units"}},
         BELOW | {"id": "of-robots", "about": "robots"},
         STUDY | {"id": "study", "about": "method"},
-    ]
+    ],
 )
 ARM, OTHER = ("a", "b"), ("a", "b", "c")
 
 
 def a_run(
-    dataset: str, std: float, *, joints=ARM, cause="", files=(), synthetic=None
+    dataset: str,
+    std: float,
+    *,
+    joints=ARM,
+    cause="",
+    files=(),
+    synthetic=None,
 ) -> Run:
     rows = [evidence_row("std", std, joint=joint) for joint in joints]
     rows.append(evidence_row("greatest_error_of_variances", 0.2))

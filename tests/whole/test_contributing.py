@@ -155,7 +155,7 @@ def test_an_addition_breaks_no_test(extended):
 
     # the control: an import against the order of the layers
     (extended / f"pipeline/models/{COPIED}/fit.py").write_text(
-        "import pipeline.tools\n"
+        "import pipeline.tools\n",
     )
     done = run(*command, "tests/test_repository.py", cwd=extended)
     assert "test_imports_run_one_way[models]" in done.stdout
@@ -233,7 +233,12 @@ def test_a_constant_that_was_edited_without_a_run_is_found(reproduced, tmp_path)
     file.write_text(edited)
     succeeds(*GIT, "commit", "-qam", "edited", cwd=folder)
     done = run(
-        "python", "-m", "pipeline", "audit", str(tmp_path / "edited"), cwd=folder
+        "python",
+        "-m",
+        "pipeline",
+        "audit",
+        str(tmp_path / "edited"),
+        cwd=folder,
     )
     # and everything else is equal to the commit
     changed = {line[3:] for line in done.stdout.splitlines() if line.startswith(" M ")}

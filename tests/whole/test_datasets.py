@@ -69,7 +69,7 @@ def test_exports_become_figures_and_a_changed_export_is_noticed(reproduced, tmp_
     exports = (project / "data/raw/youbot/recordings").rename(tmp_path / "exports")
     make_writable(exports)
     inspect, new_dataset, check, reproduce, inspect_json = shell_commands(
-        "data/raw/README.md"
+        "data/raw/README.md",
     )
     findings = json.loads(succeeds(*inspect_json, cwd=project))
     formats = {finding["format"] for finding in findings}
@@ -108,7 +108,8 @@ def test_exports_become_figures_and_a_changed_export_is_noticed(reproduced, tmp_
 
 
 def test_logs_of_a_real_robot_become_a_report_beside_that_of_another_dataset(
-    reproduced, tmp_path
+    reproduced,
+    tmp_path,
 ):
     if not (RECORDINGS / "lwr4").is_dir():
         pytest.skip("the recordings of the real robots are not beside the project")
@@ -153,7 +154,8 @@ simulation: one_step, wrench: paper, scale: smoke, compute: serial, seed: 5, ove
 
 
 def test_forces_alone_go_through_every_stage_and_are_scored_on_all_rows(
-    tmp_path, monkeypatch
+    tmp_path,
+    monkeypatch,
 ):
     monkeypatch.chdir(tmp_path)
     for name in ("pipeline", "dvc.yaml", "pyproject.toml"):

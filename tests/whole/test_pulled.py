@@ -15,7 +15,8 @@ from pipeline.recordings.inventory import listing, raw_folder
 PULLED, BESIDE = ROOT / "data/recordings", ROOT.parent / "shared/recordings"
 IMPORTS = sorted(PULLED.rglob("*.dvc"))
 beside = pytest.mark.skipif(
-    not BESIDE.is_dir(), reason="no recordings beside the project"
+    not BESIDE.is_dir(),
+    reason="no recordings beside the project",
 )
 
 
@@ -43,7 +44,8 @@ def test_every_public_recording_is_pinned_by_revision_and_hash():
 
 
 def test_a_dataset_finds_pulled_recordings_first_and_the_message_names_the_command(
-    tmp_path, monkeypatch
+    tmp_path,
+    monkeypatch,
 ):
     monkeypatch.chdir(tmp_path)
     folder = Path("data/recordings/arm")
@@ -51,18 +53,20 @@ def test_a_dataset_finds_pulled_recordings_first_and_the_message_names_the_comma
     (folder / "log.csv.dvc").touch()
     assert raw_folder("../logs/arm") == Path("../logs/arm")
     with pytest.raises(
-        RecordingError, match=r"`dvc --cd data/recordings pull -R arm` brings them"
+        RecordingError,
+        match=r"`dvc --cd data/recordings pull -R arm` brings them",
     ):
         listing(Path("../logs/arm"))
     (folder / "log.csv").write_text("1\n")
     assert raw_folder("../logs/arm") == folder and raw_folder("logs/arm") == Path(
-        "logs/arm"
+        "logs/arm",
     )
     assert list(listing(folder)["file"]) == ["log.csv"]
 
 
 def test_copies_take_the_pulled_recordings_and_name_the_command_without_them(
-    tmp_path, monkeypatch
+    tmp_path,
+    monkeypatch,
 ):
     monkeypatch.syspath_prepend(ROOT / "tests/whole")
     copies = import_module("copies")

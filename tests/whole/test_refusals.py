@@ -65,7 +65,10 @@ def option(**values: object) -> Callable[[], None]:
 
 
 def cells(
-    name: str, columns: list[str], value: float, query: str
+    name: str,
+    columns: list[str],
+    value: float,
+    query: str,
 ) -> Callable[[], None]:
     """Change of values of a table."""
 

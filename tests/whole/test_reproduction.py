@@ -50,7 +50,7 @@ def reruns(folder: Path, first: str = "configure") -> set[str]:
     """
     succeeds("dvc", "repro", first, cwd=folder)
     return {
-        *planned(succeeds("dvc", "repro", "--dry", "--force-downstream", cwd=folder))
+        *planned(succeeds("dvc", "repro", "--dry", "--force-downstream", cwd=folder)),
     }
 
 
@@ -135,7 +135,7 @@ def test_an_edit_reruns_what_depends_on_it_and_going_back_restores_the_committed
 
     # neither a comment nor the place of the trials changes any result
     parameters.write_text(
-        sound.replace("compute: serial", "compute: dask") + "# a remark\n"
+        sound.replace("compute: serial", "compute: dask") + "# a remark\n",
     )
     assert reruns(copy) == set()
     for edit, stages in (

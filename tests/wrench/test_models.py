@@ -65,7 +65,8 @@ SYSTEMS["space, one point"] = replace(SPACE, attachment=None)
 
 
 @pytest.mark.parametrize(
-    ("theta", "kappa"), [(0.0, 0.5), (0.7, 4.0), (2.5, 169.35), (4.0, 2416.0)]
+    ("theta", "kappa"),
+    [(0.0, 0.5), (0.7, 4.0), (2.5, 169.35), (4.0, 2416.0)],
 )
 def test_moments_of_one_cable_equal_those_integrated_over_its_direction(theta, kappa):
     tension, sd = 5.0, 1.3
@@ -142,7 +143,8 @@ def test_concentrations_whose_bessel_functions_overflow_give_the_small_angle_law
 
 
 @pytest.mark.parametrize(
-    "change", [{"concentration": np.zeros(3)}, {"tension_sd": -np.ones(3)}]
+    "change",
+    [{"concentration": np.zeros(3)}, {"tension_sd": -np.ones(3)}],
 )
 def test_values_without_a_law_are_refused(change):
     with pytest.raises(ModelDomainError, match="tension_sd ≥ 0 and concentration > 0"):
@@ -263,7 +265,9 @@ def test_the_columns_of_directions_are_independent_and_their_variances_go_with_1
     rng = np.random.default_rng(6)
     draws = []
     for mean, concentration in zip(
-        planar_cables(*np.ones((4, 4))).direction, kappa, strict=True
+        planar_cables(*np.ones((4, 4))).direction,
+        kappa,
+        strict=True,
     ):
         draws.append(vonmises_fisher(mean, concentration, seed=rng).rvs(20_000))
     directions = np.stack(draws, axis=1)

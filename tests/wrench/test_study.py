@@ -49,7 +49,8 @@ def characteristics(system):
 
 
 @pytest.mark.parametrize(
-    "bounds", [STUDY, replace(STUDY, attachment=(0.1, 0.2)), TILTED]
+    "bounds",
+    [STUDY, replace(STUDY, attachment=(0.1, 0.2)), TILTED],
 )
 def test_systems_stay_within_their_bounds_and_fill_them(bounds):
     system = draw_systems(bounds, 4000, 3, np.random.default_rng(12))
@@ -191,7 +192,8 @@ def test_without_the_bound_it_is_what_averages_over_systems_tend_to(bounds, agen
 @pytest.mark.parametrize("agents", [1, 3])
 @pytest.mark.parametrize("form", FORMS)
 def test_with_its_own_bounds_alone_it_is_what_averages_over_systems_tend_to(
-    form, agents
+    form,
+    agents,
 ):
     systems = draw_systems(WIDE, 40_000, agents, np.random.default_rng(46))
     estimate = averaged_sigma_s(systems)[form]

@@ -38,7 +38,10 @@ LOST = (
 
 
 def results_of_cluster(
-    function: bytes, trials: Iterator, compute: Compute, label: str
+    function: bytes,
+    trials: Iterator,
+    compute: Compute,
+    label: str,
 ) -> Iterator:
     """Yield the results of ``trials`` in order. The dashboard shows a trial as a task ``label``; a
     trial whose worker is lost runs again.

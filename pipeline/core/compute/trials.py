@@ -22,7 +22,11 @@ WINDOW = 64  # trials per worker that are submitted before the first of their re
 
 
 def run_trials(
-    function: Callable, trials: Iterable, *, compute: "Compute", label: str
+    function: Callable,
+    trials: Iterable,
+    *,
+    compute: "Compute",
+    label: str,
 ) -> Iterator:
     """Yield ``function(trial)`` of every trial in order; no byte of a value depends on ``compute``.
 
@@ -45,7 +49,10 @@ def run_trials(
 
 
 def _results(
-    function: bytes, trials: Iterable, compute: "Compute", label: str
+    function: bytes,
+    trials: Iterable,
+    compute: "Compute",
+    label: str,
 ) -> Iterator:
     """Yield results of this process until workers save more time than their start takes; a running
     cluster computes all.
@@ -82,7 +89,10 @@ def _results(
 
 
 def _by_processes(
-    function: bytes, trials: Iterator, workers: int, label: str
+    function: bytes,
+    trials: Iterator,
+    workers: int,
+    label: str,
 ) -> Iterator:
     """Yield the results in order; trials are submitted a window at a time."""
     from joblib import Parallel, delayed

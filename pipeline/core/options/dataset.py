@@ -169,12 +169,14 @@ class JointLogSection:
             )
         if isinstance(self.target_factor, list) and len(self.target_factor) != count:
             raise Fault(
-                "target_factor", f"must be a number or a list of {count}, one per joint"
+                "target_factor",
+                f"must be a number or a list of {count}, one per joint",
             )
         for name, columns in self.signals.items():
             if len(columns) not in (1, count):
                 raise Fault(
-                    f"signals.{name}", f"must name {count} columns or one array"
+                    f"signals.{name}",
+                    f"must name {count} columns or one array",
                 )
         return self
 
@@ -247,7 +249,8 @@ class Arrangement:
         cables, axes = len(self.direction), 2 if self.elevation is None else 3
         if len(self.tension) != cables:
             raise Fault(
-                "tension", f"must have {cables} values, one per cable as direction"
+                "tension",
+                f"must have {cables} values, one per cable as direction",
             )
         for name, rows in (
             ("elevation", self.elevation),
@@ -305,7 +308,8 @@ class Robot:
         task = list(rows if self.task is None else self.task)
         if not task or len({*task}) < len(task) or not {*task} <= {*rows}:
             raise Fault(
-                "task", f"{task} must name rows of {', '.join(rows)}, each once"
+                "task",
+                f"{task} must name rows of {', '.join(rows)}, each once",
             )
         if len({*self.joints}) < len(self.joints):
             raise Fault("joints", "must name each joint once")

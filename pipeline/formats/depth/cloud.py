@@ -89,7 +89,7 @@ def read_cloud(file: Path) -> PointCloud:
         if kinds not in ({"f4"}, {"f8"}) or size <= 0:
             raise ValueError(
                 f"{header.count} points of the fields {', '.join(names)}: x, y and z of one "
-                "floating-point type are required"
+                "floating-point type are required",
             )
     except (KeyError, ValueError, IndexError, TypeError) as error:
         message = f"no header of a PCD or PLY, or a damaged one ({error}); {AGAIN}"
@@ -100,7 +100,8 @@ def read_cloud(file: Path) -> PointCloud:
         points, surplus = read(content, header, file)
     except ValueError as error:
         raise RecordingError(
-            f"truncated or damaged: {error}; {AGAIN}", file=file
+            f"truncated or damaged: {error}; {AGAIN}",
+            file=file,
         ) from None
     require_near(points, file=file)
     counts = {"surplus_bytes": surplus} if surplus and not header.more else {}
@@ -128,7 +129,7 @@ def _require_padding(surplus: bytes, header: CloudHeader) -> None:
     if surplus.strip(b"\0") and not header.more:
         raise ValueError(
             f"{len(surplus)} bytes behind the {header.count} points, which are not zeros as a "
-            "padding: bytes were inserted, or points are not announced"
+            "padding: bytes were inserted, or points are not announced",
         )
 
 
@@ -152,7 +153,7 @@ def _pcd_header(content: bytes) -> CloudHeader:
         raise ValueError(f"TYPE, SIZE and COUNT give {', '.join(types)} of {counts}")
     fields = []
     for number, (name, kind, count) in enumerate(
-        zip(names, types, counts, strict=True)
+        zip(names, types, counts, strict=True),
     ):
         # all padding fields have the name _
         unique = name if names.count(name) == 1 else f"{name}{number}"
@@ -163,13 +164,13 @@ def _pcd_header(content: bytes) -> CloudHeader:
     if form not in PCD_FORMATS or width * height != points:
         raise ValueError(
             f"{points} POINTS in {height} rows of {width} as {form}: POINTS must be WIDTH × "
-            f"HEIGHT, DATA one of {', '.join(PCD_FORMATS)}"
+            f"HEIGHT, DATA one of {', '.join(PCD_FORMATS)}",
         )
     viewpoint = tuple(map(float, entries.get("VIEWPOINT", UNTURNED)))
     if len(viewpoint) != 7 or not abs(np.linalg.norm(viewpoint[3:]) - 1) < 1e-3:
         raise ValueError(
             f"VIEWPOINT is {viewpoint}, which must be a position and a unit quaternion; 0 0 0 1 0 "
-            "0 0 is the sensor's frame"
+            "0 0 is the sensor's frame",
         )
     return CloudHeader(
         points,
@@ -198,7 +199,7 @@ def _ply_header(content: bytes) -> CloudHeader:
     single = all(len(words) == 3 for words in properties)
     if (first, element) != ("format", "vertex") or not single:
         raise ValueError(
-            "a format, then the element vertex of single numbers are required"
+            "a format, then the element vertex of single numbers are required",
         )
     order = PLY_FORMATS[form]
     point = np.dtype([(name, order + PLY_TYPES[kind]) for _, kind, name in properties])
@@ -219,7 +220,9 @@ def load_open3d() -> ModuleType:
 
 
 def _binary_points(
-    content: bytes, header: CloudHeader, file: Path
+    content: bytes,
+    header: CloudHeader,
+    file: Path,
 ) -> tuple[np.ndarray, int]:
     """Return the points (N, 3) float64, and the number of bytes behind the points."""
     data, size = content[header.start :], header.count * header.point.itemsize
@@ -236,7 +239,9 @@ def _binary_points(
 
 
 def _unpacked_points(
-    data: bytes, header: CloudHeader, size: int
+    data: bytes,
+    header: CloudHeader,
+    size: int,
 ) -> tuple[np.ndarray, int]:
     """Return the points (N, 3) of compressed ``data``, which unpack to ``size`` bytes, and the
     number of bytes behind them.
@@ -285,7 +290,9 @@ def _lacking(data: bytes, size: int, unpacked: int, header: CloudHeader) -> str:
 
 
 def _text_points(
-    content: bytes, header: CloudHeader, file: Path
+    content: bytes,
+    header: CloudHeader,
+    file: Path,
 ) -> tuple[np.ndarray, int]:
     """Return the points (N, 3), and the number of bytes behind the points."""
     lines = content[header.start :].decode("latin-1").split("\n")

@@ -91,7 +91,10 @@ def _likeness(column: Sequence[str]) -> tuple[bool, int]:
 
 
 def _sequence(
-    files: list[Path], varying: Sequence[int], values: list[int], timed: bool
+    files: list[Path],
+    varying: Sequence[int],
+    values: list[int],
+    timed: bool,
 ) -> FrameSequence:
     pattern = files[0]
     if len(files) > 1:

@@ -306,6 +306,10 @@ def _begins(head: Head) -> bool:
 
 IMAGE = Format("depth image", Kind.IMAGE, read_depth, begins(PNG, *TIFF, PGM))
 INDEX = Format(
-    "depth sequence with index", Kind.SEQUENCE, read_index, _begins, option="index"
+    "depth sequence with index",
+    Kind.SEQUENCE,
+    read_index,
+    _begins,
+    option="index",
 )
 FORMAT = (IMAGE, INDEX)

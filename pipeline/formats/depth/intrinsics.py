@@ -102,7 +102,9 @@ def pinhole(
 
 
 def _is_plausible(
-    focal: tuple[float, float], principal: tuple[float, float], size: tuple[int, int]
+    focal: tuple[float, float],
+    principal: tuple[float, float],
+    size: tuple[int, int],
 ) -> bool:
     """Return whether a camera for images of ``size`` (width, height) may have the ``focal`` lengths
     (fx, fy) and the ``principal`` point (cx, cy), all in px.
@@ -133,7 +135,10 @@ def read_intrinsics(
     """
     # a separate process, since a library may crash or hang on damaged text
     values, is_json = read_alone(
-        _values, Path(file), file=file, advice="export it again"
+        _values,
+        Path(file),
+        file=file,
+        advice="export it again",
     )
     calibration = _Calibration(Path(file), values)
     stated = calibration.side("width"), calibration.side("height")
@@ -184,7 +189,9 @@ class _Calibration(NamedTuple):
             # Open3D writes the matrix as a flat list, column by column
             open3d = "intrinsic_matrix" in ((key,) if key else self.values)
             return matrix.reshape(
-                3, 3, order="F" if matrix.ndim == 1 and open3d else "C"
+                3,
+                3,
+                order="F" if matrix.ndim == 1 and open3d else "C",
             )
         if {*FOCAL} <= {*self.values}:
             fx, fy, cx, cy = (self.numbers(name, count=1).item() for name in FOCAL)
@@ -196,7 +203,10 @@ class _Calibration(NamedTuple):
         )
 
     def numbers(
-        self, item: str, key: str | None = None, count: int | None = None
+        self,
+        item: str,
+        key: str | None = None,
+        count: int | None = None,
     ) -> np.ndarray | None:
         """Return the numbers under the ``key``, else under a usual key of the ``item``, None if no
         usual key is there; RecordingError for several, and unless there are ``count`` numbers, or
@@ -290,11 +300,13 @@ def write_intrinsics(file: Path, intrinsics: Intrinsics) -> None:
     fx, fy, cx, cy = (getattr(intrinsics, name) for name in FOCAL)
     matrix = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
     storage = cv2.FileStorage(
-        "intrinsics.yaml", cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY
+        "intrinsics.yaml",
+        cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY,
     )
     storage.write("cameraMatrix", matrix)
     storage.write(
-        "distortionCoefficients", np.array([intrinsics.distortion or (0.0,) * 5])
+        "distortionCoefficients",
+        np.array([intrinsics.distortion or (0.0,) * 5]),
     )
     body = storage.releaseAndGetString().partition("\n")[2]
     # first line of OpenCV 2 to 4, which version 5 also reads

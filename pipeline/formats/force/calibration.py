@@ -72,7 +72,9 @@ def read_calibration(file: Path) -> Calibration:
 
 
 def _numbers(
-    axes: Mapping[str, Mapping[str, str]], name: str, count: int
+    axes: Mapping[str, Mapping[str, str]],
+    name: str,
+    count: int,
 ) -> np.ndarray:
     """Return the numbers (6, ``count``) in the attribute ``name`` of the six axes."""
     numbers = []

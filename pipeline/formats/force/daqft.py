@@ -32,7 +32,7 @@ DELAY = re.compile(r'"?(Paused for|Skipped)\s+(\d{1,18})\b')
 GAUGES = [f"G{n}" for n in range(6)]
 HEADING = re.compile(
     r'^"?(Paused for|Skipped)\s+\d|Frequency\s*=|Averaging Level\s*=|F/T Serial Number\s*='
-    r'|"?Force X\b'
+    r'|"?Force X\b',
 )
 
 
@@ -44,7 +44,10 @@ def read_daqft(file: Path, options: ForceLogOptions = NO_OPTIONS) -> ForceRecord
     calibration, and for no frequency or averaging level.
     """
     sheet = read_sheet(
-        file, separator=options.separator, decimal=options.decimal, key=OPTION
+        file,
+        separator=options.separator,
+        decimal=options.decimal,
+        key=OPTION,
     )
     if _is_netft(sheet.header):
         message = "this is a log of a Net F/T: set format to netft"
@@ -80,7 +83,8 @@ def read_daqft(file: Path, options: ForceLogOptions = NO_OPTIONS) -> ForceRecord
 
 
 def _gauges(
-    sheet: Sheet, options: ForceLogOptions
+    sheet: Sheet,
+    options: ForceLogOptions,
 ) -> tuple[list[int], np.ndarray, dict]:
     """Return the columns of G0 to G5 and the matrix (6, 6) of the calibration. It has no offset, so
     that the tare removes the bias of the gauges.

@@ -39,11 +39,12 @@ HEADER_LINES = 40  # lines in which the labels of a table of forces are looked f
 FEWEST = 10
 AXIS = re.compile(
     r"(?:.*[./]|.*_(?=force|torque))?(f|force|t|torque|m|moment)[ _./-]?([xyz])"
-    r"\s*(?:[(\[].*[)\]])?"
+    r"\s*(?:[(\[].*[)\]])?",
 )
 TIMES = re.compile(r"t|x_value|time[ _-]?(stamp)?", re.IGNORECASE)
 NUMBERS = re.compile(
-    r"(sample|(rdt )?sequence|packet)( ?(number|no\.?|#))?", re.IGNORECASE
+    r"(sample|(rdt )?sequence|packet)( ?(number|no\.?|#))?",
+    re.IGNORECASE,
 )
 WRENCH = ("geometry_msgs/msg/WrenchStamped",)
 # share of equal neighbours; more are of a sensor of coarse resolution
@@ -89,7 +90,10 @@ NO_OPTIONS = ForceLogOptions()
 
 
 def si_factor(
-    quantity: str, stated: str | None, options: ForceLogOptions, **where: object
+    quantity: str,
+    stated: str | None,
+    options: ForceLogOptions,
+    **where: object,
 ) -> float:
     """Return the factor to N, N·m or s of a ``quantity`` (KINDS), from the unit ``stated`` in the
     log, else in the options, else in the calibration. RecordingError for no known unit, and where
@@ -246,7 +250,10 @@ def timed_record(
 
 
 def _record(
-    time: np.ndarray, values: np.ndarray, counts: Mapping[str, int], **more: Any
+    time: np.ndarray,
+    values: np.ndarray,
+    counts: Mapping[str, int],
+    **more: Any,
 ) -> ForceRecord:
     torque = np.full((len(values), 3), np.nan)
     if values.shape[1] == 6:
@@ -264,7 +271,10 @@ def read_force_table(file: Path, options: ForceLogOptions) -> ForceRecord:
     decreases or a row is malformed.
     """
     sheet = read_sheet(
-        file, separator=options.separator, decimal=options.decimal, key=OPTION
+        file,
+        separator=options.separator,
+        decimal=options.decimal,
+        key=OPTION,
     )
     columns, factors, units = axis_factors(sheet, options)
     return sheet_record(sheet, options, columns, factors, units=units)

@@ -122,7 +122,8 @@ class _Content:
                 self.columns[name] = array
 
     def signals(
-        self, time: np.ndarray | None
+        self,
+        time: np.ndarray | None,
     ) -> tuple[dict[str, list[str]], dict[str, str]]:
         """Return :func:`names.signals_of_groups` of the arrays (N, joints)."""
         tables = {}
@@ -135,7 +136,10 @@ class _Content:
             return meanings.signals_of_groups(groups, tables, time)
 
     def numbers(
-        self, quantity: str, names: Sequence[object], advice: str = ""
+        self,
+        quantity: str,
+        names: Sequence[object],
+        advice: str = "",
     ) -> np.ndarray:
         """Return the columns (N, …) of the arrays or columns ``names``; RecordingError with the
         ``advice`` unless all are there, of one length and finite.
@@ -161,7 +165,10 @@ class _Content:
         return values
 
     def _lacks(
-        self, quantity: str, labels: Sequence[str], advice: str
+        self,
+        quantity: str,
+        labels: Sequence[str],
+        advice: str,
     ) -> RecordingError:
         """Return the error for a ``quantity`` whose ``labels`` are no arrays of one length."""
         shapes = [
@@ -228,7 +235,10 @@ def _content(file: Path) -> _Content:
 
 
 def _require_rows_at_times(
-    signals: Arrays, time: np.ndarray, file: Path, clock: str | None
+    signals: Arrays,
+    time: np.ndarray,
+    file: Path,
+    clock: str | None,
 ) -> None:
     """Raise RecordingError unless each of the ``signals`` has a row at each ``time``."""
     lengths = {name: len(rows) for name, rows in signals.items()}
@@ -302,7 +312,8 @@ def _mat(file: Path) -> Arrays:
 
 
 def _flatten(
-    path: str, struct: Mapping[str, object]
+    path: str,
+    struct: Mapping[str, object],
 ) -> Iterator[tuple[str, np.ndarray]]:
     """Yield name and numbers of the fields of a ``struct``, with ``path`` before the names."""
     for name, value in struct.items():
@@ -323,7 +334,8 @@ def _are_structs(value: object) -> bool:
 
 
 def _flatten_structs(
-    path: str, structs: Sequence[Mapping[str, object]]
+    path: str,
+    structs: Sequence[Mapping[str, object]],
 ) -> Iterator[tuple[str, np.ndarray]]:
     """Yield the arrays of ``structs``: one row per struct if a field is a number in all, such as a
     time, else the arrays of each struct by its number from 1.

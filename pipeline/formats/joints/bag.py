@@ -153,7 +153,10 @@ def _joint_values(message: object, signal: str) -> tuple[float, dict[str, float]
 
 
 def _read_topic(
-    file: Path, topic: str, signal: str, joints: tuple[str, ...]
+    file: Path,
+    topic: str,
+    signal: str,
+    joints: tuple[str, ...],
 ) -> JointLog:
     """Return the ``signal`` of the ``joints`` (default the joints of the longest message)."""
     where = {"file": file, "topic": topic}

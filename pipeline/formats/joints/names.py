@@ -251,7 +251,8 @@ def _groups_by_number(labels: Sequence[str]) -> dict[str, list[str]]:
 
 
 def _roles_by_joint(
-    labels: Sequence[str], groups: Iterable[str]
+    labels: Sequence[str],
+    groups: Iterable[str],
 ) -> dict[str, dict[str, str]]:
     """Return role → joint's name → label, for roles that none of the ``groups`` has."""
     plain = set()
@@ -376,7 +377,8 @@ def _measured_beside(
 
 
 def _numbered_joints(
-    angles: Iterable[str], groups: Mapping[str, list[str]]
+    angles: Iterable[str],
+    groups: Mapping[str, list[str]],
 ) -> list[str]:
     """Return the only group that is named joint, axis or the like, if it has several columns."""
     joints = []

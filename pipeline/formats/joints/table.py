@@ -77,7 +77,10 @@ def _columns_of_signals(sheet: Sheet, options: LogOptions) -> dict[str, str | in
 
 
 def _si_factors(
-    sheet: Sheet, places: Mapping[str, int], first_signal: str, options: LogOptions
+    sheet: Sheet,
+    places: Mapping[str, int],
+    first_signal: str,
+    options: LogOptions,
 ) -> list[float]:
     """Return the factor to s, rad or m of each quantity in ``places`` (quantity → column);
     RecordingError for a unit that is not read, and for another unit of the time or of the
@@ -119,7 +122,9 @@ def _si_factors(
 
 
 def _require_named_joints(
-    sheet: Sheet, measured: Sequence[int], joints: Sequence[str]
+    sheet: Sheet,
+    measured: Sequence[int],
+    joints: Sequence[str],
 ) -> None:
     """Raise RecordingError if cells or labels of the columns ``measured`` name the ``joints`` in
     another order.

@@ -18,7 +18,8 @@ SMOOTHER = 2.0  # least factor between the noise of measured and of commanded an
 
 
 def signals_by_values(
-    columns: Mapping[int, np.ndarray], time: np.ndarray | None
+    columns: Mapping[int, np.ndarray],
+    time: np.ndarray | None,
 ) -> tuple[dict[str, list[int]], dict[str, str]]:
     """Return signal → columns of the joints, and signal → reason, of a table without labels: two
     groups of as many columns, side by side or alternating, of which one follows the other. The
@@ -40,7 +41,8 @@ def signals_by_values(
 
 
 def _following_pairs(
-    groups: list[list[int]], columns: Mapping[int, np.ndarray]
+    groups: list[list[int]],
+    columns: Mapping[int, np.ndarray],
 ) -> list[tuple[list[int], list[int]]]:
     """Return the pairs of ``groups`` of which one follows the other in every column."""
     angles = []
@@ -54,7 +56,8 @@ def _following_pairs(
 
 
 def _measured_and_commanded(
-    pair: tuple[list[int], list[int]], columns: Mapping[int, np.ndarray]
+    pair: tuple[list[int], list[int]],
+    columns: Mapping[int, np.ndarray],
 ) -> tuple[dict[str, list[int]], dict[str, str]]:
     """Return the signals and the reasons of :func:`signals_by_values` for a ``pair`` of groups."""
     angles = [np.column_stack([columns[column] for column in group]) for group in pair]

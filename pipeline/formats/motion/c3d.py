@@ -63,7 +63,11 @@ def read_c3d(file: Path, unit: str | None = None) -> MotionTake:
     contents = _contents_of(file, header)
     frames = contents["points"].shape[2]
     counts = compare_announced(
-        "frames", contents["announced"], frames, f"truncated? {AGAIN}", file=file
+        "frames",
+        contents["announced"],
+        frames,
+        f"truncated? {AGAIN}",
+        file=file,
     )
     rate = contents["rate"]
     if len(rate) != 1 or not 0 < rate[0] < np.inf:

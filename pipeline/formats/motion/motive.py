@@ -137,7 +137,12 @@ def _header(lines: list[str], file: Path) -> Header:
     read_columns = sum(len(group) for group in groups.values())
     unused = sum(1 for kind in types[2:] if kind) - read_columns
     return Header(
-        number, times[0] if times else None, groups, labelled, len(bones), unused
+        number,
+        times[0] if times else None,
+        groups,
+        labelled,
+        len(bones),
+        unused,
     )
 
 
@@ -231,7 +236,10 @@ class Assets(NamedTuple):
 
 
 def _assets(
-    groups: Groups, values: dict[int, np.ndarray], order: str, file: Path
+    groups: Groups,
+    values: dict[int, np.ndarray],
+    order: str,
+    file: Path,
 ) -> Assets:
     """Return the assets of the ``groups`` of columns, with ``values`` (N,) by column, and Euler
     angles in ``order``.

@@ -60,7 +60,7 @@ def _blocks(cells: list[str], *widths: int) -> Iterator[list[list[str]]]:
         first, place = place + 1, place + 1 + count * width
         if place > len(cells):
             raise ValueError(
-                f"the row lacks {place - len(cells)} cells that its counts require"
+                f"the row lacks {place - len(cells)} cells that its counts require",
             )
         yield [cells[n : n + width] for n in range(first, place, width)]
     if any(cells[place:]):
@@ -99,7 +99,7 @@ class _Rows:
         elif kind not in ("righthanded", *BODY_ROWS):
             raise ValueError(
                 f"the row type is {kind!r}; a right-handed take has the row types "
-                f"{', '.join(ROW_TYPES)}"
+                f"{', '.join(ROW_TYPES)}",
             )
 
     def _add_body(self, name: str, identity: int, cells: list[str]) -> None:
@@ -206,7 +206,10 @@ def _require_bounded(names: set[str], frames: int, file: Path) -> None:
 
 
 def _dense(
-    table: pd.DataFrame, names: list[str], columns: list[str], frames: int
+    table: pd.DataFrame,
+    names: list[str],
+    columns: list[str],
+    frames: int,
 ) -> dict[str, np.ndarray]:
     """Return name → ``columns`` (``frames``, …) of the rows ``k``, NaN elsewhere; the ``names``
     are there without rows, too.

@@ -93,7 +93,11 @@ def frame_numbers(values: np.ndarray, lines: list[int], file: Path) -> np.ndarra
 
 
 def settle_rate(
-    stated: str, frame: np.ndarray, printed: np.ndarray, file: Path, **where: object
+    stated: str,
+    frame: np.ndarray,
+    printed: np.ndarray,
+    file: Path,
+    **where: object,
 ) -> tuple[float, str]:
     """Return the frame rate in Hz, ``stated`` or by the ``printed`` times (N,) s, and its source if
     it is not stated. RecordingError (``where``) for no rate > 0, and where TELLING or more times
@@ -235,7 +239,10 @@ class _Samples:
         self.counts[name] = self.counts.get(name, 0) + int(samples.sum())
 
     def _require_plausible(
-        self, position: np.ndarray, sighted: np.ndarray, name: str
+        self,
+        position: np.ndarray,
+        sighted: np.ndarray,
+        name: str,
     ) -> None:
         """Raise RecordingError for a coordinate beyond FARTHEST, and for one that is missing in all
         rows of a marker that is ``sighted`` (N,) in some.

@@ -35,7 +35,9 @@ def estimate(recorded: Recorded, options: Options) -> Estimate:
 
 
 def truths(
-    recorded: Recorded, options: Options, dispersions: Sequence[float]
+    recorded: Recorded,
+    options: Options,
+    dispersions: Sequence[float],
 ) -> list[Truth]:
     """Return the recorded Σ_ω as the known parameters."""
     fit = _estimate(mean_covariance(recorded.noise), {})

@@ -56,7 +56,11 @@ class AdditiveModel(MotionModel):
         return np.broadcast_to(self.noise, shape)  # at singular poses too
 
     def with_trace(
-        self, chain: Mechanism, q: ndarray, v: ndarray, trace: float
+        self,
+        chain: Mechanism,
+        q: ndarray,
+        v: ndarray,
+        trace: float,
     ) -> "AdditiveModel":
         """Return the model with Σ_ω times a factor; ModelDomainError for zero noise."""
         factor = trace_factor(self.covariance(chain, q, v), trace)

@@ -64,11 +64,15 @@ class Exported:
         if period is not None and not abs(period / fitted - 1) <= SAME_PERIOD:
             raise ModelDomainError(
                 f"the model {self.record['model']} is of steps of {fitted:.9g} s, not {period:g}: "
-                "resample the commands, or fit a model at this rate"
+                "resample the commands, or fit a model at this rate",
             )
 
     def _array(
-        self, name: str, values: Any, sizes: tuple[int, ...], unit: str
+        self,
+        name: str,
+        values: Any,
+        sizes: tuple[int, ...],
+        unit: str,
     ) -> ndarray:
         """Return ``values`` as an array; ModelDomainError for another last axis than ``sizes``."""
         array = np.asarray(values, dtype=float)
@@ -119,14 +123,24 @@ class ExportedModel(Exported):
         return self.law.sample(self.chain, *self._arrays(q, task_step), rng)
 
     def sample(
-        self, q: ndarray, *, task_step: ndarray, size: int, rng: Generator
+        self,
+        q: ndarray,
+        *,
+        task_step: ndarray,
+        size: int,
+        rng: Generator,
     ) -> ndarray:
         """(size, ..., n) independent next poses in rad from the same ``q``."""
         q, v = self._arrays(q, task_step)
         return self.law.sample(self.chain, np.broadcast_to(q, (size, *q.shape)), v, rng)
 
     def log_density(
-        self, q: ndarray, q_next: ndarray, *, task_step: ndarray, measurement=None
+        self,
+        q: ndarray,
+        q_next: ndarray,
+        *,
+        task_step: ndarray,
+        measurement=None,
     ) -> ndarray:
         """(...,) ln p(q_next | q) in rad⁻ⁿ. With a covariance ``measurement`` (n, n) in rad²,
         ``q_next`` includes normal measurement noise (a Wishart model then needs numba). Raises
@@ -163,7 +177,11 @@ class ExportedErrors(Exported):
     """
 
     def predict(
-        self, errors: ndarray, commands: ndarray, steps: int, lag: Any = None
+        self,
+        errors: ndarray,
+        commands: ndarray,
+        steps: int,
+        lag: Any = None,
     ) -> tuple[ndarray, ndarray]:
         """Return mean (n,) in rad and covariance (n, n) in rad² of the recorded error, its rounding
         included, ``steps`` samples after the last of the known ``errors`` (K, n), or after a rest
@@ -176,7 +194,11 @@ class ExportedErrors(Exported):
         return self.law.predict(errors, commands, steps, lag)
 
     def log_density(
-        self, errors: ndarray, commands: ndarray, next_error: ndarray, lag: Any = None
+        self,
+        errors: ndarray,
+        commands: ndarray,
+        next_error: ndarray,
+        lag: Any = None,
     ) -> ndarray:
         """(...,) ln p in rad⁻ⁿ of ``next_error`` (..., n), as many samples after the last of
         ``errors`` (K, n) as ``commands`` has more rows than ``errors``.
@@ -198,7 +220,12 @@ class ExportedErrors(Exported):
         return self.law.first_memory(q, commanded, rng)
 
     def step(
-        self, q: ndarray, memory: ndarray, *, joint_step: ndarray, rng: Generator
+        self,
+        q: ndarray,
+        memory: ndarray,
+        *,
+        joint_step: ndarray,
+        rng: Generator,
     ) -> tuple[ndarray, ndarray]:
         """Return one random next pose (P, n) in rad and its memory (P, s) for each of ``q``, after
         the commanded ``joint_step`` (n,) or (P, n) in rad.
@@ -240,7 +267,10 @@ class ExportedErrors(Exported):
             )
 
     def _histories(
-        self, errors: ndarray, commands: ndarray, lag: Any
+        self,
+        errors: ndarray,
+        commands: ndarray,
+        lag: Any,
     ) -> tuple[ndarray, ndarray]:
         """Return ``errors`` and ``commands`` as arrays; ModelDomainError for other shapes, and for
         values that are not numbers. Warn of errors and speeds outside the ranges of the fit.
@@ -251,7 +281,7 @@ class ExportedErrors(Exported):
         if errors.ndim != 2 or commands.ndim != 2 or len(commands) <= len(errors):
             raise ModelDomainError(
                 f"errors and commands must be (K, {n}) and (K + steps, {n}), got shapes "
-                f"{errors.shape} and {commands.shape}"
+                f"{errors.shape} and {commands.shape}",
             )
         for name, array in {"errors": errors, "commands": commands}.items():
             finite = np.isfinite(array).all(axis=1)
@@ -259,7 +289,7 @@ class ExportedErrors(Exported):
                 row = int(finite.argmin())
                 raise ModelDomainError(
                     f"{name} must be finite, got {array[row]} in row {row}; leave out the rows "
-                    "before it, or fill it"
+                    "before it, or fill it",
                 )
         speed = self.record["rate_per_s"] * np.diff(commands, axis=0)
         self._warn("joint speed", speed)
@@ -370,5 +400,5 @@ def _is_number(value: Any) -> bool:
 def _require(sound: bool, key: str, rule: str, value: str) -> None:
     if not sound:
         raise ContractError(
-            f"{key} must be {rule}, got {value}; export the model again"
+            f"{key} must be {rule}, got {value}; export the model again",
         )

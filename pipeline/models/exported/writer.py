@@ -45,7 +45,7 @@ def write_export(record: dict[str, Any], file: Path) -> None:
     contracts.write_text(reader_source(), reader)
     print(f"export: wrote {file} and {reader}")
     print(
-        f"export: in that folder: from {reader.stem} import load; load('{file.name}')"
+        f"export: in that folder: from {reader.stem} import load; load('{file.name}')",
     )
     for entry in record["not_known"]:
         print(f"export: not known: {entry['parameter']}: {entry['found']}")
@@ -79,7 +79,10 @@ def step_record(
 
 
 def _header(
-    model: str, dataset: str, joints: Sequence[str], rate: float
+    model: str,
+    dataset: str,
+    joints: Sequence[str],
+    rate: float,
 ) -> dict[str, Any]:
     return {
         "format": FORMAT,
@@ -92,7 +95,9 @@ def _header(
 
 
 def require_covariance(
-    model: str, parameters: dict[str, Any], recorded: Recorded
+    model: str,
+    parameters: dict[str, Any],
+    recorded: Recorded,
 ) -> None:
     """Raise ModelDomainError for a Wishart model without a covariance."""
     if parameters["kind"] != "wishart":
@@ -102,7 +107,7 @@ def require_covariance(
     if sigma_b >= limit:
         raise ModelDomainError(
             f"{model}: sigma_b {sigma_b:.3g} is not below {limit:.3g}, where a step has a "
-            "covariance; the recordings give no Wishart model to predict with"
+            "covariance; the recordings give no Wishart model to predict with",
         )
 
 
@@ -161,7 +166,7 @@ def _unknown_lag(runs: Sequence[JointRun]) -> list[dict[str, str]]:
             "parameter": "spread of the lag of another run",
             "found": "unknown: all runs are of one log",
             "required": "2 logs",
-        }
+        },
     ]
 
 

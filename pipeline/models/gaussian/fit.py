@@ -106,7 +106,9 @@ def estimate(recorded: Recorded, options: Options) -> Estimate:
 
 
 def _fit_distance(
-    recorded: Recorded, squares: ndarray, beta: float
+    recorded: Recorded,
+    squares: ndarray,
+    beta: float,
 ) -> tuple[GaussianFit, float]:
     """Return the fit of the paper's estimator, and ⟨‖J̲⁺‖²⟩ at the mean poses."""
     poses = recorded.q.mean(axis=0)
@@ -121,7 +123,9 @@ def _fit_distance(
 
 
 def _fit_takes(
-    recorded: Recorded, squares: ndarray, estimator: Estimator
+    recorded: Recorded,
+    squares: ndarray,
+    estimator: Estimator,
 ) -> tuple[GaussianFit, float, Callable[[ndarray], dict[str, float]]]:
     """Return the fit by ``moments`` or ``likelihood``, ⟨‖J⁺‖²⟩ at the measured poses, and a
     function of take indices that returns the estimates of these takes.
@@ -156,7 +160,9 @@ def estimator_options(options: Options) -> dict[str, Options]:
 
 
 def truths(
-    recorded: Recorded, options: Options, dispersions: Sequence[float]
+    recorded: Recorded,
+    options: Options,
+    dispersions: Sequence[float],
 ) -> list[Truth]:
     """Return (α, u) with the recorded mean variance as the known parameters."""
     squares = frobenius(recorded.chain.inverse_jacobian(recorded.q)) ** 2
@@ -211,7 +217,10 @@ def diagnose(
     metrics = {
         "convex_problems_checked": len(places),
         "convex_check_greatest_relative_gap": noise_covariance_gap(
-            norms[places], fit.alpha, fit.u, *shape
+            norms[places],
+            fit.alpha,
+            fit.u,
+            *shape,
         ),
     }
     u = fit.u - fit.extension + fit.extensions
@@ -258,7 +267,9 @@ def _search(best: Best, extensions: ndarray, largest: float) -> GaussianFit:
 
 
 def fit_moments(
-    recorded: Recorded, speeds: ndarray, norms: ndarray
+    recorded: Recorded,
+    speeds: ndarray,
+    norms: ndarray,
 ) -> Callable[[ndarray], GaussianFit]:
     """Return the estimator by moments as a function of take indices.
 
@@ -393,7 +404,10 @@ def _least(densities: Callable[[float], ndarray], middle: float) -> tuple[float,
 
 
 def _optimum_of_takes(
-    fit: GaussianFit, log_alphas: ndarray, costs: ndarray, takes: ndarray
+    fit: GaussianFit,
+    log_alphas: ndarray,
+    costs: ndarray,
+    takes: ndarray,
 ) -> tuple[float, float]:
     """Return (α̂, û) of the ``takes`` by parabolas through −Σ ln p, ``costs`` (takes, G, NODES) at
     ``log_alphas`` (G, NODES). Raises ModelDomainError for an optimum at an end of the nodes.

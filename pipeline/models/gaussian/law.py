@@ -58,7 +58,9 @@ class GaussianModel(MotionModel):
 
     def law(self, chain: Chain) -> Law:
         return Law(
-            GAUSSIAN_LAW, np.array([self.alpha, self.u], float), len(chain.lower)
+            GAUSSIAN_LAW,
+            np.array([self.alpha, self.u], float),
+            len(chain.lower),
         )
 
     def covariance(self, chain: Mechanism, q: ndarray, v: ndarray) -> ndarray:
@@ -70,7 +72,11 @@ class GaussianModel(MotionModel):
         return (scale * np.vecdot(v, v))[..., None, None] * np.eye(q.shape[-1])
 
     def with_trace(
-        self, chain: Mechanism, q: ndarray, v: ndarray, trace: float
+        self,
+        chain: Mechanism,
+        q: ndarray,
+        v: ndarray,
+        trace: float,
     ) -> "GaussianModel":
         """Return the model with another α and the same u; ModelDomainError for zero noise."""
         factor = trace_factor(self.covariance(chain, q, v), trace)

@@ -40,7 +40,9 @@ def estimate(recorded: Recorded, options: Options) -> Estimate:
 
 
 def greatest_likelihood(
-    noise: ndarray, steps: ndarray, measured: float
+    noise: ndarray,
+    steps: ndarray,
+    measured: float,
 ) -> tuple[float, float]:
     """Return a ≥ 0 in rad² and b ≥ 0 of greatest likelihood of ``noise`` in rad under N(0, a + bΔ²
     + ``measured``), Δ the ``steps`` in rad; zeros for a joint without noise.
@@ -71,7 +73,9 @@ def greatest_likelihood(
 
 
 def truths(
-    recorded: Recorded, options: Options, dispersions: Sequence[float]
+    recorded: Recorded,
+    options: Options,
+    dispersions: Sequence[float],
 ) -> list[Truth]:
     """Return the recorded variances as the known parameters."""
     fitted = estimate(recorded, options)

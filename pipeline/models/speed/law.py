@@ -37,7 +37,11 @@ class SpeedModel(MotionModel):
         return self.rest + self.growth * steps**2
 
     def with_trace(
-        self, chain: Mechanism, q: ndarray, v: ndarray, trace: float
+        self,
+        chain: Mechanism,
+        q: ndarray,
+        v: ndarray,
+        trace: float,
     ) -> "SpeedModel":
         """Return the model with both variances times a factor; ModelDomainError for no noise."""
         factor = trace_factor(self.covariance(chain, q, v), trace)

@@ -42,7 +42,9 @@ CONTROL = Decomposition("qr_transposed")
 
 
 def decomposition_of(
-    name: str, task: Sequence[str], joints: Sequence[str]
+    name: str,
+    task: Sequence[str],
+    joints: Sequence[str],
 ) -> Decomposition:
     """Return the decomposition of this ``name``. ``by_shape`` is pivoted LU for as many ``joints``
     as ``task`` rows, and QR for more joints.
@@ -53,7 +55,10 @@ def decomposition_of(
 
 
 def factors(
-    chain: Mechanism, q: ndarray, v: ndarray, decomposition: Decomposition
+    chain: Mechanism,
+    q: ndarray,
+    v: ndarray,
+    decomposition: Decomposition,
 ) -> tuple[ndarray, ndarray, ndarray]:
     """a = J₁⁻¹v (..., m), J₂⁺ (..., n, m) and ½ ln det J₂J₂ᵀ (...,) of J = J₁J₂, Eq. (LUDecom), at
     joint angles ``q`` (..., n) in rad for the command ``v`` (..., m) or (..., m + n). Raises
@@ -64,7 +69,9 @@ def factors(
 
 
 def split(
-    jacobian: ndarray, v: ndarray, decomposition: Decomposition
+    jacobian: ndarray,
+    v: ndarray,
+    decomposition: Decomposition,
 ) -> tuple[ndarray, ndarray, ndarray]:
     """Return :func:`factors`, Eq. (LUDecom), of ``jacobian`` J (..., m, n) and task step ``v``
     (..., m), whose leading axes broadcast. The result is meaningless if J lacks full row rank.

@@ -118,7 +118,9 @@ def estimator_options(options: Options) -> dict[str, Options]:
 
 
 def truths(
-    recorded: Recorded, options: Options, dispersions: Sequence[float]
+    recorded: Recorded,
+    options: Options,
+    dispersions: Sequence[float],
 ) -> list[Truth]:
     """Return known parameters with σ_B = each of ``dispersions``."""
     decomposition = _decomposition(options, recorded)
@@ -198,7 +200,10 @@ def _solver_gap(
     return {
         "convex_problems_checked": len(checked),
         "convex_check_greatest_relative_gap": perturbation_gap(
-            problems, decomposition, weights, floor
+            problems,
+            decomposition,
+            weights,
+            floor,
         ),
     }
 
@@ -233,7 +238,9 @@ def _drawn_takes(model: WishartModel, recorded: Recorded, rng: Generator) -> Rec
 
 
 def _weight_curve(
-    steps: tuple[ndarray, ...], floor: float, target: float
+    steps: tuple[ndarray, ...],
+    floor: float,
+    target: float,
 ) -> pd.DataFrame:
     """Return rows of ratio α₂/α₁ in rad, σ̂_B and point: at RATIOS, and where σ̂_B falls through
     ``target``.
@@ -278,7 +285,8 @@ def fit_moments(recorded: Recorded, decomposition: Decomposition) -> Estimate:
 
 
 def problem_steps(
-    recorded: Recorded, decomposition: Decomposition
+    recorded: Recorded,
+    decomposition: Decomposition,
 ) -> tuple[ndarray, ...]:
     """ω (takes, M, n) in rad, J₁⁻¹v (takes, M, m) and J₂⁺ (takes, M, n, m) of the convex problems;
     raises SingularJacobianError.
@@ -289,7 +297,9 @@ def problem_steps(
 
 
 def solve_problems(
-    steps: tuple[ndarray, ...], weights: tuple[float, float], floor: float
+    steps: tuple[ndarray, ...],
+    weights: tuple[float, float],
+    floor: float,
 ) -> tuple[ndarray, Perturbations]:
     """Solve Eqs. (BsampOpt) and (const10), as B⁻¹ ⪰ εI with ``floor`` ε, for :func:`problem_steps`
     with ``weights`` (α₁, α₂). Return B (takes, M, m, m), and the optimal perturbations, take by
@@ -310,7 +320,9 @@ def _squares_about_identity(b: ndarray) -> ndarray:
 
 
 def fit_paper(
-    recorded: Recorded, decomposition: Decomposition, floor: float
+    recorded: Recorded,
+    decomposition: Decomposition,
+    floor: float,
 ) -> Estimate:
     """σ̂_B = (1/M) Σ_k σ̂_Bk (Sec. "Motion uncertainty characterization"), with B⁻¹ ⪰ εI for
     ``floor`` ε. α₂/α₁ is the ratio of :func:`objective_weights` for the noise recorded at rest, or
@@ -409,7 +421,8 @@ def fit_likelihood(recorded: Recorded, decomposition: Decomposition) -> Estimate
 
 
 def _blurred_steps(
-    recorded: Recorded, decomposition: Decomposition
+    recorded: Recorded,
+    decomposition: Decomposition,
 ) -> tuple[ndarray, ndarray, ndarray, ndarray]:
     """Return the steps with a command without their part in the null space of J, a, J₂⁺ and Σ_m;
     raises ModelDomainError for a singular Σ_m.

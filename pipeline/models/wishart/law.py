@@ -86,7 +86,11 @@ class WishartModel(MotionModel):
         return step_covariance(a, back, self.sigma_b)
 
     def with_trace(
-        self, chain: Mechanism, q: ndarray, v: ndarray, trace: float
+        self,
+        chain: Mechanism,
+        q: ndarray,
+        v: ndarray,
+        trace: float,
     ) -> "WishartModel":
         a, back, _ = factors(chain, q, v, self.decomposition)
         every, nominal = step_squares(a, back)
@@ -148,7 +152,7 @@ class WishartModel(MotionModel):
 def _no_density(where: str) -> ModelDomainError:
     return ModelDomainError(
         f"a step of the matrix model has no density {where}; give the covariance of the "
-        "measurement noise"
+        "measurement noise",
     )
 
 

@@ -185,7 +185,12 @@ def _solve(factor: ndarray, case: ndarray, side: int, solution: int) -> float:
 
 @inner
 def place(
-    s: float, delta: float, rest: float, gram: ndarray, factors: ndarray, case: ndarray
+    s: float,
+    delta: float,
+    rest: float,
+    gram: ndarray,
+    factors: ndarray,
+    case: ndarray,
 ) -> tuple[float, float, float]:
     """Return c, λ(s) and ‖ω − Ay‖ at ``s`` > 0, and write y into ``case``. ``rest`` is ‖ω⊥‖²;
     ``factors`` contains the factor of ``gram`` AᵀA, and scratch.
@@ -260,7 +265,14 @@ def find_optima(
 
 @inner
 def _root(
-    ratio, delta, rest, trace, steps, gram, factors, case
+    ratio,
+    delta,
+    rest,
+    trace,
+    steps,
+    gram,
+    factors,
+    case,
 ) -> tuple[float, float, bool]:
     """Return c and ‖ω − Ay‖ at λ(s) = ``ratio``, and True if found in ``steps`` iterations.
 

@@ -119,7 +119,9 @@ def _log_integrand(case: ndarray, d: float, law: tuple, s: float, h: float) -> f
 
 @inner
 def _mode(
-    case: ndarray, d: float, law: tuple
+    case: ndarray,
+    d: float,
+    law: tuple,
 ) -> tuple[float, float, float, float, float]:
     """Mode (s, h) by Fisher scoring with step halving, and the covariance (ss, sh, hh) there."""
     # start: z of the step without measurement noise, at least 0.1
@@ -164,7 +166,10 @@ def _mode(
 
 @compiled
 def _integrate(
-    terms: ndarray, d: float, law: tuple[float, float], rule: ndarray
+    terms: ndarray,
+    d: float,
+    law: tuple[float, float],
+    rule: ndarray,
 ) -> ndarray:
     """(N,) ln of the integral up to a constant, from the ``terms`` of :func:`_terms`, with the
     nodes and weights ``rule`` (2, K) of the scaled s and h.

@@ -179,7 +179,9 @@ def holds_platform(inverse: np.ndarray, options: SimpleNamespace) -> bool:
 
 
 def equal_models(
-    motion: PlatformMotion, noise: float, bound: float
+    motion: PlatformMotion,
+    noise: float,
+    bound: float,
 ) -> dict[str, MotionModel]:
     """Return the models by name, each with rms noise of the legs of ``noise`` times their rms step;
     ``bound`` is u over the greatest norm of J⁻¹. Raises ConfigError without such a Wishart model.
@@ -232,7 +234,8 @@ def error_rows(
             for error, (form, distance) in ERRORS.items():
                 modelled = model.covariance(estimates[form].mean)
                 errors = distance(
-                    modelled[:, block, block], covariance[:, block, block]
+                    modelled[:, block, block],
+                    covariance[:, block, block],
                 )
                 row[error] = errors.mean()
             rows.append(row)

@@ -95,7 +95,10 @@ def bench_of(arm: str, cause: str, options: SimpleNamespace, seed: int) -> Bench
     recorded = desired_path(built, trajectory)
     least = float(chain.least_singular_value(recorded).min())
     task = PathTask(
-        chain, chain.pose(recorded), trajectory.rate, options.margin * least
+        chain,
+        chain.pose(recorded),
+        trajectory.rate,
+        options.margin * least,
     )
     joints = tuple(robot.joints)
     return Bench(joints, built, task, recorded, dynamics, options.takes, seed)
@@ -153,7 +156,9 @@ def tables_of(
 
 
 def motions_by_conditioning(
-    task: PathTask, candidates: np.ndarray, count: int
+    task: PathTask,
+    candidates: np.ndarray,
+    count: int,
 ) -> Motions:
     """Return ``count`` of the ``candidates`` (S, M+1, n) from the worst to the best conditioned,
     named by their rank in the mean least singular value of J.
@@ -168,7 +173,9 @@ def motions_by_conditioning(
 
 
 def predicted_rows(
-    task: PathTask, motions: Motions, laws: Mapping[str, MotionModel]
+    task: PathTask,
+    motions: Motions,
+    laws: Mapping[str, MotionModel],
 ) -> pd.DataFrame:
     """Return the table ``planning_predictions`` of one case."""
     joints = np.stack(list(motions.values()))
@@ -176,7 +183,7 @@ def predicted_rows(
     for model, law in laws.items():
         sums = summed_variance(law, task, joints)
         parts.append(
-            pd.DataFrame({"model": model, "motion": list(motions), "sum": sums})
+            pd.DataFrame({"model": model, "motion": list(motions), "sum": sums}),
         )
     columns = ["model", "motion", "sum"]
     return concatenate(parts) if parts else pd.DataFrame(columns=columns)

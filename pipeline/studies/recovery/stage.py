@@ -88,7 +88,9 @@ def known_laws(recorded: Recorded, options: SimpleNamespace) -> Iterator[KnownLa
 
 
 def draw_data(
-    truth: MotionModel, recorded: Recorded, rng: np.random.Generator
+    truth: MotionModel,
+    recorded: Recorded,
+    rng: np.random.Generator,
 ) -> Recorded:
     """Return ``recorded`` with the noise ω of every step drawn from ``truth`` plus N(0, Σ_m), the
     law that the likelihoods assume. Raises SingularJacobianError, and ModelDomainError without Σ_m.
@@ -103,7 +105,9 @@ def draw_data(
 
 
 def recover(
-    trial: tuple[KnownLaw, int], recorded: Recorded, seed: int
+    trial: tuple[KnownLaw, int],
+    recorded: Recorded,
+    seed: int,
 ) -> dict[str, Pair | None]:
     """Return by estimator the estimates from a data set and from a resampling of its takes."""
     case, number = trial
@@ -124,7 +128,9 @@ def recover(
 
 
 def recovery_row(
-    parameter: str, truth: float, pairs: Sequence[Pair | None]
+    parameter: str,
+    truth: float,
+    pairs: Sequence[Pair | None],
 ) -> dict[str, float]:
     """Return mean, error and coverage of a ``parameter`` over two or more data sets."""
     estimates, again = [], []

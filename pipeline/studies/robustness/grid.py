@@ -37,7 +37,10 @@ CLOCKS = ("aligned", "not aligned", "a frame late", "a frame early", "nearest st
 
 
 def decision_cases(
-    base: Choices, task: Sequence[str], joints: Sequence[str], others: int
+    base: Choices,
+    task: Sequence[str],
+    joints: Sequence[str],
+    others: int,
 ) -> list[NamedCase]:
     """Return the base case, then every case in which one decision changes the options; ``others``
     is the number of cases with other random numbers, and the number with other test takes.
@@ -156,7 +159,8 @@ def conditions(
 
 
 def cause_conditions(
-    causes: Mapping[str, Sequence[float]], seeds: Sequence[int]
+    causes: Mapping[str, Sequence[float]],
+    seeds: Sequence[int],
 ) -> list[Condition]:
     """Return the conditions of the motion under each of the ``causes`` at each of its sizes."""
     result = []
@@ -180,7 +184,9 @@ def verdicts(
     else:
         evidence = wrench_evidence(condition, wrench)
     return claim_verdicts(
-        claims, evidence, ArmNames(laboratory.joints, laboratory.chain.task)
+        claims,
+        evidence,
+        ArmNames(laboratory.joints, laboratory.chain.task),
     )
 
 
@@ -210,7 +216,9 @@ def motion_evidence(
 
 
 def laboratory_under(
-    condition: Condition, laboratory: Laboratory, way: Mapping[str, object]
+    condition: Condition,
+    laboratory: Laboratory,
+    way: Mapping[str, object],
 ) -> Laboratory:
     """Return the ``laboratory`` with the motion changed by ``way`` and the cause of the noise."""
     laboratory = replace(laboratory, motion=changed_motion(laboratory.motion, way))
@@ -221,7 +229,8 @@ def laboratory_under(
 
 
 def changed_motion(
-    motion: TrajectoryOptions, way: Mapping[str, object]
+    motion: TrajectoryOptions,
+    way: Mapping[str, object],
 ) -> TrajectoryOptions:
     """Return ``motion`` with the end poses in rad, the rest in s and the pace of ``way``. Another
     rest leaves the duration between the rests as it is.

@@ -60,10 +60,11 @@ def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
     common = settings, options, read_claims(HERE / "conclusions.yaml"), takes
     parts = list(decision_verdicts(*common))
     if settings.dataset.laboratory is None or not contracts.exists(
-        "kinect_noise", ARTICULATE
+        "kinect_noise",
+        ARTICULATE,
     ):
         print(
-            "robustness: no laboratory with a depth camera; its physics is not varied"
+            "robustness: no laboratory with a depth camera; its physics is not varied",
         )
     else:
         parts += laboratory_verdicts(*common)
@@ -105,11 +106,15 @@ def decision_verdicts(
         )
         periods = (1 / dataset.depth.rate, 1 / dataset.motion.rate)
         seen = grid.cameras(
-            angles, q, offsets, periods, settings.articulation.noise_window
+            angles,
+            q,
+            offsets,
+            periods,
+            settings.articulation.noise_window,
         )
     else:
         print(
-            "robustness: no depth camera; decisions on camera and filter are not varied"
+            "robustness: no depth camera; decisions on camera and filter are not varied",
         )
         cases = [named for named in cases if grid.without_camera(named[2], base)]
     sizes = (dataset.motion.rate, options.filtered, settings.simulation.realizations)
@@ -145,7 +150,9 @@ def laboratory_verdicts(
     results = trials(settings, label, grid.verdicts, conditions, **common)
     for condition, rows in zip(conditions, results, strict=True):
         yield rows.assign(
-            grid=condition.study, factor=condition.factor, level=condition.level
+            grid=condition.study,
+            factor=condition.factor,
+            level=condition.level,
         )
 
 
@@ -254,7 +261,10 @@ def draw(robustness: pd.DataFrame) -> Figure:
     for name, look in (BASES | SQUARES).items():
         entries.append(Line2D([], [], label=name, ls="none", **look))
     figure.legend(
-        handles=entries, loc="outside lower center", ncols=7, columnspacing=1.0
+        handles=entries,
+        loc="outside lower center",
+        ncols=7,
+        columnspacing=1.0,
     )
     return figure
 

@@ -59,7 +59,10 @@ WIDTHS = [  # standard deviations of a step in rad, roots of the mean variance o
 
 
 def wishart_variance(
-    reading: str, jacobian: np.ndarray, v: np.ndarray, sigma_b: float
+    reading: str,
+    jacobian: np.ndarray,
+    v: np.ndarray,
+    sigma_b: float,
 ) -> np.ndarray:
     """Return the joints' variances (..., n) in rad² of a Wishart step at J (..., m, n) for the task
     step v (..., m).
@@ -76,7 +79,9 @@ def wishart_variance(
 
 
 def plain_split(
-    rows: list[int], jacobian: np.ndarray, v: np.ndarray
+    rows: list[int],
+    jacobian: np.ndarray,
+    v: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return J₁⁻¹v and J₂⁺ of LU without pivoting, with the task ``rows`` in this order.
 
@@ -118,7 +123,10 @@ def published_values(claims: Sequence[Claim]) -> Published:
 
 
 def widths(
-    chain: PlanarChain, paths: Paths, stated: Published, kind: str = ""
+    chain: PlanarChain,
+    paths: Paths,
+    stated: Published,
+    kind: str = "",
 ) -> np.ndarray:
     """Return the WIDTHS (P,) of both models at the printed parameters ``stated`` on ``paths``."""
     result = np.zeros(len(paths.q), WIDTHS)
@@ -145,7 +153,9 @@ def widths(
 
 
 def log_quantities(
-    drawn: np.ndarray, stated: Published, widening: float = 0.0
+    drawn: np.ndarray,
+    stated: Published,
+    widening: float = 0.0,
 ) -> dict[str, np.ndarray]:
     """Return the logarithm (R, P) or (P,) of each quantity of the WIDTHS ``drawn``; 0 equals the
     printed numbers. ``widening`` is added to the logarithm of the Gaussian model's width.
@@ -165,7 +175,9 @@ def log_quantities(
 
 
 def densities(
-    quantities: Mapping[str, np.ndarray], names: Sequence[str], tolerance: float
+    quantities: Mapping[str, np.ndarray],
+    names: Sequence[str],
+    tolerance: float,
 ) -> np.ndarray:
     """Return the density (R, P) of the printed numbers for the ``tolerance`` f > 1."""
     std = np.log(tolerance)
@@ -235,7 +247,9 @@ def width_rows(drawn: np.ndarray, stated: Published) -> pd.DataFrame:
 
 
 def unsquared_rows(
-    drawn: np.ndarray, stated: Published, tolerances: Sequence[float]
+    drawn: np.ndarray,
+    stated: Published,
+    tolerances: Sequence[float],
 ) -> pd.DataFrame:
     """Return the table ``unsquared``: pivoted LU and Σ_k = α(u² − ‖J⁻¹‖²)/n² over α² for α."""
     names = (*SIZES["joints 1 and 2"], *SETS["small_difference"])
@@ -246,7 +260,7 @@ def unsquared_rows(
     for tolerance in tolerances:
         with_alpha = densities(unsquared, names, tolerance)[pivoted].mean()
         likelihoods.append(
-            with_alpha / densities(squared, names, tolerance)[pivoted].mean()
+            with_alpha / densities(squared, names, tolerance)[pivoted].mean(),
         )
     low, high = np.exp(np.quantile(unsquared["difference"][pivoted], [0.05, 0.95]))
     columns = {"tolerance": tolerances, "likelihood": likelihoods}

@@ -121,7 +121,11 @@ class Candidates:
 
 
 def _feasible_paths(
-    chain: PlanarChain, law: TimeLaw, kind: str, bound: float, rng: np.random.Generator
+    chain: PlanarChain,
+    law: TimeLaw,
+    kind: str,
+    bound: float,
+    rng: np.random.Generator,
 ) -> Paths:
     """Draw BATCH candidates and return the feasible ones."""
     q = rng.uniform(chain.lower, chain.upper, (BATCH, 3))
@@ -140,7 +144,15 @@ def _feasible_paths(
     peak = once * rng.uniform(*law.peak, count)
     size = np.ones(count)
     candidates = Candidates(
-        chain, loop, start, axes, in_task, elbow, share, law.rate, size
+        chain,
+        loop,
+        start,
+        axes,
+        in_task,
+        elbow,
+        share,
+        law.rate,
+        size,
     )
 
     chosen = np.arange(count)

@@ -200,7 +200,10 @@ def draw(widths: pd.DataFrame, evidence: pd.DataFrame) -> Figure:
         axes.axvline(1, color=style.GREY, linewidth=0.8, zorder=0)
         axes.tick_params(axis="y", length=0)
     figure.legend(
-        loc="outside lower center", ncols=5, columnspacing=1.2, handlelength=1.4
+        loc="outside lower center",
+        ncols=5,
+        columnspacing=1.2,
+        handlelength=1.4,
     )
     return figure
 
@@ -221,7 +224,9 @@ def draw_widths(axes: Axes, widths: pd.DataFrame) -> None:
 
 
 def draw_likelihoods(
-    axes: Axes, evidence: pd.DataFrame, place: Mapping[str, int]
+    axes: Axes,
+    evidence: pd.DataFrame,
+    place: Mapping[str, int],
 ) -> None:
     """Draw the likelihoods at the height ``place`` of each reading: a mark for the first prior, a
     line over all priors, for each set of quantities.

@@ -81,7 +81,10 @@ def _only_export() -> Path:
 
 
 def _runs_in(
-    file: Path, model: ExportedErrors, export: Path, assigned: Mapping[str, str]
+    file: Path,
+    model: ExportedErrors,
+    export: Path,
+    assigned: Mapping[str, str],
 ) -> list[JointRun]:
     """Return the runs in joint logs, read with the ``assigned`` values as by characterize, or the
     takes of the model's dataset in another ``file``; print what is not used.
@@ -99,7 +102,8 @@ def _runs_in(
                 command = command_with(words, {**assigned, **logs.missing})
                 advice = f"; correct the values and run `{command}`"
             raise RecordingError(
-                f"no measured and commanded joint angles: {reason}{advice}", file=file
+                f"no measured and commanded joint angles: {reason}{advice}",
+                file=file,
             )
         first = runs_of(training_steps(dataset.robot, dataset.motion))[0]
         takes = new_takes(file, dataset, first.command)
@@ -107,7 +111,9 @@ def _runs_in(
 
 
 def _runs_of_logs(
-    logs: FolderLogs, joints: Sequence[str], file: Path
+    logs: FolderLogs,
+    joints: Sequence[str],
+    file: Path,
 ) -> list[JointRun]:
     """Return the runs of the model's ``joints`` in ``logs``; print what is not used."""
     logged = next(iter(logs.movements.values())).joints
@@ -122,7 +128,8 @@ def _runs_of_logs(
     if standing := [joint for joint in joints if joint in unused]:
         reason = unused[standing[0]]
         raise RecordingError(
-            f"{', '.join(standing)} of the model stands still: {reason}", file=file
+            f"{', '.join(standing)} of the model stands still: {reason}",
+            file=file,
         )
     return runs
 
@@ -139,7 +146,9 @@ class HorizonVerdict(NamedTuple):
 
 
 def assessments_of_runs(
-    runs: Iterable[JointRun], model: ExportedErrors, export: str
+    runs: Iterable[JointRun],
+    model: ExportedErrors,
+    export: str,
 ) -> Iterator[str]:
     """Yield the verdict on each of ``runs`` by a joint error law: predicted over measured standard
     deviation and coverage at three horizons, and the rank of its log score among the runs of the
@@ -226,7 +235,9 @@ def _assessments(file: Path, law: ExportedModel, export: str) -> Iterator[str]:
 
 
 def new_takes(
-    file: Path, dataset: SimpleNamespace, mean: np.ndarray
+    file: Path,
+    dataset: SimpleNamespace,
+    mean: np.ndarray,
 ) -> dict[str, np.ndarray]:
     """Return name → angles (M+1, n) in rad of the repetitions in ``file``: one in a motion capture
     take, all in a joint log. Repetitions in a log are shifted into phase with ``mean`` (M+1, n) in
@@ -257,7 +268,9 @@ def new_takes(
 
 
 def innovations_of(
-    model: ExportedModel, commands: Commands, poses: np.ndarray
+    model: ExportedModel,
+    commands: Commands,
+    poses: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the innovations e (T, M, n) of the measured ``poses`` y (T, M+1, n), in rad, under
     the ``commands``, each one step after the last measured pose, and their covariance S in rad²:
@@ -277,7 +290,7 @@ def innovations_of(
     if not np.all(np.linalg.eigvalsh(S)[..., 0] > 0):
         raise ModelDomainError(
             "the model has no noise at a pose, so no measurement can be compared with it; "
-            "set dataset.motion.pose_noise and export the model again"
+            "set dataset.motion.pose_noise and export the model again",
         )
     return error, S
 

@@ -54,7 +54,8 @@ def run(folder: Path) -> None:
     ran = subprocess.run(repro, cwd=project, env=environment, stdout=sys.stderr)
     if ran.returncode or not stages:
         raise PipelineError(
-            "`dvc repro -P` failed; its message is above", folder=project
+            "`dvc repro -P` failed; its message is above",
+            folder=project,
         )
     # the lock files contain the hashes of files that are not in git
     changed = _git(project, "status", "--porcelain").splitlines()
@@ -67,7 +68,8 @@ def run(folder: Path) -> None:
         print("\n".join([*changed, _git(project, "diff", "--stat")]), end="")
         message = f"{len(changed)} files differ from the commit after a run of all"
         raise PipelineError(
-            f"{message} stages; see `git -C '{project}' diff`", folder=project
+            f"{message} stages; see `git -C '{project}' diff`",
+            folder=project,
         )
     print(f"audit: {len(stages)} stages run again, every file {equal}")
 
@@ -102,7 +104,8 @@ def clone_commit(root: Path, folder: Path) -> Path:
     _git(folder, "clone", "--quiet", str(root), str(project))
     if not (project / "dvc.lock").is_file():
         raise PipelineError(
-            "dvc.lock is not committed; run `dvc repro` and commit it", file=root
+            "dvc.lock is not committed; run `dvc repro` and commit it",
+            file=root,
         )
     for sheet in sorted(root.glob("data/raw/*/dataset.yaml")):
         up, *names = Path(read_yaml(sheet).get("recordings", "")).parts or ("",)
@@ -116,6 +119,7 @@ def _git(folder: Path, *words: str) -> str:
     if done.returncode:
         message = f"git {words[0]}: {' '.join(done.stderr.split())}"
         raise PipelineError(
-            f"{message}; an audit needs a repository with a commit", folder=folder
+            f"{message}; an audit needs a repository with a commit",
+            folder=folder,
         )
     return done.stdout

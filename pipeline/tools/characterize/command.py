@@ -72,7 +72,8 @@ def run(
         config.model_options([model.removesuffix(CLOSED)])
     if scale not in (scales := config.option_names("scale")):
         raise ConfigError(
-            f"no scale {scale!r}; there are {', '.join(scales)}", key="--scale"
+            f"no scale {scale!r}; there are {', '.join(scales)}",
+            key="--scale",
         )
     if name is not None:
         require_dataset_name(name)
@@ -112,14 +113,18 @@ class Result(NamedTuple):
 
 
 def _result_of_logs(
-    logged: RunsOfLogs, name: str, scale: str, model: str | None
+    logged: RunsOfLogs,
+    name: str,
+    scale: str,
+    model: str | None,
 ) -> Result:
     """Return the result of the joint error laws on the ``logged`` runs. A ``model`` of the task
     step is refused.
     """
     if model is not None and model not in FAMILY:
         raise ConfigError(
-            f"the model {model} needs a Jacobian: give --urdf FILE", key="--model"
+            f"the model {model} needs a Jacobian: give --urdf FILE",
+            key="--model",
         )
     tables = joint_tables(logged.runs, config.model_options(FAMILY), logged.unused)
     joints = [*logged.runs[0].joints]
@@ -132,7 +137,10 @@ def _result_of_logs(
 
 
 def _result_of_stages(
-    logged: RunsOfLogs | None, name: str, scale: str, model: str | None
+    logged: RunsOfLogs | None,
+    name: str,
+    scale: str,
+    model: str | None,
 ) -> Result:
     """Run the stages in the current folder; return their result."""
     settings = config.composed_config()
@@ -222,7 +230,11 @@ def _report_no_log(logs: FolderLogs, folder: Path, assigned: Mapping[str, str]) 
 
 
 def _write_dataset(
-    name: str, folder: Path, assigned: dict[str, str], ask: bool, motion: int | None
+    name: str,
+    folder: Path,
+    assigned: dict[str, str],
+    ask: bool,
+    motion: int | None,
 ) -> None:
     """Write the dataset's files if missing or incomplete; ConfigError if a value is still ???."""
     sheet, option = dataset_files(name)
@@ -230,7 +242,7 @@ def _write_dataset(
     if exists:
         print(
             f"characterize: the dataset {name} exists; its values are used, and --set changes "
-            f"them; to write it again, delete {sheet} and {option}"
+            f"them; to write it again, delete {sheet} and {option}",
         )
         values = config.dataset_values(option)
         assigned = _changed_values(assigned, values)
@@ -304,7 +316,8 @@ def _project(name: str, recordings: Path, scale: str) -> Iterator[Path]:
 
 
 def _stage_tables(
-    settings: config.Config, logged: RunsOfLogs | None
+    settings: config.Config,
+    logged: RunsOfLogs | None,
 ) -> tuple[dict[str, pd.DataFrame], dict]:
     """Return tables and metrics; of the joint error laws only, if a stage fails."""
     try:
@@ -313,7 +326,7 @@ def _stage_tables(
         if logged is None:
             raise
         print(
-            f"characterize: only joint error laws; the motion cannot be analysed: {error}"
+            f"characterize: only joint error laws; the motion cannot be analysed: {error}",
         )
         laws = config.model_options(FAMILY)
         return joint_tables(logged.runs, laws, logged.unused), {}

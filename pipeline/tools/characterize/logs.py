@@ -35,7 +35,9 @@ class FolderLogs(NamedTuple):
 
 
 def folder_logs(
-    folder: Path, assigned: Mapping[str, str], only: Path | None = None
+    folder: Path,
+    assigned: Mapping[str, str],
+    only: Path | None = None,
 ) -> FolderLogs:
     """Return the logs in ``folder`` of the arm with the most rows; ``only`` one log of them, a file
     or the folder of a movement. ``assigned`` values (key such as joint_log.clock → YAML) replace
@@ -116,7 +118,9 @@ def _usual_arm(read: Mapping[str, ReadLog]) -> tuple[tuple[str, ...], float]:
 
 
 def _recorded_logs(
-    folder: Path, assigned: Mapping[str, str], only: Path | None
+    folder: Path,
+    assigned: Mapping[str, str],
+    only: Path | None,
 ) -> RecordingLayout:
     """Return the layout of the ``folder``, or of ``only`` one file or movement in it."""
     stated = {}
@@ -151,7 +155,8 @@ def _reason_unplaced(finding: Finding) -> str:
 
 
 def missing_values(
-    recorded: RecordingLayout, assigned: Mapping[str, str]
+    recorded: RecordingLayout,
+    assigned: Mapping[str, str],
 ) -> dict[str, str]:
     """Return key → value to correct, of the first log that states no signals or no times; empty
     without such a log.

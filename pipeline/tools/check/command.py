@@ -76,7 +76,7 @@ def dataset_faults(option_file: Path) -> list[str]:
     for first, *others in groups.values():
         files = ", ".join(str(error.evidence.get("file", "")) for error in others[:3])
         texts.append(
-            f"{first}; and {len(others)} more: {files}" if others else str(first)
+            f"{first}; and {len(others)} more: {files}" if others else str(first),
         )
     return texts
 
@@ -109,8 +109,9 @@ def value_faults(values: dict[str, Any]) -> list[PipelineError]:
         message = f"{', '.join(missing)} of robot.joints is not logged; the log holds"
         errors.append(
             ConfigError(
-                f"{message} {', '.join(logged)}", key="dataset.joint_log.joints"
-            )
+                f"{message} {', '.join(logged)}",
+                key="dataset.joint_log.joints",
+            ),
         )
     return errors
 

@@ -75,7 +75,9 @@ def _origin(sources: Sequence[Path], settings: Any, takes: int) -> dict[str, Any
 
 
 def _fit(
-    recorded: Recorded, options: Any, closed_loop: bool
+    recorded: Recorded,
+    options: Any,
+    closed_loop: bool,
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return parameters and estimates of a model that the last run has no fit of."""
     fit = kinds.estimate(recorded, options)
@@ -108,7 +110,7 @@ def _step_record(
                 "parameter": "alpha and u apart",
                 "found": "u at the end of its search",
                 "required": "a greatest likelihood or least error at a finite u",
-            }
+            },
         )
     commanded = _with_corrected_commands(recorded, parameters.get(SHARE, 0.0))
     ranges = fitted_ranges(commanded, dataset.motion.rate)
@@ -117,7 +119,9 @@ def _step_record(
 
 
 def _level_alone(
-    model: str, parameters: dict[str, Any], estimates: dict[str, Any]
+    model: str,
+    parameters: dict[str, Any],
+    estimates: dict[str, Any],
 ) -> dict[str, Any]:
     """Return the parameters of a Gaussian model whose noise level is known, but not α and u."""
     prefix = "closed_loop_" if model.endswith(CLOSED) else ""

@@ -94,7 +94,9 @@ def inspect(place: Path) -> list[Finding]:
 
 
 def _read_bounded(
-    sandbox: Sandbox, file: Path, describe: Callable[[Path], Finding] | None = None
+    sandbox: Sandbox,
+    file: Path,
+    describe: Callable[[Path], Finding] | None = None,
 ) -> Finding:
     """Return the finding of a ``file`` by ``describe`` (default: as one file or bag), whose time
     and memory are bounded.
@@ -275,7 +277,7 @@ def _add_bag(finding: Finding, form: Format) -> None:
     if not analysed:
         finding.stops.append(
             "no topic of Image, PointCloud2, WrenchStamped, JointState or "
-            "JointTrajectoryControllerState with a message: nothing to analyse"
+            "JointTrajectoryControllerState with a message: nothing to analyse",
         )
 
 
@@ -316,7 +318,8 @@ def _longest_arms(tree: Tree) -> list[dict[str, Any]]:
 
 
 def _planar_chains(
-    tree: Tree, turning: Sequence[str]
+    tree: Tree,
+    turning: Sequence[str],
 ) -> tuple[list[dict[str, Any]], list[str]]:
     """Return joints and tools of all planar chains of three of the ``turning`` joints in a row, and
     the faults of the URDF by which others are none.

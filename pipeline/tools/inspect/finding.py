@@ -189,7 +189,10 @@ def _fact_lines(group: list[Finding], folder: Path) -> list[str]:
     # blanks that do not break keep a fact in one line
     joined = "; ".join(fact.replace(" ", "\xa0") for fact in facts if fact)
     wrapped = textwrap.wrap(
-        joined, WIDTH, break_long_words=False, break_on_hyphens=False
+        joined,
+        WIDTH,
+        break_long_words=False,
+        break_on_hyphens=False,
     )
     return [head, *(f"    {line}".replace("\xa0", " ") for line in wrapped)]
 

@@ -29,7 +29,9 @@ Signals = Mapping[str, list[int | str]]  # signal → columns
 
 
 def add_joint_log(
-    finding: Finding, form: Format, options: LogOptions = GUESSING
+    finding: Finding,
+    form: Format,
+    options: LogOptions = GUESSING,
 ) -> None:
     """Add signals, joints and clock of a joint log, read by ``options``, to ``finding``."""
     record = form.read(finding.file, options)
@@ -58,7 +60,9 @@ def add_joint_log(
 
 
 def _ask_clock(
-    finding: Finding, time: np.ndarray, signals: Mapping[str, np.ndarray]
+    finding: Finding,
+    time: np.ndarray,
+    signals: Mapping[str, np.ndarray],
 ) -> None:
     """Ask whether rows are even or were measured at their ``time`` (N,) s, if the steps differ."""
     steps = np.diff(time)
@@ -104,7 +108,7 @@ def add_table(finding: Finding, form: Format) -> None:
     if lists:
         finding.stops.append(
             f"the cells of {', '.join(lists)} are lists of numbers: write each number in a "
-            "column of its own, or save the table as Parquet"
+            "column of its own, or save the table as Parquet",
         )
 
 
@@ -130,7 +134,9 @@ def _filled_columns(finding: Finding, sheet: Sheet) -> dict[int, np.ndarray]:
 
 
 def _clocks_of_table(
-    finding: Finding, sheet: Sheet, values: Mapping[int, np.ndarray]
+    finding: Finding,
+    sheet: Sheet,
+    values: Mapping[int, np.ndarray],
 ) -> tuple[list[int], int | None]:
     """Return the columns that increase as times do, and the column of the time, if there is one;
     add its step and rate.
@@ -185,7 +191,9 @@ def _signals_of_table(
 
 
 def _ask_signals(
-    finding: Finding, signals: Mapping[str, Sequence], guesses: Mapping[str, str]
+    finding: Finding,
+    signals: Mapping[str, Sequence],
+    guesses: Mapping[str, str],
 ) -> None:
     """Ask for the ``signals`` (columns or arrays), suggested for the reasons of the ``guesses``."""
     lists = []
@@ -221,7 +229,10 @@ def describe_stated(finding: Finding, stated: Mapping[str, Any]) -> Finding:
 
 
 def _clocks(
-    sheet: Sheet, values: Mapping[int, np.ndarray], named: list[int], merged: bool
+    sheet: Sheet,
+    values: Mapping[int, np.ndarray],
+    named: list[int],
+    merged: bool,
 ) -> list[int]:
     """Return the columns of increasing ``values`` that are ``named`` as times, else the first or,
     without labels, the last column, if it increases and counts no rows. Rows of ``merged`` sources
@@ -246,7 +257,10 @@ def _clocks(
 
 
 def _add_signals(
-    finding: Finding, sheet: Sheet, signals: Signals, clock: int | None
+    finding: Finding,
+    sheet: Sheet,
+    signals: Signals,
+    clock: int | None,
 ) -> None:
     """Add units, joints and tracking of the labelled ``signals``, as the stages read them, with the
     time in the column ``clock``.

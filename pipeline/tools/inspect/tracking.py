@@ -24,7 +24,10 @@ LEAST_NOISE = 1e-8  # rad, least estimate of the noise
 
 
 def in_units(
-    finding: Finding, log: JointLog, timed: object = False, angled: object = False
+    finding: Finding,
+    log: JointLog,
+    timed: object = False,
+    angled: object = False,
 ) -> JointLog:
     """Return ``log`` in s and rad; ask for units that are not stated (``timed``, ``angled``)."""
     second = 1.0 if timed else _likely_second(finding, log.time)
@@ -74,7 +77,9 @@ def _likely_radian(finding: Finding, signals: Mapping[str, np.ndarray]) -> float
 
 
 def add_tracking(
-    finding: Finding, log: JointLog, labels: Mapping[str, Sequence[str]] | None = None
+    finding: Finding,
+    log: JointLog,
+    labels: Mapping[str, Sequence[str]] | None = None,
 ) -> None:
     """Add the tracking error of the measured and commanded angles of ``log`` in s and rad, the
     command's motions, and options for which the signals agree. ``labels`` of the columns of each
@@ -169,7 +174,10 @@ def _add_command(
 
 
 def _add_motions(
-    finding: Finding, actual: np.ndarray, target: np.ndarray, rate: float
+    finding: Finding,
+    actual: np.ndarray,
+    target: np.ndarray,
+    rate: float,
 ) -> None:
     """Add the number of whole motions; the noise of the angles if the command never rests."""
     lacks = [run.lack(len(target)) for run in excursions(target, rate)]

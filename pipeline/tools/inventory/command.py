@@ -13,7 +13,8 @@ def run(folder: Path, file: Path) -> None:
     folder = raw_folder(str(folder))
     if any(folder.glob("*")) or not (folder.is_dir() or file.is_file()):
         contracts.write_text(
-            listing(folder).to_csv(index=False, lineterminator="\n"), file
+            listing(folder).to_csv(index=False, lineterminator="\n"),
+            file,
         )
         return
     print(f"inventory: no recordings in {folder}; an existing inventory is kept")

@@ -70,11 +70,11 @@ def run(
         print(f"new-dataset: {len(open_keys)} values are open: {', '.join(open_keys)}")
         print(
             f"next: `python -m pipeline new-dataset {name} --ask` asks for each of them; "
-            "--set, --suggested and --motion, or an editor, fill them in too"
+            "--set, --suggested and --motion, or an editor, fill them in too",
         )
     else:
         print(
-            f"next: `python -m pipeline check {name}` reads all files as the stages do"
+            f"next: `python -m pipeline check {name}` reads all files as the stages do",
         )
 
 
@@ -109,7 +109,7 @@ def open_draft(name: str, folder: Path | None, assigned: Mapping[str, str]) -> "
     """
     if not Path("params.yaml").is_file():
         raise ConfigError(
-            "there is no params.yaml here; run the pipeline from the project's root"
+            "there is no params.yaml here; run the pipeline from the project's root",
         )
     require_dataset_name(name)
     if folder is None:
@@ -162,13 +162,15 @@ def _new_draft(name: str, folder: Path, assigned: Mapping[str, str]) -> "Draft":
         note = f"# {count} not placed: {', '.join(listed)}"
         text = text.replace(BETWEEN, f"\n{note}{BETWEEN}", 1)
         print(
-            f"new-dataset: {count} files not placed, named in the datasheet; see inspect"
+            f"new-dataset: {count} files not placed, named in the datasheet; see inspect",
         )
     return Draft(name, text, recorded, folder)
 
 
 def _stated(
-    assigned: Mapping[str, str], section: str, keys: Sequence[str]
+    assigned: Mapping[str, str],
+    section: str,
+    keys: Sequence[str],
 ) -> dict[str, Any]:
     """Return key → value of those ``keys`` of a ``section`` that are ``assigned``."""
     values = {}
@@ -333,7 +335,7 @@ class Draft:
         offered = motions_in_logs(self.values())
         if not offered:
             raise ConfigError(
-                "the logs have no motion from rest to rest and no repeated motion"
+                "the logs have no motion from rest to rest and no repeated motion",
             )
         for number, motion in enumerate(offered, start=1):
             counts = Counter(name for name, _ in motion.places)
@@ -346,7 +348,7 @@ class Draft:
         numbers = [str(n) for n in range(1, len(offered) + 1)]
         if number not in numbers:
             raise ConfigError(
-                f"there is no motion {number}; choose 1 to {len(offered)}"
+                f"there is no motion {number}; choose 1 to {len(offered)}",
             )
         motion = offered[numbers.index(number)]
         rest = motion.rest(self.values()["motion"]["rate"])
@@ -414,7 +416,7 @@ def motions_in_logs(values: dict[str, Any]) -> list[FoundMotion]:
     """
     if "joint_log" not in values:
         raise ConfigError(
-            "the dataset has no joint_log, so that no motions can be found"
+            "the dataset has no joint_log, so that no motions can be found",
         )
     needed = {key: values[key] for key in ("name", "recordings", "robot")}
     ends = [0.0] * len(values["robot"]["joints"])

@@ -68,7 +68,9 @@ class RecordingLayout(NamedTuple):
 
 
 def layout(
-    findings: list[Finding], folder: Path, stated: Mapping[str, Any] | None = None
+    findings: list[Finding],
+    folder: Path,
+    stated: Mapping[str, Any] | None = None,
 ) -> RecordingLayout:
     """Return the takes and the other recordings in ``folder``, with the ``stated`` files and
     columns of joint logs (key of the section joint_log → value).
@@ -106,7 +108,8 @@ def layout(
 
 
 def _depth_takes(
-    by_kind: Mapping[str, list[Finding]], take_names: Container[str]
+    by_kind: Mapping[str, list[Finding]],
+    take_names: Container[str],
 ) -> dict[Path, Finding]:
     """Return folder or bag → finding of the takes of a depth camera. The folder is the one named as
     a motion-capture take, else the folder of the index.
@@ -143,7 +146,9 @@ def _joint_logs(
 
 
 def _placed(
-    section: str, recorded: Mapping[Path, Finding], folder: Path
+    section: str,
+    recorded: Mapping[Path, Finding],
+    folder: Path,
 ) -> list[PlacedTake]:
     """Return the takes of a section, sorted by pattern. If every pattern would match one take, and
     a shared pattern all takes, the shared one is used.
@@ -189,7 +194,9 @@ def shared_pattern(paths: Sequence[Path], folder: Path) -> str | None:
 
 
 def _movements(
-    tables: list[Finding], folder: Path, stated: Mapping[str, Any]
+    tables: list[Finding],
+    folder: Path,
+    stated: Mapping[str, Any],
 ) -> dict[Path, Finding]:
     """Return path → finding of the movements in ``tables``: tables with measured and commanded
     angles, by their names, their values or the ``stated`` columns; else tables of one signal each,
@@ -250,7 +257,9 @@ def _has_both(table: Finding, stated: Mapping[str, Any]) -> bool:
 
 
 def _paired_tables(
-    tables: list[Finding], folder: Path, stated: Mapping[str, Any]
+    tables: list[Finding],
+    folder: Path,
+    stated: Mapping[str, Any],
 ) -> dict[Path, Finding]:
     """Return path → movement of tables of one signal each: a folder with one movement, or the file
     of its measured angles. The words of the signals are the ``stated`` ones, else by the names.
@@ -269,7 +278,8 @@ def _paired_tables(
 
 
 def _tables_by_role(
-    tables: list[Finding], stated: Mapping[str, Any]
+    tables: list[Finding],
+    stated: Mapping[str, Any],
 ) -> dict[Path, dict[str, Finding]]:
     """Return file of measured angles → role → table, of movements with commanded angles too."""
     by_file = {table.file: table for table in tables}

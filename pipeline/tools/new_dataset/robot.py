@@ -50,7 +50,9 @@ def movable_joints(facts: Mapping[str, Any]) -> list[str]:
 
 
 def robot_entries(
-    recorded: RecordingLayout, urdf: str, values: Mapping[str, Any]
+    recorded: RecordingLayout,
+    urdf: str,
+    values: Mapping[str, Any],
 ) -> Entries:
     """Return the entries of the section robot: the arm or planar chain in a ``urdf``."""
     facts = urdf_facts(urdf)
@@ -64,7 +66,9 @@ def robot_entries(
 
 
 def is_planar(
-    recorded: RecordingLayout, facts: Mapping[str, Any], values: Mapping[str, Any]
+    recorded: RecordingLayout,
+    facts: Mapping[str, Any],
+    values: Mapping[str, Any],
 ) -> bool:
     """Return whether the task is in a plane: as stated, as a depth camera requires it, as the
     trajectory is commanded, or as the URDF's only arm is three parallel joints.
@@ -104,7 +108,9 @@ def _planar_chain(facts: Mapping[str, Any]) -> Entries:
 
 
 def _arm_in_space(
-    recorded: RecordingLayout, facts: Mapping[str, Any], values: Mapping[str, Any]
+    recorded: RecordingLayout,
+    facts: Mapping[str, Any],
+    values: Mapping[str, Any],
 ) -> Entries:
     """Return the entries of the joints that move the last link, or that the trajectory commands."""
     arms = facts.get("arms", [])

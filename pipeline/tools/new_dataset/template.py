@@ -12,7 +12,7 @@ from pipeline.core.typed_yaml import parse_yaml
 
 LINE = re.compile(
     r'(?P<optional>\??)(?P<indent> *)(?P<key>"(?:[^"\\]|\\.)*"|[^\s#:"]+):'
-    r'(?: (?P<value>"(?:[^"\\]|\\.)*"|[^#].*?))?(?: # (?P<hint>.*))?'
+    r'(?: (?P<value>"(?:[^"\\]|\\.)*"|[^#].*?))?(?: # (?P<hint>.*))?',
 )
 SUGGESTED = re.compile("suggested is [^;]*; ")
 PLAIN = re.compile(r"[A-Za-z_.][\w./*-]*", re.ASCII)

@@ -57,7 +57,10 @@ MARKER_NUMBER = re.compile(r"[_:. -]*(\d+|[A-Za-z]|[Mm]arker ?\d+)$")
 
 
 def entries(
-    name: str, recorded: RecordingLayout, folder: Path, values: Mapping[str, Any]
+    name: str,
+    recorded: RecordingLayout,
+    folder: Path,
+    values: Mapping[str, Any],
 ) -> Entries:
     """Return key → entry of dataset ``name``, from recordings, URDF and filled-in ``values``."""
     urdf = urdf_of(recorded, values)
@@ -131,7 +134,9 @@ def _consensus(takes: Iterable[PlacedTake], fact: str) -> Entry:
 
 
 def _rate(
-    takes: Sequence[PlacedTake], logs: Sequence[Finding], unit: str | None
+    takes: Sequence[PlacedTake],
+    logs: Sequence[Finding],
+    unit: str | None,
 ) -> Entry:
     """Return the one rate of all recordings, with times in the filled-in ``unit``, else in the
     suggested one; a suggestion if no log and no person states the unit of times.
@@ -232,7 +237,9 @@ def _markers_by_link(names: Iterable[str]) -> dict[str, list[str]]:
 
 
 def _training_and_test(
-    recorded: RecordingLayout, section: str, without_test: Entry
+    recorded: RecordingLayout,
+    section: str,
+    without_test: Entry,
 ) -> Entries:
     """Return the patterns of training and test part. Takes named as a depth sequence are the test
     part (``without_test`` if there are none); the others are the training part if one group.
@@ -311,7 +318,10 @@ def _force(recorded: RecordingLayout, folder: Path) -> Entries:
 
 
 def _joint_log(
-    recorded: RecordingLayout, folder: Path, urdf: str, robot: Entries
+    recorded: RecordingLayout,
+    folder: Path,
+    urdf: str,
+    robot: Entries,
 ) -> Entries:
     """Return the entries of the joint logs, by the first of them."""
     takes = recorded.of("joint_log")
@@ -387,7 +397,11 @@ def _stated_units(log: Finding) -> Entries:
 
 
 def _logged_joints(
-    names: Sequence[str], count: int | None, robot: Entries, urdf: str, log: Finding
+    names: Sequence[str],
+    count: int | None,
+    robot: Entries,
+    urdf: str,
+    log: Finding,
 ) -> Entry:
     """Return the joints of the ``count`` columns of a ``log``: by the ``names`` in it, else by the
     positions in the arm of the entries ``robot``, with the ranges that support the positions.
@@ -410,7 +424,10 @@ def _logged_joints(
 
 
 def _joints_by_position(
-    arm: str, order: Sequence[str], urdf: str, log: Finding
+    arm: str,
+    order: Sequence[str],
+    urdf: str,
+    log: Finding,
 ) -> Entry:
     """Return the joints of the ``arm`` (YAML of ``order``) as a suggestion, with the range of each
     column of a ``log``; without the suggestion if a range is beyond the limits in the ``urdf``.

@@ -43,7 +43,7 @@ FOLD = r"<details><summary>\1</summary>\2</details>\n"
 FOLDS = re.compile(r"(<h2 .*?</h2>)(.*?)(?=<h2 |\Z)", re.DOTALL)
 # an anchor before a heading, as the Markdown of the errata states it
 ANCHOR = re.compile(
-    r"<p>&lt;a id=&quot;([\w-]+)&quot;&gt;&lt;/a&gt;</p>\s*(<h\d [^>]*>)"
+    r"<p>&lt;a id=&quot;([\w-]+)&quot;&gt;&lt;/a&gt;</p>\s*(<h\d [^>]*>)",
 )
 CARD = re.compile(r"<h3 .*?(?=<h3 |\Z)", re.DOTALL)
 CARDS = re.compile(r"(?:<h3 .*?(?=<h[1-3] |\Z))+", re.DOTALL)
@@ -83,14 +83,17 @@ def page(title: str, files: Sequence[Path], folder: Path) -> str:
 
 
 def _section(
-    file: Path, files: Sequence[Path], folder: Path
+    file: Path,
+    files: Sequence[Path],
+    folder: Path,
 ) -> tuple[str, list[Heading]]:
     """Return the HTML of a Markdown file, and its headings for the table of contents."""
     try:
         content = file.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError):
         raise ContractError(
-            "no such page in UTF-8; run `dvc repro -P`", file=file
+            "no such page in UTF-8; run `dvc repro -P`",
+            file=file,
         ) from None
     parser = MarkdownIt("commonmark", {"html": False}).enable("table")
     tokens = parser.parse(content)
@@ -116,7 +119,10 @@ def _section(
 
 
 def _heading(
-    token: Token, content: Token, file: Path, headings: Sequence[Heading]
+    token: Token,
+    content: Token,
+    file: Path,
+    headings: Sequence[Heading],
 ) -> Heading:
     """Return level, anchor and text of a heading after the earlier ``headings``: the anchor is the
     file's name and GitHub's slug, the title's the file's name only.
@@ -145,7 +151,8 @@ def _arranged(html: str, file: Path) -> str:
         return FOLDS.sub(FOLD, html)
     if file.stem == IN_CARDS:
         return CARDS.sub(
-            lambda cards: CARD_GROUP.format(CARD.sub(ONE_CARD, cards[0])), html
+            lambda cards: CARD_GROUP.format(CARD.sub(ONE_CARD, cards[0])),
+            html,
         )
     return html
 
@@ -177,7 +184,8 @@ def _figure_attributes(file: Path) -> dict[str, str]:
             few = image.convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE)
     except OSError:
         raise ContractError(
-            "no such PNG; run the stage that draws it", file=picture
+            "no such PNG; run the stage that draws it",
+            file=picture,
         ) from None
     few.save(written, "PNG", optimize=True)
     address = f"data:image/png;base64,{b64encode(written.getvalue()).decode('ascii')}"

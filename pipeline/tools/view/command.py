@@ -133,7 +133,8 @@ def write_recording(
     recording = rerun.RecordingStream("manipulator-uncertainty")
     plots = [
         blueprint.TimeSeriesView(
-            origin=rerun.new_entity_path(["angles", joint]), name=joint
+            origin=rerun.new_entity_path(["angles", joint]),
+            name=joint,
         )
         for joint in robot.joints
     ]
@@ -141,7 +142,9 @@ def write_recording(
     layout = blueprint.Horizontal(scene, blueprint.Vertical(*plots))
     recording.save(file, default_blueprint=blueprint.Blueprint(layout))
     for (name, track), colour in zip(
-        tracks.items(), (MEASURED, *COLOURS), strict=False
+        tracks.items(),
+        (MEASURED, *COLOURS),
+        strict=False,
     ):
         for t, nodes in zip(track.t, skeletons(robot, track.q), strict=True):
             recording.set_time("time", duration=float(t))
@@ -156,11 +159,15 @@ def write_recording(
             for curve, label, width, line in lines:
                 place = rerun.new_entity_path(["angles", joint, name, curve])
                 style = rerun.SeriesLines(
-                    colors=[colour], names=[label], widths=[width]
+                    colors=[colour],
+                    names=[label],
+                    widths=[width],
                 )
                 recording.log(place, style, static=True)
                 recording.send_columns(
-                    place, [time], rerun.Scalars.columns(scalars=line[:, j])
+                    place,
+                    [time],
+                    rerun.Scalars.columns(scalars=line[:, j]),
                 )
     for t, points in clouds:
         recording.set_time("time", duration=float(t))

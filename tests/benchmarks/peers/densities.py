@@ -18,7 +18,7 @@ def setup(samples, x, y, bandwidth, shown):
 
     def call() -> list:
         density = FFTKDE(kernel="gaussian", bw=1.0).fit(scaled).evaluate(
-            grid
+            grid,
         ) / np.prod(bandwidth)
         return density.reshape(len(x), len(y))[::shown, ::shown].tolist()
 

@@ -34,7 +34,11 @@ def setup(count, **plain):
 
     def call() -> list:
         filtered = particles.SMC(
-            motion, N=count, resampling="systematic", ESSrmin=0.5, collect=[Moments()]
+            motion,
+            N=count,
+            resampling="systematic",
+            ESSrmin=0.5,
+            collect=[Moments()],
         )
         filtered.run()
         return [moments["mean"].tolist() for moments in filtered.summaries.moments]

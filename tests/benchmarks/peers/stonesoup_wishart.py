@@ -30,7 +30,7 @@ class Motion(TransitionModel):
     def function(self, state, noise=False, time_interval=None, **kwargs):
         k = round((state.timestamp + time_interval - START) / STEP)
         return StateVectors(
-            self.take.step(k, np.asarray(state.state_vector, dtype=float).T).T
+            self.take.step(k, np.asarray(state.state_vector, dtype=float).T).T,
         )
 
 

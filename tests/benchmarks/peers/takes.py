@@ -18,7 +18,13 @@ class Take:
     """A motion of M steps of n joints; subclasses ``move(q, command)`` the particles."""
 
     def __init__(
-        self, steps, start_mean, start_covariance, seen, y, covariance
+        self,
+        steps,
+        start_mean,
+        start_covariance,
+        seen,
+        y,
+        covariance,
     ) -> None:
         # (M, m), or (M, m + n) of more joints than task rows
         self.steps = np.array(steps)
@@ -34,7 +40,9 @@ class Take:
         self.rng = np.random.default_rng(1)
         np.random.seed(1)  # noqa: NPY002 - the libraries resample by it
         return self.rng.multivariate_normal(
-            self.start_mean, self.start_covariance, count
+            self.start_mean,
+            self.start_covariance,
+            count,
         )
 
     def step(self, k: int, q: np.ndarray) -> np.ndarray:

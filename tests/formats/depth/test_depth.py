@@ -109,7 +109,8 @@ def test_points_are_read_with_any_fields_viewpoint_and_surplus_bytes(tmp_path, n
     if not name.endswith(".pcd"):
         return
     moved = made.CLOUDS[name].replace(
-        b"VIEWPOINT 0 0 0 1 0 0 0", b"VIEWPOINT 1 -2 0.5 0.8 0 0.6 0"
+        b"VIEWPOINT 0 0 0 1 0 0 0",
+        b"VIEWPOINT 1 -2 0.5 0.8 0 0.6 0",
     )
     text = b"1 2 3 left of another cloud\n"
     is_text = b"DATA ascii" in moved
@@ -162,7 +163,7 @@ def test_indexes_read_back_and_blanks_comments_and_line_ends_are_no_matter(tmp_p
     assert_allclose(result.time, stamps, rtol=0, atol=0.6e-6)
     assert (result.files, result.counts) == (names, {"cut_rows": 0})
     file.write_bytes(
-        b"# depth maps\r\n\n0.16  depth/a.png  \r\n \n0.6\tdepth/b c.png\n# end\n"
+        b"# depth maps\r\n\n0.16  depth/a.png  \r\n \n0.6\tdepth/b c.png\n# end\n",
     )
     result = read_index(file)
     assert (result.time.tolist(), result.files) == (
@@ -204,7 +205,8 @@ EVEN += ["{} 1700000000_960000000 1700000001_40000 1700000001_40040000"]
 def test_times_in_names_are_those_whose_steps_are_even(tmp_path, names):
     form, *stated = names.split()
     numbered(
-        tmp_path, *(frames := tuple(f"{form.format(time)}.png" for time in stated))
+        tmp_path,
+        *(frames := tuple(f"{form.format(time)}.png" for time in stated)),
     )
     result = numbered_frames(tmp_path, "*.png", rate=1.0)
     assert result.files == frames
@@ -225,7 +227,8 @@ def test_names_whose_number_is_not_plain_are_refused(tmp_path, names):
         numbered_frames(tmp_path, "*.png", rate=30.0)
     numbered(tmp_path, *names.split())
     with pytest.raises(
-        RecordingError, match=r"differ only in one number|time between frames"
+        RecordingError,
+        match=r"differ only in one number|time between frames",
     ):
         numbered_frames(tmp_path, "*.png", rate=30.0)
 
@@ -272,7 +275,10 @@ def test_every_tools_format_gives_the_same_camera(tmp_path, name):
         "opencv.xml",
     ):
         message = refusal(
-            tmp_path / name, made.CALIBRATIONS[name], width=320, height=240
+            tmp_path / name,
+            made.CALIBRATIONS[name],
+            width=320,
+            height=240,
         )
         assert "not 320 × 240" in message
 
@@ -333,7 +339,9 @@ MATRIX = [525.0, 0, 319.5, 0, 524.0, 239.5, 0, 0, 1]
 @pytest.mark.parametrize("big", [False, True])
 @pytest.mark.parametrize("kind", [np.uint16, np.float32])
 def test_images_of_either_byte_order_and_any_padding_keep_their_pixels(
-    kind, big, padding
+    kind,
+    big,
+    padding,
 ):
     pixels = (GENERATOR.random((5, 7)) * 5000).astype(kind)
     message = image(pixels, 1.0, big=big, padding=padding).for_version("ros2")
@@ -382,7 +390,10 @@ NO_MESSAGE = [  # function, message, fields that are changed, words
 
 @pytest.mark.parametrize(("convert", "sound", "changes", "words"), NO_MESSAGE)
 def test_messages_that_are_no_depth_or_not_whole_are_refused(
-    convert, sound, changes, words
+    convert,
+    sound,
+    changes,
+    words,
 ):
     message = Message(sound.kind, 1.0, **sound.fields | changes).for_version("ros1")
     with pytest.raises(RecordingError, match=words) as refused:
@@ -395,10 +406,16 @@ def test_a_camera_has_the_intrinsics_of_its_info(version):
     message = info(MATRIX, [0.1, -0.2, 0, 0, 0.05], (640, 480)).for_version(version)
     result = camera_info(message, width=640, height=480)
     assert result == Intrinsics(
-        525, 524, 319.5, 239.5, 640, 480, (0.1, -0.2, 0, 0, 0.05)
+        525,
+        524,
+        319.5,
+        239.5,
+        640,
+        480,
+        (0.1, -0.2, 0, 0, 0.05),
     )
     undistorted = info(MATRIX, [0.0] * 5, (640, 480), model="equidistant").for_version(
-        version
+        version,
     )
     assert camera_info(undistorted, width=640, height=480).distortion == ()
     four = [0.1, 0.2, 0.3, 0.4]

@@ -32,7 +32,7 @@ def log(folder: Path, *rows: str, force: str = "N", torque: str = "N-m") -> Path
     labels = [f'"Force {axis} ({force})"' for axis in "XYZ"]
     labels += [f'"Torque {axis} ({torque})"' for axis in "XYZ"]
     (folder / "log.csv").write_text(
-        "\n".join([",".join([*labels, SETTINGS]), *rows, ""])
+        "\n".join([",".join([*labels, SETTINGS]), *rows, ""]),
     )
     return folder / "log.csv"
 
@@ -45,7 +45,8 @@ def change(file: Path, old: str, new: str, count: int = -1) -> None:
 
 @pytest.mark.parametrize("decimal", [".", ","])
 def test_a_log_of_either_culture_is_read_and_rewritten_to_its_own_bytes(
-    tmp_path, decimal
+    tmp_path,
+    decimal,
 ):
     first, again = tmp_path / "1.csv", tmp_path / "2.csv"
     write_daqft(first, record(rate=62.5), decimal=decimal)
@@ -62,7 +63,7 @@ def test_a_log_of_either_culture_is_read_and_rewritten_to_its_own_bytes(
     assert first.read_bytes() == again.read_bytes()
     # the columns need no name of a time, and a cell that is left empty at the end of each row
     first.write_bytes(
-        first.read_bytes().replace(b"\r\n", b";\r\n" if decimal == "," else b",\r\n")
+        first.read_bytes().replace(b"\r\n", b";\r\n" if decimal == "," else b",\r\n"),
     )
     assert_array_equal(read_daqft(first).torque, result.torque)
 
@@ -112,7 +113,10 @@ CLOCKS += [("Sample Number", 1, PLAIN), ("Clock (ms)", 16, BY_CLOCK)]
 
 @pytest.mark.parametrize(("label", "tick", "options"), CLOCKS)
 def test_rows_that_were_lost_leave_a_gap_where_the_log_has_times_or_numbers(
-    tmp_path, label, tick, options
+    tmp_path,
+    label,
+    tick,
+    options,
 ):
     numbers = np.array([k for k in range(20) if k not in (7, 8)])
     rows = [f'"{k * tick:g}","{k}.5","2","3","4","5","6"' for k in numbers]
@@ -142,12 +146,13 @@ def test_a_netft_log_reads_back_to_the_bit_whatever_is_beside_its_numbers(netft)
     assert_allclose(result.time, record().time, rtol=0, atol=1e-12)
     assert (result.rate, result.started) == (500.0, STARTED)
     assert {n: count for n, count in result.counts.items() if count} == {
-        "status_rows": 3
+        "status_rows": 3,
     }
 
 
 def test_repeated_zero_and_blank_rows_are_counted_and_lost_packets_leave_a_gap(
-    tmp_path, netft
+    tmp_path,
+    netft,
 ):
     zeros, ones = ",".join(['"0"'] * 6), ",".join(['"1"'] * 6)
     result = read_daqft(log(tmp_path, ones, ones, zeros, "", zeros, ones))
@@ -169,7 +174,8 @@ def test_repeated_zero_and_blank_rows_are_counted_and_lost_packets_leave_a_gap(
 
 @pytest.mark.parametrize("torque_counts", [1_000_000, 250_000, 4_000_000])
 def test_counts_of_forces_and_of_torques_are_divided_each_by_its_own(
-    tmp_path, torque_counts
+    tmp_path,
+    torque_counts,
 ):
     """Transducers have more counts a N·m than a N, or fewer."""
     file, share = tmp_path / "log.csv", 1_000_000 / torque_counts
@@ -217,13 +223,14 @@ def calibration(folder: Path, body: str = "", *, units: str = NEWTON) -> Path:
 
 @pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "latin-1"])
 def test_units_matrix_and_ratings_are_those_of_the_user_axes_in_any_encoding(
-    tmp_path, encoding
+    tmp_path,
+    encoding,
 ):
     axes = rows("Axis", 7 * MATRIX) + '<BasicTransform Dx="0" Dy="0" Dz="9"/>'
     for body in (rows("UserAxis", MATRIX), axes + rows("UserAxis", MATRIX)):
         file = calibration(tmp_path, body)
         file.write_bytes(
-            file.read_text().replace("made up", "Meßgerät").encode(encoding)
+            file.read_text().replace("made up", "Meßgerät").encode(encoding),
         )
         result = read_calibration(file)
         assert (result.serial, result.force_unit, result.torque_unit) == (
@@ -240,7 +247,8 @@ def test_units_matrix_and_ratings_are_those_of_the_user_axes_in_any_encoding(
 
 @pytest.mark.parametrize("thermistor", [[], ["Therm"]])
 def test_gauge_voltages_become_forces_by_the_matrix_of_their_transducer(
-    tmp_path, thermistor
+    tmp_path,
+    thermistor,
 ):
     volts = np.random.default_rng(5).normal(size=(4, 6)).round(6)
     options = ForceLogOptions(calibration=read_calibration(calibration(tmp_path)))
@@ -264,7 +272,7 @@ def test_units_that_the_log_does_not_state_are_the_options_or_the_calibrations(
     file.write_text(f"Fx,Fy,Fz,Mx,My,Mz,{SETTINGS}\n1.5,2,3,4,5,6\n")
     assert refusal(read_daqft, file).evidence["key"] == f"{KEY}.force_unit"
     pounds = read_calibration(
-        calibration(tmp_path, units='ForceUnits="lb" TorqueUnits="in-lb"')
+        calibration(tmp_path, units='ForceUnits="lb" TorqueUnits="in-lb"'),
     )
     for unit, newton in ((None, POUND), ("kN", 1e3)):
         result = read_daqft(file, ForceLogOptions(calibration=pounds, force_unit=unit))

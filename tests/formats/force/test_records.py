@@ -42,7 +42,7 @@ def test_wrenches_of_a_bag_keep_their_numbers_and_the_times_of_their_headers(tmp
     assert_array_equal(np.hstack([result.force, result.torque]), VALUES)
     assert_allclose(result.time, np.arange(20) / 500, rtol=0, atol=0.5e-6)
     assert result.rate == pytest.approx(500, rel=1e-3) and set(
-        result.counts.values()
+        result.counts.values(),
     ) == {0}
 
 
@@ -107,7 +107,8 @@ def test_identical_samples_that_last_longer_than_the_limit_are_frozen(torque, st
 
 
 @pytest.mark.parametrize(
-    "read", [read_daqft, lambda file: read_force_table(file, COLUMNS)]
+    "read",
+    [read_daqft, lambda file: read_force_table(file, COLUMNS)],
 )
 def test_a_line_of_settings_below_a_header_is_no_record(tmp_path, read):
     file = tmp_path / "log.csv"
@@ -203,7 +204,9 @@ OPEN += [({"columns": LABELLED | {"qx": 3}}, "columns")]
 
 @pytest.mark.parametrize(("options", "key"), OPEN)
 def test_what_nothing_settles_is_refused_by_the_name_of_its_option(
-    tmp_path, options, key
+    tmp_path,
+    options,
+    key,
 ):
     file = table(tmp_path, "0.5,1,2,3,4,5,6", "0.6,1,2,3,4,5,7")
     read_force_table(file, SI)

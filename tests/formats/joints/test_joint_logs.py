@@ -45,7 +45,11 @@ FORMS = [
 
 @pytest.mark.parametrize(("header", "row", "columns", "options"), FORMS)
 def test_tables_are_read_by_labels_or_numbers_in_any_form(
-    tmp_path, header, row, columns, options
+    tmp_path,
+    header,
+    row,
+    columns,
+    options,
 ):
     times = [f"{0.008 * i:.3f}" for i in range(4)]
     rows = [
@@ -62,14 +66,18 @@ def test_columns_whose_labels_or_cells_name_other_joints_are_refused(tmp_path):
     named = ["q_elbow", "q_wrist"]
     options = LogOptions("t", names=("wrist_joint", "elbow_joint"))
     error = refusal(
-        partial(read_joint_log, joints=2, columns=named, options=options), labels
+        partial(read_joint_log, joints=2, columns=named, options=options),
+        labels,
     )
     assert (
         error.evidence["key"] == f"{KEY}.joints"
         and "elbow_joint, wrist_joint" in error.message
     )
     cells = table(
-        tmp_path, "t,name0,name1,q0,q1", "0,elbow,wrist,1,2", "1,elbow,wrist,1,2"
+        tmp_path,
+        "t,name0,name1,q0,q1",
+        "0,elbow,wrist,1,2",
+        "1,elbow,wrist,1,2",
     )
     for names in (("elbow", "wrist"), ("wrist", "elbow")):
         options = LogOptions("t", names=names)
@@ -95,7 +103,11 @@ UNITS = [  # header, option, unit, last time in s
 
 @pytest.mark.parametrize(("header", "key", "unit", "last"), UNITS)
 def test_a_unit_in_the_header_is_never_read_as_another(
-    tmp_path, header, key, unit, last
+    tmp_path,
+    header,
+    key,
+    unit,
+    last,
 ):
     (tmp_path / "log.csv").write_text(f"{header}\n0.0,0.5,1.5\n0.1,0.5,1.5\n")
     if key:
@@ -244,7 +256,9 @@ def test_objects_are_never_loaded(tmp_path):
     objects = np.empty((ROWS, 3), dtype=object)
     objects[:] = Trap()
     error = refusal(
-        read_arrays, archive(tmp_path, **ARRAYS | {"positions": objects}), PLAIN
+        read_arrays,
+        archive(tmp_path, **ARRAYS | {"positions": objects}),
+        PLAIN,
     )
     assert "positions ()" in error.message and not (tmp_path / "pwned").exists()
 
@@ -294,6 +308,8 @@ def test_joints_times_samples_and_joint_names_beside_the_times_are_read(tmp_path
     error = refusal(read_arrays, file, LogOptions("absent", joints=3))
     assert "None" not in error.message and "positions (6, 3)" in error.message
     error = refusal(
-        read_log, file, LogOptions("times", joints=3, names=("b", "a", "c"))
+        read_log,
+        file,
+        LogOptions("times", joints=3, names=("b", "a", "c")),
     )
     assert "the joints of the log are a, b, c" in error.message

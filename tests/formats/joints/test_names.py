@@ -39,7 +39,9 @@ ORDERED = [  # names in a file, joints of a URDF, the joints that the names mean
 
 @pytest.mark.parametrize(("names", "joints", "meant"), ORDERED)
 def test_names_in_a_file_mean_joints_of_the_urdf_whatever_their_order(
-    names, joints, meant
+    names,
+    joints,
+    meant,
 ):
     assert match_joints(names, joints) == meant
 

@@ -22,7 +22,8 @@ def write(folder: Path, *arguments: object, **options: object) -> Path:
 
 
 @pytest.mark.parametrize(
-    ("unit", "scale"), [("mm", 1e3), ("MM", 1e3), ("cm", 100.0), ("m", 1.0)]
+    ("unit", "scale"),
+    [("mm", 1e3), ("MM", 1e3), ("cm", 100.0), ("m", 1.0)],
 )
 def test_points_come_back_in_metres_and_what_is_none_is_missing(tmp_path, unit, scale):
     xyz = points(6)
@@ -48,7 +49,8 @@ def test_points_come_back_in_metres_and_what_is_none_is_missing(tmp_path, unit, 
 
 @pytest.mark.parametrize("processor", [84, DEC])
 def test_coordinates_that_no_camera_measured_are_missing_and_counted(
-    tmp_path, processor
+    tmp_path,
+    processor,
 ):
     xyz = points(6)
     # m; in mm as NDI writes what it does not see
@@ -127,7 +129,8 @@ REFUSED = {  # content: words
     c3d(rate=0.0): "no frame rate",
     CRASHES: "damaged",
     **dict.fromkeys(
-        (b"", b"\2P", b"Format Version,1.23\n" * 100, b"\2P" + bytes(1022)), "no C3D"
+        (b"", b"\2P", b"Format Version,1.23\n" * 100, b"\2P" + bytes(1022)),
+        "no C3D",
     ),
 }
 
@@ -149,7 +152,8 @@ def test_a_name_in_latin_1_is_no_damage(tmp_path):
 
 def test_a_file_that_is_beyond_a_bound_names_it(tmp_path):
     error = refusal(
-        lambda file: within(Reading(markers=1), read_c3d, file), write(tmp_path)
+        lambda file: within(Reading(markers=1), read_c3d, file),
+        write(tmp_path),
     )
     assert error.evidence["bound"] == "dataset.reading.markers"
 
@@ -165,7 +169,10 @@ RATES = [  # frames that are left out, rate, decimals of the times, the rate tha
 
 @pytest.mark.parametrize(("frames", "rate", "decimals", "expected"), RATES)
 def test_a_rate_that_no_header_states_is_that_of_the_printed_times(
-    frames, rate, decimals, expected
+    frames,
+    rate,
+    decimals,
+    expected,
 ):
     frame = np.delete(np.arange(72210, 74210), frames)
     estimated = rate_from_times(frame, np.round(frame / rate, decimals))

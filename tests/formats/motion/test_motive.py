@@ -47,12 +47,12 @@ def test_names_keep_colons_commas_quotes_and_letters_of_any_code_page(tmp_path):
     original = random_take(2, 0, body=False)
     names = ["Arm:M1", "a, b", 'say "x"', "Glied é"]
     original.markers.update(
-        {name: np.full((2, 3), k + 1.0) for k, name in enumerate(names)}
+        {name: np.full((2, 3), k + 1.0) for k, name in enumerate(names)},
     )
     write_motive(tmp_path / "t.csv", original, start=START)
     assert list(read_motive(tmp_path / "t.csv").markers) == names
     (tmp_path / "t.csv").write_bytes(
-        (tmp_path / "t.csv").read_bytes().decode().encode("cp1252")
+        (tmp_path / "t.csv").read_bytes().decode().encode("cp1252"),
     )
     assert list(read_motive(tmp_path / "t.csv").markers) == names
 
@@ -93,7 +93,7 @@ LOST |= dict.fromkeys(("9999,9999,9999", "-99999.0,-99999,-99999"), "filler_samp
 @pytest.mark.parametrize("cells", LOST)
 def test_lost_samples_are_nan_in_all_coordinates_and_counted(tmp_path, cells):
     result = read_motive(
-        columns_file(tmp_path, MARKER + f"0,0,{cells}\n1,0.01,0,0,1\n")
+        columns_file(tmp_path, MARKER + f"0,0,{cells}\n1,0.01,0,0,1\n"),
     )
     assert_array_equal(result.markers["A"], [[np.nan] * 3, [0, 0, 1]])
     assert result.counts["missing_samples"] == 1
@@ -143,7 +143,8 @@ def test_headers_of_other_versions_and_spreadsheets_change_nothing(tmp_path, nam
 
 @pytest.mark.parametrize("order", ["XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX"])
 def test_euler_angles_are_products_of_axis_rotations_in_the_order_of_the_header(
-    tmp_path, order
+    tmp_path,
+    order,
 ):
     degrees = {"X": 20.0, "Y": -35.0, "Z": 50.0}
     body = f",Type{',Rigid Body' * 6}\n,Name{',B' * 6}\n,ID{',1' * 6}\n"
@@ -169,7 +170,7 @@ def test_raw_markers_are_preferred_shared_names_keep_their_ids_and_bones_are_ski
 ):
     def read(body: str, *rows: str) -> MotionTake:
         return read_motive(
-            columns_file(tmp_path, body + "".join(row + "\n" for row in rows))
+            columns_file(tmp_path, body + "".join(row + "\n" for row in rows)),
         )
 
     solved, bone = "Rigid Body Marker", ("Bone Marker", "Hip_1", "1")
@@ -205,16 +206,20 @@ def test_a_rate_that_the_printed_times_contradict_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("w", "sound"), [("1.0002", True), ("0.1", False), ("1e19", False)]
+    ("w", "sound"),
+    [("1.0002", True), ("0.1", False), ("1e19", False)],
 )
 def test_a_rotation_of_another_length_than_one_is_refused_by_its_row(
-    tmp_path, w, sound
+    tmp_path,
+    w,
+    sound,
 ):
     rows = "".join(
         f"{k},{k / 100},0,0,0,{w if k == 2 else 1},1,2,3\n" for k in range(3)
     )
     file = columns_file(
-        tmp_path, columns(("Rigid Body", "A", "1"), quantities=POSE) + rows
+        tmp_path,
+        columns(("Rigid Body", "A", "1"), quantities=POSE) + rows,
     )
     if sound:
         assert read_motive(file).bodies["A"].quaternion[2, 3] == float(w)

@@ -17,7 +17,9 @@ ROTATION = np.linalg.qr(np.random.default_rng(24).standard_normal((3, 3)))[0]
 @every_reading
 @pytest.mark.parametrize(("m", "n"), [(3, 3), (2, 4), (3, 6), (6, 7)])
 def test_the_factors_are_those_of_libraries_for_any_number_of_joints(
-    m, n, decomposition
+    m,
+    n,
+    decomposition,
 ):
     """The signs of the rows of J₂, which QR does not fix, cancel in the compared quantities."""
     rng = np.random.default_rng(m + n)
@@ -42,7 +44,10 @@ def test_the_factors_are_those_of_libraries_for_any_number_of_joints(
 
 @every_reading
 def test_the_factors_compose_to_the_nominal_step_and_broadcast(
-    chain, poses, step, decomposition
+    chain,
+    poses,
+    step,
+    decomposition,
 ):
     a, back, log_determinant = factors(chain, poses, step, decomposition)
     np.testing.assert_allclose(
@@ -55,7 +60,9 @@ def test_the_factors_compose_to_the_nominal_step_and_broadcast(
     steps = np.linspace(0.1, 1, 7)[:, None] * step
     a_each, back_each, _ = split(chain.jacobian(poses[3]), steps, decomposition)
     np.testing.assert_allclose(
-        a_each, np.linspace(0.1, 1, 7)[:, None] * a[3], rtol=1e-12
+        a_each,
+        np.linspace(0.1, 1, 7)[:, None] * a[3],
+        rtol=1e-12,
     )
     assert back_each.shape == (7, 3, 3)
 
@@ -85,7 +92,14 @@ def moments(jacobian: np.ndarray, v: np.ndarray, reading: Decomposition) -> np.n
     ],
 )
 def test_what_a_decomposition_does_not_depend_on(
-    name, turned, scaled, rows, joints, chain, poses, step
+    name,
+    turned,
+    scaled,
+    rows,
+    joints,
+    chain,
+    poses,
+    step,
 ):
     """Compare the law after a rotation of the task, in other units of its rows, and with another
     order of its rows or joints; the decompositions that change are the controls.
@@ -96,11 +110,14 @@ def test_what_a_decomposition_does_not_depend_on(
         law = moments(jacobian, step, reading)
 
         def same(
-            left: np.ndarray, right: np.ndarray, law=law, jacobian=jacobian
+            left: np.ndarray,
+            right: np.ndarray,
+            law=law,
+            jacobian=jacobian,
         ) -> bool:
             changed = moments(left @ jacobian @ right.T, left @ step, reading)
             return bool(
-                np.allclose(right.T @ changed @ right, law, rtol=1e-6, atol=1e-12)
+                np.allclose(right.T @ changed @ right, law, rtol=1e-6, atol=1e-12),
             )
 
         plain = np.eye(3)

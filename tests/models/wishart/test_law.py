@@ -52,7 +52,13 @@ def test_the_reduced_law_is_that_of_algorithm_1(chain, step, decomposition, sigm
 def test_the_exact_moments_are_those_of_algorithm_1(chain, step, decomposition):
     model = WishartModel(0.25, decomposition)
     drawn = algorithm_1(
-        chain, POSE, step, 0.25, decomposition, 80_000, np.random.default_rng(12)
+        chain,
+        POSE,
+        step,
+        0.25,
+        decomposition,
+        80_000,
+        np.random.default_rng(12),
     )
     mean = model.mean(chain, POSE, step)
     covariance = model.covariance(chain, POSE, step)
@@ -83,7 +89,8 @@ def test_the_variances_of_a_step_are_those_of_the_inverse_wishart_law(sigma_b, m
 def test_moments_end_where_the_theory_says(chain, step):
     assert np.all(np.isfinite(WishartModel(0.81).covariance(chain, POSE, step)))
     with pytest.raises(
-        ModelDomainError, match=r"covariance .* only for sigma_B below 0.8165"
+        ModelDomainError,
+        match=r"covariance .* only for sigma_B below 0.8165",
     ):
         WishartModel(0.82).covariance(chain, POSE, step)
     assert np.all(np.isfinite(WishartModel(0.99).mean(chain, POSE, step)))
@@ -92,25 +99,35 @@ def test_moments_end_where_the_theory_says(chain, step):
 
 
 def excess(
-    draws: np.ndarray, low: np.ndarray, high: np.ndarray, log_density, rng
+    draws: np.ndarray,
+    low: np.ndarray,
+    high: np.ndarray,
+    log_density,
+    rng,
 ) -> float:
     """Share of ``draws`` in a box minus the integral of the density over it, in standard errors."""
     hits = np.mean(np.all((draws > low) & (draws < high), axis=1))
     inside = np.exp(log_density(rng.uniform(low, high, (20_000, 3)))) * np.prod(
-        high - low
+        high - low,
     )
     return (hits - inside.mean()) / np.hypot(
-        np.sqrt(hits * (1 - hits) / len(draws)), inside.std() / np.sqrt(len(inside))
+        np.sqrt(hits * (1 - hits) / len(draws)),
+        inside.std() / np.sqrt(len(inside)),
     )
 
 
 @pytest.mark.slow
 @every_reading
 @pytest.mark.parametrize(
-    ("sigma_b", "measurement"), [(0.25, None), (0.9, 100 * MEASUREMENT)]
+    ("sigma_b", "measurement"),
+    [(0.25, None), (0.9, 100 * MEASUREMENT)],
 )
 def test_the_density_is_that_of_algorithm_1_box_by_box(
-    chain, step, decomposition, sigma_b, measurement
+    chain,
+    step,
+    decomposition,
+    sigma_b,
+    measurement,
 ):
     rng = np.random.default_rng(1)
     draws = algorithm_1(chain, POSE, step, sigma_b, decomposition, 100_000, rng)
@@ -137,7 +154,11 @@ def test_at_rest_there_is_no_density_without_measurement_noise(chain, poses, ste
         WishartModel(0.25).log_density(chain, poses, v, poses)
     with pytest.raises(ModelDomainError, match="singular"):
         WishartModel(0.25).log_density(
-            chain, poses, v, poses, np.diag([1e-6, 1e-6, 0.0])
+            chain,
+            poses,
+            v,
+            poses,
+            np.diag([1e-6, 1e-6, 0.0]),
         )
 
 
@@ -208,7 +229,9 @@ def test_it_is_the_mean_of_normals_over_the_law_of_z_and_g(n, m):
         normal = np.exp(-0.5 * squared) / np.sqrt(determinant)
         exact.append(np.log(weights @ normal @ weights / 4))
     np.testing.assert_allclose(
-        model.log_density(arm, q, v, q_next, noise), exact, atol=3e-4
+        model.log_density(arm, q, v, q_next, noise),
+        exact,
+        atol=3e-4,
     )
     # control: another dispersion
     wider = WishartModel(1.02 * SIGMA_B, model.decomposition)
@@ -233,6 +256,7 @@ def test_without_measurement_it_integrates_to_one(n):
 def test_without_measurement_a_step_of_more_joints_than_rows_lies_on_a_plane():
     arm, q, v, model, _ = scene(3, 2)
     with pytest.raises(
-        ModelDomainError, match=r"on a plane \(3 joints and 2 task rows\)"
+        ModelDomainError,
+        match=r"on a plane \(3 joints and 2 task rows\)",
     ):
         model.log_density(arm, q, v, q)

@@ -149,7 +149,9 @@ def recorded(chain, poses, step, sigma_b: float, measured: float) -> Recorded:
 
 
 def test_at_rest_nothing_is_perturbed_and_the_mean_over_time_counts_those_steps(
-    chain, poses, step
+    chain,
+    poses,
+    step,
 ):
     data = recorded(chain, poses, step, 0.2, 1e-4)
     resting = np.sqrt(np.mean(np.sum(data.noise[:, :REST] ** 2, axis=-1)))
@@ -164,12 +166,15 @@ def test_at_rest_nothing_is_perturbed_and_the_mean_over_time_counts_those_steps(
 
 
 def test_noise_that_is_not_finite_and_a_motion_without_noise_at_rest_are_refused(
-    chain, poses, step
+    chain,
+    poses,
+    step,
 ):
     data = recorded(chain, poses, step, 0.2, 1e-4)
     data.noise[2, REST, 1] = np.nan
     with pytest.raises(
-        ModelDomainError, match="must be finite at every step"
+        ModelDomainError,
+        match="must be finite at every step",
     ) as refusal:
         fit_paper(data, PIVOTED_LU, FLOOR)
     assert refusal.value.evidence["index"] == 2 * (REST + MOVING) + REST
@@ -200,7 +205,11 @@ def objective(noise, e, matrix, ratio: float, s: np.ndarray) -> np.ndarray:
 
 
 def problems(
-    seed: int, size: float, n: int, m: int, across: float = 1.0
+    seed: int,
+    size: float,
+    n: int,
+    m: int,
+    across: float = 1.0,
 ) -> tuple[np.ndarray, ...]:
     """ω, e and A of 800 random problems; of what ω has across the range of A a share ``across``."""
     rng = np.random.default_rng(seed)
@@ -232,11 +241,14 @@ def dual_bound(noise, e, matrix, y, c, ratio, floor) -> np.ndarray:
     length = np.linalg.norm(residual, axis=1)
     normal = (w / (delta + x))[:, None] * ((delta + c + x)[:, None] * e - y)
     of_exact = np.linalg.solve(np.swapaxes(matrix, 1, 2), (u - normal)[..., None])[
-        ..., 0
+        ...,
+        0,
     ]
     exact = length < 1e-9 * np.linalg.norm(noise, axis=1)
     p = np.where(
-        exact[:, None], of_exact, residual / np.where(exact, 1.0, length)[:, None]
+        exact[:, None],
+        of_exact,
+        residual / np.where(exact, 1.0, length)[:, None],
     )
     p /= np.maximum(1.0, np.linalg.norm(p, axis=1))[:, None]
     image = np.vecmat(p, matrix)
@@ -267,7 +279,10 @@ def test_every_optimum_is_feasible_and_certified_by_its_dual(ratio, floor, size)
 
     norms = np.sqrt(np.vecdot(y, y) + c**2)
     np.testing.assert_allclose(
-        np.linalg.norm(s, axis=(1, 2)), norms, rtol=1e-9, atol=1e-15
+        np.linalg.norm(s, axis=(1, 2)),
+        norms,
+        rtol=1e-9,
+        atol=1e-15,
     )
     least = np.linalg.eigvalsh(s)[:, 0] - (floor - 1)
     assert least.min() > -1e-10 and np.array_equal(least < 1e-9, bound)
