@@ -37,9 +37,11 @@ def joint_realizations(joints: pd.DataFrame, process_noise: pd.DataFrame) -> Fig
     names = members(joints, "q")
     std = process_noise.groupby("t")[columns("w", names)].std()
     span = 0.54 * np.ptp(training[columns("q", names)], axis=0).max()
-    across, width = 1, style.ONE_COLUMN
+    across = 1
+    width = style.ONE_COLUMN
     if len(names) > style.BESIDE:
-        across, width = 2, style.TWO_COLUMNS
+        across = 2
+        width = style.TWO_COLUMNS
     figure, (row,) = style.joint_panels(len(names), across, (width, 1.2, 0.8))
     # pixels, because paths of a hundred overlapping lines take megabytes
     thin = {"color": style.RECORDED["color"], "linewidth": 0.4, "rasterized": True}
@@ -72,7 +74,8 @@ def joint_std(
     recordings: str,
 ) -> Figure:
     """Draw Fig. (STDq): one panel per joint, all on one scale; ``mode`` of the simulation."""
-    across, size = style.panels_across(len(joints)), (style.TWO_COLUMNS, 1.9, 0.6)
+    across = style.panels_across(len(joints))
+    size = (style.TWO_COLUMNS, 1.9, 0.6)
     lines = {"recorded": style.RECORDED | {"label": recordings}}
     lines |= style.model_lines(models)
     figure, (row,) = style.joint_panels(len(joints), across, size, sharey=True)

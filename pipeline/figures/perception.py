@@ -79,8 +79,10 @@ def _outer_sides(nodes: np.ndarray) -> np.ndarray:
     """Return unit vectors (4, 2) at the ``nodes`` (4, 2) away from their neighbours, up at a
     straight joint.
     """
-    before, after = np.roll(nodes, 1, axis=0), np.roll(nodes, -1, axis=0)
-    before[0], after[-1] = nodes[1], nodes[-2]
+    before = np.roll(nodes, 1, axis=0)
+    after = np.roll(nodes, -1, axis=0)
+    before[0] = nodes[1]
+    after[-1] = nodes[-2]
     outer = 2 * nodes - before - after
     outer[~outer.any(axis=1)] = (0.0, 1.0)
     return outer / np.linalg.norm(outer, axis=1, keepdims=True)
@@ -131,7 +133,8 @@ def filter_errors(
         take = rows[rows["take"] == shown].set_index("t")
         further = rows[rows["take"] != shown]
         for joint, axes in zip(joints, row, strict=True):
-            error, std = column("e", joint), take[column("s", joint)]
+            error = column("e", joint)
+            std = take[column("s", joint)]
             rms = np.sqrt(mean[error].agg(lambda errors: np.mean(errors**2)))
             axes.plot(take[error], **blue)
             for sign in (1, -1):

@@ -15,11 +15,19 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.legend import Legend
 
-ONE_COLUMN, TWO_COLUMNS = 3.5, 7.16  # in
+# in
+ONE_COLUMN = 3.5
+TWO_COLUMNS = 7.16
 PNG_RESOLUTION = 200  # dots per inch
 
-BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
-BLUE, VERMILLION, PURPLE, GREY = "#0072B2", "#D55E00", "#CC79A7", "#999999"
+BLACK = "#000000"
+ORANGE = "#E69F00"
+SKY = "#56B4E9"
+GREEN = "#009E73"
+BLUE = "#0072B2"
+VERMILLION = "#D55E00"
+PURPLE = "#CC79A7"
+GREY = "#999999"
 LIGHT_GREY = "#CCCCCC"
 
 # the label says if recorded or simulated
@@ -151,7 +159,8 @@ def model_panels(
     quantity: str,
 ) -> tuple[Figure, np.ndarray]:
     """Return a figure over time and its axes (models, joints) on one scale, a group per model."""
-    across, size = panels_across(len(joints)), (TWO_COLUMNS, 1.25, 0.55)
+    across = panels_across(len(joints))
+    size = (TWO_COLUMNS, 1.25, 0.55)
     figure, grid = joint_panels(
         len(joints),
         across,

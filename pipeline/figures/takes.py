@@ -57,7 +57,8 @@ def looks_of_takes(take_paths: pd.DataFrame) -> dict[str, dict]:
             label = style.plain_label(f"left out: {row.take} ({row.reason})")
             look = {"color": LEFT_OUT[place], "linewidth": 0.9, "zorder": 3}
         else:
-            label, look = f"{further} more, left out", FURTHER
+            label = f"{further} more, left out"
+            look = FURTHER
         looks[row.take] = look | {"label": label}
     return looks
 

@@ -72,7 +72,8 @@ def cable_robot() -> Figure:
             STATES,
             strict=True,
         ):
-            along, color = unit_vector(np.radians(degrees)), line["color"]
+            along = unit_vector(np.radians(degrees))
+            color = line["color"]
             tip = point + tension * along
             axes.plot(*np.column_stack([point, tip]), **line)
             style.arrow(axes, tip, tip + 0.12 * along, color)

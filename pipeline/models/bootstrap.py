@@ -61,7 +61,8 @@ def spreads(
     quantile = float(stdtrit(takes - 1, TAILS[1]))
     by_name = {}
     for name, error in _common_estimates(replicates).std(ddof=1).items():
-        half, middle = quantile * float(error), estimates[name]
+        half = quantile * float(error)
+        middle = estimates[name]
         by_name[name] = Spread(float(error), middle - half, middle + half)
     return by_name
 

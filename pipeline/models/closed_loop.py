@@ -39,7 +39,8 @@ from pipeline.models.model import (
 from pipeline.models.steps import Estimate, Options, Recorded
 
 # subfolder with the closed loop's parameters, and the key of κ in its parameters.json
-FOLDER, SHARE = "closed", "closed_loop_share"
+FOLDER = "closed"
+SHARE = "closed_loop_share"
 GRID = np.linspace(0.0, 1.0, 9)  # candidate κ for the start of the search
 DIFFERENCE = 1e-3  # step in κ for numerical derivatives of the likelihood
 PERTURBATION = 1e-6  # rad, step for numerical derivatives of a model's mean
@@ -87,12 +88,15 @@ def closed_loop_steps(recorded: Recorded, path: MeanPath, share: float) -> Recor
     correction of the take's measured deviation, and is zero at rest. Σ_m is the covariance of
     n_{k+1} − (I − κJ⁺J)n_k, averaged over the ``path``. ModelDomainError if Σ_m is unknown.
     """
-    chain, q, pose = recorded.chain, recorded.q, recorded.measurement / 2
+    chain = recorded.chain
+    q = recorded.q
+    pose = recorded.measurement / 2
     chain.require_regular(q, what="measured pose")
     v = path.corrected_commands(q, share)
     noise = recorded.q_next - q - chain.nominal_step(q, v)
     v[:, ~np.any(recorded.v, axis=-1)] = 0.0
-    n, poses = q.shape[-1], path.poses[:-1]
+    n = q.shape[-1]
+    poses = path.poses[:-1]
     if len(chain.task) == n:
         measurement = (1 + (1 - share) ** 2) * pose
     else:
@@ -176,14 +180,16 @@ def fit_closed_loop(
     Raises ModelDomainError for a single take, unknown measurement noise or a model without a
     covariance, SolverError if κ does not converge, and the errors of the estimator.
     """
-    poses, path = recorded.poses, mean_path(recorded)
+    poses = recorded.poses
+    path = mean_path(recorded)
     if len(poses) < 2:
         raise ModelDomainError(
             "the mean path of a closed loop needs two takes",
             takes=len(poses),
         )
     deviation = poses - path.poses
-    share, estimate = 0.5, open_estimate
+    share = 0.5
+    estimate = open_estimate
     for _ in range(ROUNDS):
         previous = share
         space = state_space(estimate.model, recorded, path, share)
@@ -209,15 +215,19 @@ def state_space(
     """Return the law of deviations from ``path`` under ``model``; the noise covariance is taken at
     the commands of the loop with ``share`` κ. ModelDomainError without a mean or covariance.
     """
-    chain, q, v = recorded.chain, path.poses[:-1], path.v
+    chain = recorded.chain
+    q = path.poses[:-1]
+    v = path.v
     jacobian = chain.jacobian(q)
     step = np.zeros_like(v)
     drift, correction = np.empty((2, *q.shape, q.shape[-1]))
     for j, h in enumerate(PERTURBATION * np.eye(q.shape[-1])):
-        ahead, behind = model.mean(chain, q + h, v), model.mean(chain, q - h, v)
+        ahead = model.mean(chain, q + h, v)
+        behind = model.mean(chain, q - h, v)
         drift[..., j] = ahead - behind
         step[:, : len(chain.task)] = np.matvec(jacobian, h)
-        ahead, behind = model.mean(chain, q, v + step), model.mean(chain, q, v - step)
+        ahead = model.mean(chain, q, v + step)
+        behind = model.mean(chain, q, v - step)
         correction[..., j] = ahead - behind
     commands = path.corrected_commands(recorded.q, share)
     return StateSpace(
@@ -279,7 +289,8 @@ def take_log_likelihoods(
         mean, covariance = _predict(mean, covariance, transition[:, k], added[k])
         innovation = deviation[:, k + 1] - mean[..., n:]
         total = covariance[..., n:, n:] + space.measurement
-        precision, determinant = np.linalg.inv(total), np.linalg.det(total)
+        precision = np.linalg.inv(total)
+        determinant = np.linalg.det(total)
         unsound |= ~(determinant > 0)
         weighted = innovation @ precision
         log_determinant = np.log(np.where(determinant > 0, determinant, 1.0))

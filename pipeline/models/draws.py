@@ -79,7 +79,8 @@ def realize(
     realised pose. A realisation is lost at a singular pose: its later angles are NaN. Raises
     SingularJacobianError for a singular pose in the recordings.
     """
-    result, clipped = np.full_like(q, np.nan), 0
+    result = np.full_like(q, np.nan)
+    clipped = 0
     result[:, 0] = q[:, 0]
     alive = np.ones(len(q), dtype=bool)
     for k in range(len(v)):
@@ -126,7 +127,8 @@ def realize_recorded(
     """Return the moments of ``count`` realisations by :func:`realize` that start at the poses of
     the takes of ``recorded`` in turn; raises as :func:`realize` and :func:`realized_moments`.
     """
-    chain, v = recorded.chain, recorded.v
+    chain = recorded.chain
+    v = recorded.v
     poses = recorded.poses
     starts = np.resize(poses, (count, *poses.shape[1:]))
     realized, clipped, lost = realize(model, chain, starts, v, mode, rng)

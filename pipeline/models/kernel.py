@@ -57,7 +57,8 @@ def move(law, arm, block, command, target, share, q, moved, rng) -> int:
     m = len(arm.rows)
     poses = q.shape[1]
     size = block.shape[1]
-    rows, clipped = rows_of(n, m), 0
+    rows = rows_of(n, m)
+    clipped = 0
     for start in range(0, poses, size):
         count = min(size, poses - start)
         for first in range(0, count, DRAWN):
@@ -99,7 +100,8 @@ def move(law, arm, block, command, target, share, q, moved, rng) -> int:
             _inverse_square(block, rows, m, count)
         clipped += _add_normal(law, block, rows, n, m, count)
         for j in range(n):
-            before, after = q[j, start : start + count], moved[j, start : start + count]
+            before = q[j, start : start + count]
+            after = moved[j, start : start + count]
             step = rows.joints + j
             for i in range(count):
                 after[i] = before[i] + block[step, i]
@@ -111,7 +113,9 @@ def _to_joints(kind, block, rows, n, m, command, count):
     """Write joint steps J⁺x + (I − J⁺J)w for the task step x and the commanded joint step w. With
     QR of Jᵀ the task rows already contain L⁻¹x.
     """
-    lower, reciprocal, task = rows.lower, rows.inverse, rows.task
+    lower = rows.lower
+    reciprocal = rows.inverse
+    task = rows.task
     if kind != laws.QR_TRANSPOSED_LAW:
         inverse.solve_lower(block, lower, reciprocal, m, task, count)
     commanded = len(command) > m
@@ -146,7 +150,9 @@ def _add_normal(law, block, rows, n, m, count):
     """Add the noise of the normal models to the joint steps; the Gaussian model reads ‖J⁺‖² from
     row ``spare``. Return the number of poses with a covariance clipped at zero.
     """
-    joints, normal, spare = rows.joints, rows.normal, rows.spare
+    joints = rows.joints
+    normal = rows.normal
+    spare = rows.spare
     if law.kind == laws.ADDITIVE_LAW:
         for j in range(n):
             add_combination(block, joints + j, law.parameters, j * n, normal, n, count)
@@ -184,7 +190,9 @@ def act(d, block, rows, m, count):
     """Replace the task rows a by B⁻¹a = z(a + rR[0, T]ᵀ), zero for a = 0. R is, up to its sign, the
     Householder reflection of the first axis to a/r.
     """
-    first, normal, chi_square = rows.task, rows.normal, rows.chi_square
+    first = rows.task
+    normal = rows.normal
+    chi_square = rows.chi_square
     stretch = rows.spare
     r = stretch + 1
     along = stretch + 2
@@ -192,7 +200,8 @@ def act(d, block, rows, m, count):
         share = 1.0 / (d - 1.0)
         second = normal + 1
         for i in range(count):
-            x, y = block[normal, i], block[second, i]
+            x = block[normal, i]
+            y = block[second, i]
             square = x * x + y * y
             block[stretch, i] = np.sqrt(expm1(square * share) / square)
     elif m > 1:
@@ -222,7 +231,8 @@ def act(d, block, rows, m, count):
 @inner
 def _multiply_back(block, rows, n, m, count):
     """Replace task rows by PᵀL times them, with the scratch rows of :func:`_eliminate`."""
-    task, lower = rows.task, rows.spare + 4
+    task = rows.task
+    lower = rows.spare + 4
     for k in range(m - 1, 0, -1):
         add_dot(block, task + k, 1.0, lower + k * n, task, k, count)
     flag = lower + m * n + m * (m - 1) // 2
@@ -236,7 +246,8 @@ def _multiply_back(block, rows, n, m, count):
 def _exchange(block, x, y, flag, count):
     """Exchange rows ``x`` and ``y`` at poses where row ``flag`` is not zero."""
     for i in range(count):
-        above, below = block[x, i], block[y, i]
+        above = block[x, i]
+        below = block[y, i]
         exchanged = block[flag, i] != 0.0
         block[x, i] = below if exchanged else above
         block[y, i] = above if exchanged else below
@@ -247,7 +258,8 @@ def _eliminate(block, rows, n, m, count):
     """Replace task rows v by L⁻¹Pv of PJ = LU with partial pivoting. Scratch rows contain the
     multipliers, below the diagonal of a copy of J, then one flag for each exchange.
     """
-    task, lower = rows.task, rows.spare + 4
+    task = rows.task
+    lower = rows.spare + 4
     flag = lower + m * n
     for k in range(m * n):
         copy(block, lower + k, rows.jacobian + k, count)
@@ -268,5 +280,6 @@ def _eliminate(block, rows, n, m, count):
                 block[multiple, i] /= block[pivot, i]
             add_product(block, task + below, -1.0, multiple, task + k, count)
             for j in range(k + 1, m):
-                under, above = lower + below * n + j, lower + k * n + j
+                under = lower + below * n + j
+                above = lower + k * n + j
                 add_product(block, under, -1.0, multiple, above, count)

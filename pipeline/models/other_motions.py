@@ -77,9 +77,11 @@ def matrix_scores(
             scored = recorded_motions(chain, [motion], joints, pose_noise, least=1)
             steps = chain, scored.q, scored.v, scored.q_next
             log_density = model.log_density(*steps, fitted.measurement)
-            score, reason = float(log_density.mean()), ""
+            score = float(log_density.mean())
+            reason = ""
         except PipelineError as error:
-            score, reason = np.nan, error.message
+            score = np.nan
+            reason = error.message
         rows.append((name, motion.name, score, reason))
     table = pd.DataFrame(rows, columns=["model", "motion", "score", "reason"])
     return table.astype({"score": float})  # also without rows

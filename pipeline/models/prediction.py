@@ -28,7 +28,8 @@ def score_take(
     ``models`` are fitted to the other takes of ``recorded``; a failed fit has no scores.
     """
     name, number = trial
-    model, (take, poses) = models[name], takes[number]
+    model = models[name]
+    take, poses = takes[number]
     if isinstance(model, Options):
         recorded = recorded.subset(np.delete(np.arange(len(recorded.q)), number))
         try:
@@ -55,7 +56,9 @@ def score_steps(
     ``log_density`` (M,) in ln rad⁻ⁿ; the error ``z`` (M, n) in predicted standard deviations and
     its ``nees`` (M,), NaN for a model without a covariance. Raises SingularJacobianError.
     """
-    chain, v, measurement = recorded.chain, recorded.v, recorded.measurement
+    chain = recorded.chain
+    v = recorded.v
+    measurement = recorded.measurement
     q = poses[:-1]
     q_next = poses[1:]
     reasons = {}
@@ -123,7 +126,9 @@ def modelled_noise(model: MotionModel, recorded: Recorded) -> ModelledNoise:
     variance; raises as :func:`pipeline.models.steps.at_recorded_level`.
     """
     model = at_recorded_level(model, recorded)
-    chain, q, v = recorded.chain, recorded.q, recorded.v
+    chain = recorded.chain
+    q = recorded.q
+    v = recorded.v
     variances = np.diagonal(model.covariance(chain, q, v), axis1=-2, axis2=-1)
     return ModelledNoise(
         motion=variances.mean(axis=0),

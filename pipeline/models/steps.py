@@ -160,7 +160,9 @@ def moving_steps(recorded: Recorded) -> tuple[ndarray, ndarray, ndarray]:
     """Poses (N, n), commands (N, m) or (N, m + n) and ω (N, n) of the steps with a command; raises
     ModelDomainError for a motion at rest at every step.
     """
-    q, v, noise = recorded.q, recorded.v, recorded.noise
+    q = recorded.q
+    v = recorded.v
+    noise = recorded.noise
     commanded = np.broadcast_to(v, (*q.shape[:-1], v.shape[-1]))
     moving = np.any(commanded, axis=-1)
     if not np.any(moving):

@@ -34,7 +34,9 @@ def _gamma(rng, scale, slope):
         v = 1.0 + slope * x
         if v <= 0.0:
             continue
-        v, square, u = v * v * v, x * x, rng.random()
+        v = v * v * v
+        square = x * x
+        u = rng.random()
         if u < 1.0 - 0.0331 * square * square or np.log(u) < 0.5 * square + scale * (
             1.0 - v + np.log(v)
         ):

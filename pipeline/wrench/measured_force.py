@@ -25,7 +25,8 @@ GRID_REACH = 4.0  # extent of the grid beyond the means, in standard deviations 
 DRAWS = 10  # model samples for every tested sample, which add a tenth to the sampling variance
 # nats by which a force record may miss its own configuration, and share at which another is nearer:
 # records of the laboratory miss theirs by up to 0.1 and the others by 1 to 6
-MISSED, NEARER = 0.5, 0.5
+MISSED = 0.5
+NEARER = 0.5
 # standard deviations of the nominal law by which a mean force may be off the desired force: up to
 # 0.1 in the laboratory, 0.7 in 10 s of a record; 1.2 or more for exchanged axes or a loaded tare
 MOST_OFF = 1.0
@@ -138,7 +139,8 @@ def _off(name: str, measured: NormalLaw, law: NormalLaw) -> tuple[str, str] | No
 
 
 def _means(name: str, measured: NormalLaw, law: NormalLaw) -> str:
-    mean, desired = measured.mean.round(2).tolist(), law.mean.round(2).tolist()
+    mean = measured.mean.round(2).tolist()
+    desired = law.mean.round(2).tolist()
     return f"the mean force of {name} is {mean} N, desired {desired}"
 
 
@@ -167,7 +169,8 @@ def common_grid(samples: Sequence[ndarray], points: int) -> ndarray:
     centres = np.array([sample.mean(axis=0) for sample in samples])
     deviations = np.array([sample.std(axis=0) for sample in samples])
     reach = GRID_REACH * deviations.max(axis=0)
-    first, last = centres.min(axis=0) - reach, centres.max(axis=0) + reach
+    first = centres.min(axis=0) - reach
+    last = centres.max(axis=0) + reach
     return np.linspace(first, last, points)
 
 

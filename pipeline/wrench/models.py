@@ -282,7 +282,8 @@ class MatrixModel:
         """Return the factor of Σ_S in Cov(W), tr{(Σ_T + T̲T̲ᵀ)Ψ_S} = E[TᵀΨ_ST] in N² (...), by
         Theorem 5, Eq. (TorqCovRHS1) and E[TTᵀ] = Σ_T + T̲T̲ᵀ of Eq. (MeanOfDynParTrns).
         """
-        mean, psi = self.actuation, self.psi
+        mean = self.actuation
+        psi = self.psi
         of_noise = np.einsum("...ij,...ji->...", self.actuation_cov, psi)
         return of_noise + np.einsum("...i,...ij,...j->...", mean, psi, mean)
 

@@ -111,7 +111,8 @@ def _tension_share(bounds: models.Bounds, agents: int) -> float:
     """Return h = E[ΣT̲ᵢ²/D] of :func:`expected_unbounded_sigma_s` by quadrature over r = s·E[D]."""
     from scipy.integrate import quad
 
-    tensions, deviations = bounds.tension, bounds.tension_sd
+    tensions = bounds.tension
+    deviations = bounds.tension_sd
     squares = [float(_uniform_mean(np.square, b)) for b in (tensions, deviations)]
     scale = agents * sum(squares)
 
@@ -228,7 +229,9 @@ def run_study(
     """
     repeats = list(enumerate(rng.spawn(options.repeats)))
     trial = partial(_repeat, options)
-    sigma_rows, errors, spread = [], [], []
+    sigma_rows = []
+    errors = []
+    spread = []
     for of_repeat in run(trial, repeats):
         sigma_rows += of_repeat.sigma_s
         errors += of_repeat.errors

@@ -66,7 +66,8 @@ def shrunk_covariance(noise: ndarray) -> tuple[ndarray, float]:
     ModelDomainError for a single take.
     """
     mean, _ = takes_moments(noise)
-    takes, centred = len(noise), noise - mean
+    takes = len(noise)
+    centred = noise - mean
     products = np.einsum("tki,tkj->tij", centred, centred)
     by_take = products * takes / ((takes - 1) * noise.shape[1])
     pooled = by_take.mean(axis=0)

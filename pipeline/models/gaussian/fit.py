@@ -33,10 +33,8 @@ BOUND = 1.1  # u of :func:`truths` divided by the greatest norm ‖J⁺‖
 ALPHA_RANGE = 30.0
 TOLERANCE = 1e-4  # of ln α
 # half width and points of the grid of ln α for a take's likelihood
-REACH, NODES = (
-    0.4,
-    9,
-)
+REACH = 0.4
+NODES = 9
 RMS_NORM = "rms_norm_of_the_inverse_jacobian"
 Estimator = Literal["moments", "paper", "likelihood"]
 # ũ (G,) → least objectives, their α
@@ -241,7 +239,8 @@ def _search(best: Best, extensions: ndarray, largest: float) -> GaussianFit:
     objectives, alphas = best(extensions)
     i = int(objectives.argmin())
     last = len(extensions) - 1
-    extension, alpha = float(extensions[i]), float(alphas[i])
+    extension = float(extensions[i])
+    alpha = float(alphas[i])
     objective = float(objectives[i])
     if 0 < i < last:
         refined = minimize_scalar(
@@ -252,7 +251,8 @@ def _search(best: Best, extensions: ndarray, largest: float) -> GaussianFit:
         if refined.fun < objective:
             extension = float(refined.x)
             least, alpha_at_least = best(np.array([extension]))
-            objective, alpha = float(least[0]), float(alpha_at_least[0])
+            objective = float(least[0])
+            alpha = float(alpha_at_least[0])
     return GaussianFit(
         alpha=alpha,
         u=largest + extension,
@@ -282,15 +282,18 @@ def fit_moments(
     largest = float(np.sqrt((norms**2)[speeds > 0].max()))
 
     def of_takes(takes: ndarray) -> GaussianFit:
-        speed, weighed = speeds[takes].mean(axis=0), every[takes].mean(axis=0)
+        speed = speeds[takes].mean(axis=0)
+        weighed = every[takes].mean(axis=0)
         traces, measured = variances(takes)
         traces = traces - measured
 
         def best(extensions: ndarray) -> tuple[ndarray, ndarray]:
-            gain = (largest + extensions[:, None]) ** 2 * speed - weighed
-            squared = traces.mean() / gain.mean(axis=1)
-            error = squared[:, None] * gain - traces
-            return np.vecdot(error, error), np.sqrt(squared)
+            u = largest + extensions[:, None]
+            gain = u**2 * speed - weighed
+            alpha_squared = traces.mean() / gain.mean(axis=1)
+            error = alpha_squared[:, None] * gain - traces
+            objective = np.vecdot(error, error)
+            return objective, np.sqrt(alpha_squared)
 
         return _search(best, largest * EXTENSIONS, largest)
 
@@ -315,16 +318,19 @@ def fit_distance(
     with the weights g_k.
     """
     mean, covariance = moments
-    moving, largest = speeds > 0, float(norms.max())
+    moving = speeds > 0
+    largest = float(norms.max())
     traces = np.trace(covariance, axis1=-2, axis2=-1)
     constant = beta1 * np.linalg.norm(mean, axis=-1).sum()
 
     def best(extensions: ndarray) -> tuple[ndarray, ndarray]:
         u = largest + extensions[:, None]
         gain = (u**2 - norms**2) * speeds**2 / rows
-        squared = _weighted_medians(traces[moving] / gain[:, moving], gain[:, moving])
+        weights = gain[:, moving]
+        squared = _weighted_medians(traces[moving] / weights, weights)
         distance = np.abs(squared * gain - traces).sum(axis=1)
-        return constant + (1 - beta1) * distance, np.sqrt(squared[:, 0])
+        objective = constant + (1 - beta1) * distance
+        return objective, np.sqrt(squared[:, 0])
 
     return _search(best, extensions, largest)
 
@@ -332,9 +338,12 @@ def fit_distance(
 def _weighted_medians(values: ndarray, weights: ndarray) -> ndarray:
     """(G, 1) medians of the rows of ``values`` (G, M) with ``weights`` (G, M)."""
     order = np.argsort(values, axis=1, kind="stable")
-    below = np.cumsum(np.take_along_axis(weights, order, 1), axis=1)
-    place = (below < below[:, -1:] / 2).sum(axis=1, keepdims=True)
-    return np.take_along_axis(values, np.take_along_axis(order, place, 1), 1)
+    sorted_weights = np.take_along_axis(weights, order, 1)
+    below = np.cumsum(sorted_weights, axis=1)
+    half = below[:, -1:] / 2
+    place = (below < half).sum(axis=1, keepdims=True)
+    middle = np.take_along_axis(order, place, 1)
+    return np.take_along_axis(values, middle, 1)
 
 
 def fit_likelihood(
@@ -437,5 +446,8 @@ def _vertex(x: ndarray, y: ndarray) -> tuple[float, float]:
     if i in (0, len(y) - 1):
         return np.nan, float(y[i])
     near = slice(i - 1, i + 2)
-    a, b, c = np.polyfit(x[near] - x[i], y[near], 2)
-    return float(x[i] - b / (2 * a)), float(c - b**2 / (4 * a))
+    offsets = x[near] - x[i]
+    a, b, c = np.polyfit(offsets, y[near], 2)
+    place = x[i] - b / (2 * a)
+    least = c - b**2 / (4 * a)
+    return float(place), float(least)

@@ -26,7 +26,8 @@ def estimate(recorded: Recorded, options: Options) -> Estimate:
     joints = range(recorded.noise.shape[-1])
     fits = []
     for j in joints:
-        noise, steps_of_joint = recorded.noise[..., j], steps[..., j]
+        noise = recorded.noise[..., j]
+        steps_of_joint = steps[..., j]
         fits.append(greatest_likelihood(noise, steps_of_joint, measured[j]))
     rest, growth = np.transpose(fits)
     estimates = {f"rest_variance_{j + 1}_rad2": rest[j] for j in joints}
@@ -49,12 +50,14 @@ def greatest_likelihood(
     """
     from scipy.optimize import minimize
 
-    squares, speeds = np.ravel(noise**2), np.ravel(steps**2)
+    squares = np.ravel(noise**2)
+    speeds = np.ravel(steps**2)
     unit = squares.mean()
     if not unit > 0:
         return 0.0, 0.0
     scale = max(speeds.mean(), np.finfo(float).tiny)
-    squares, speeds = squares / unit, speeds / scale
+    squares = squares / unit
+    speeds = speeds / scale
 
     def loss(parameters: ndarray) -> tuple[float, ndarray]:
         variances = parameters[0] + parameters[1] * speeds

@@ -119,8 +119,10 @@ def _eliminate(rows: ndarray) -> None:
             upper = np.where(swap, rows[i], rows[k])
             lower = np.where(swap, rows[k], rows[i])
             rows[k], rows[i] = upper, lower
-        rows[k + 1 :] -= (rows[k + 1 :, k] / rows[k, k])[:, None] * rows[k]
-        rows[k + 1 :, k] = 0.0  # exactly
+        below = rows[k + 1 :]
+        multipliers = below[:, k] / rows[k, k]
+        below -= multipliers[:, None] * rows[k]
+        below[:, k] = 0.0  # exactly
 
 
 def orthonormalize(rows: ndarray, n: int) -> ndarray:
@@ -129,10 +131,12 @@ def orthonormalize(rows: ndarray, n: int) -> ndarray:
     """
     log_determinant = np.zeros(rows.shape[2:])
     for k in range(len(rows)):
-        length = np.sqrt((rows[k, :n] ** 2).sum(axis=0))
-        rows[k] /= length
-        along = (rows[k + 1 :, :n] * rows[k, :n]).sum(axis=1)
-        rows[k + 1 :] -= along[:, None] * rows[k]
+        row = rows[k]
+        below = rows[k + 1 :]
+        length = np.sqrt((row[:n] ** 2).sum(axis=0))
+        row /= length
+        along = (below[:, :n] * row[:n]).sum(axis=1)
+        below -= along[:, None] * row
         log_determinant += np.log(length)
     return log_determinant
 
@@ -142,10 +146,11 @@ def frames(a: ndarray) -> ndarray:
     Householder's reflection times −sign(a₁).
     """
     r = np.sqrt(np.vecdot(a, a))
-    sign = np.where(a[..., 0] < 0, -1.0, 1.0)
+    first = a[..., 0]
+    sign = np.where(first < 0, -1.0, 1.0)
     mirror = a.copy()
     mirror[..., 0] += sign * r
-    reach = (r * (r + np.abs(a[..., 0])))[..., None, None]
+    half_square = r * (r + np.abs(first))
     outer = mirror[..., :, None] * mirror[..., None, :]
-    reflection = np.eye(a.shape[-1]) - outer / reach
+    reflection = np.eye(a.shape[-1]) - outer / half_square[..., None, None]
     return -sign[..., None, None] * reflection

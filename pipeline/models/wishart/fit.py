@@ -50,7 +50,9 @@ TOLERANCE = 1e-3  # of ln α₂/α₁ at which σ̂_B equals the moment estimate
 SIGMA_B_RANGE = (0.01, 2.0)
 MARGIN = 1e-4  # in ln σ_B, distance of the search from the limit of the density
 COARSE = 0.05  # of ln σ_B, tolerance of the search before the spline
-REACH, NODES = 0.4, 9  # half width in ln σ_B and nodes of the spline; error below 1e-4
+# half width in ln σ_B and nodes of the spline; error below 1e-4
+REACH = 0.4
+NODES = 9
 RATIO = "weights_ratio_alpha2_over_alpha1_rad"
 Estimator = Literal["moments", "paper", "likelihood"]
 
@@ -126,7 +128,8 @@ def truths(
     decomposition = _decomposition(options, recorded)
     parameter_sets = []
     for sigma_b in dispersions:
-        parameters, values = _parameters(sigma_b, decomposition), {"sigma_b": sigma_b}
+        parameters = _parameters(sigma_b, decomposition)
+        values = {"sigma_b": sigma_b}
         parameter_sets.append(Truth(f"wishart {sigma_b:g}", parameters, values))
     return parameter_sets
 
@@ -143,7 +146,8 @@ def diagnose(
     first has σ̂_B of (BsampOpt) over α₂/α₁, for the recorded takes and for as many takes drawn from
     the model of ``estimate``; the second over ε of B⁻¹ ⪰ εI and α₂/α₁, for the recorded takes.
     """
-    decomposition, floor = _decomposition(options, recorded), options.floor
+    decomposition = _decomposition(options, recorded)
+    floor = options.floor
     metrics: dict[str, float] = {}
     try:
         fit = fit_paper(recorded, decomposition, floor)
@@ -229,7 +233,8 @@ def _drawn_takes(model: WishartModel, recorded: Recorded, rng: Generator) -> Rec
     """Steps of ``model`` from the recorded poses and commands, with measurement noise."""
     from pipeline.models.draws import draw_steps  # here: it loads numba
 
-    q, v = recorded.q, recorded.v
+    q = recorded.q
+    v = recorded.v
     drawn, _ = draw_steps(model, recorded.chain, q, v, rng)
     zero = np.zeros(q.shape[-1])
     measured = rng.multivariate_normal(zero, recorded.measurement, q.shape[:-1])
@@ -369,7 +374,8 @@ def _rest_noise(recorded: Recorded) -> float:
     """Return the root mean square of ‖ω‖ in rad at rest, or of the known measurement noise if the
     motion never rests; 0 without either.
     """
-    noise, measurement = recorded.noise, recorded.known_measurement
+    noise = recorded.noise
+    measurement = recorded.known_measurement
     still = np.broadcast_to(~np.any(recorded.v, axis=-1), noise.shape[:-1])
     variance = 0.0
     if still.any():
@@ -398,7 +404,8 @@ def fit_likelihood(recorded: Recorded, decomposition: Decomposition) -> Estimate
         return density.reshape(takes, -1).sum(axis=1)
 
     widest = min(largest_dispersion(m), SIGMA_B_RANGE[1])
-    low, high = np.log(SIGMA_B_RANGE[0]), np.log(widest) - MARGIN
+    low = np.log(SIGMA_B_RANGE[0])
+    high = np.log(widest) - MARGIN
     search = {"bounds": (low, high), "method": "bounded", "options": {"xatol": COARSE}}
     coarse = minimize_scalar(lambda x: -by_take(x).sum(), **search).x
     nodes = np.linspace(max(low, coarse - REACH), min(high, coarse + REACH), NODES)
@@ -427,7 +434,8 @@ def _blurred_steps(
     """Return the steps with a command without their part in the null space of J, a, J₂⁺ and Σ_m;
     raises ModelDomainError for a singular Σ_m.
     """
-    chain, measurement = recorded.chain, recorded.measurement
+    chain = recorded.chain
+    measurement = recorded.measurement
     q, v, noise = moving_steps(recorded)
     q_next = q + chain.nominal_step(q, v) + noise
     step = q_next - q - chain.null_step(q, v)

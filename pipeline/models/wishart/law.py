@@ -105,11 +105,14 @@ class WishartModel(MotionModel):
         z = d / rng.chisquare(d - m + 1, batch)
         t = rng.standard_normal((*batch, m - 1))
         t /= np.sqrt(rng.chisquare(d - m + 2, (*batch, 1)))
+
         r = np.sqrt(np.vecdot(a, a))
-        axes = frames(np.where(r[..., None] > 0, a, np.eye(m)[0]))
-        along_and_across = axes[..., 0] + np.matvec(axes[..., 1:], t)
-        drawn = (r * z)[..., None] * along_and_across
-        return q + chain.null_step(q, v) + np.matvec(back, drawn)
+        moving = r[..., None] > 0
+        axes = frames(np.where(moving, a, np.eye(m)[0]))
+        direction = axes[..., 0] + np.matvec(axes[..., 1:], t)
+        length = r * z
+        action = length[..., None] * direction
+        return q + chain.null_step(q, v) + np.matvec(back, action)
 
     def log_density(
         self,
@@ -166,17 +169,25 @@ def action_log_density(w: ndarray, a: ndarray, d: float) -> ndarray:
     """(...,) log density of B⁻¹a at ``w`` (..., m), ``a`` (..., m) not zero; −inf for wᵀa ≤ 0."""
     m = a.shape[-1]
     r = np.sqrt(np.vecdot(a, a))
-    e, u = a / r[..., None], w / r[..., None]
+    e = a / r[..., None]
+    u = w / r[..., None]
     along = np.vecdot(e, u)
     z = np.where(along > 0, along, 1.0)
-    t = (u - along[..., None] * e) / z[..., None]
+    log_z = np.log(z)
+    across = u - along[..., None] * e
+    t = across / z[..., None]
+
+    # ln p_z, inverse-gamma
     shape = (d - m + 1) / 2
-    z_constant = shape * np.log(d / 2) - lgamma(shape)
-    z_term = z_constant - (shape + 1) * np.log(z) - d / (2 * z)
-    t_constant = lgamma((d + 1) / 2) - lgamma((d - m + 2) / 2)
-    t_constant -= (m - 1) / 2 * np.log(np.pi)
-    t_term = t_constant - (d + 1) / 2 * np.log1p(np.vecdot(t, t))
-    density = z_term + t_term - m * np.log(r) - (m - 1) * np.log(z)
+    constant = shape * np.log(d / 2) - lgamma(shape)
+    z_density = constant - (shape + 1) * log_z - d / (2 * z)
+    # ln p_T
+    constant = lgamma((d + 1) / 2) - lgamma((d - m + 2) / 2)
+    constant -= (m - 1) / 2 * np.log(np.pi)
+    square = np.vecdot(t, t)
+    t_density = constant - (d + 1) / 2 * np.log1p(square)
+
+    density = z_density + t_density - m * np.log(r) - (m - 1) * log_z
     return np.where(along > 0, density, -np.inf)
 
 
@@ -187,10 +198,12 @@ def step_covariance(a: ndarray, back: ndarray, sigma_b: float) -> ndarray:
     m = a.shape[-1]
     variance, across = step_variances(_degrees_with_moments(sigma_b, 2, m), m)
     mean = np.matvec(back, a)
-    size = across * np.vecdot(a, a)[..., None, None]
+    square = np.vecdot(a, a)
+    size = across * square[..., None, None]
     along = (variance - across) * mean[..., :, None] * mean[..., None, :]
     # einsum: matmul takes three times as long for small matrices
-    return size * np.einsum("...ij,...kj->...ik", back, back) + along
+    outer = np.einsum("...ij,...kj->...ik", back, back)
+    return size * outer + along
 
 
 def _degrees_with_moments(sigma_b: float, moments: int, m: int) -> float:
@@ -205,8 +218,10 @@ def _degrees_with_moments(sigma_b: float, moments: int, m: int) -> float:
 
 def step_variances(d: float, m: int) -> tuple[float, float]:
     """Var z and c = E z²/(d − m), the variances of B⁻¹a along and across a unit a, B (m, m)."""
-    square = d**2 / ((d - m - 1) * (d - m - 3))
-    return 2 * d**2 / ((d - m - 1) ** 2 * (d - m - 3)), square / (d - m)
+    mean_square = d**2 / ((d - m - 1) * (d - m - 3))
+    along = 2 * d**2 / ((d - m - 1) ** 2 * (d - m - 3))
+    across = mean_square / (d - m)
+    return along, across
 
 
 def step_squares(a: ndarray, back: ndarray) -> tuple[ndarray, ndarray]:
@@ -229,7 +244,8 @@ def dispersion_of_trace(every: float, nominal: float, trace: float, m: int) -> f
 
     def excess(x: float) -> float:
         along, across = step_variances(m + 3 + np.exp(x), m)
-        return float(np.log((across * every + (along - across) * nominal) / trace))
+        modelled = across * every + (along - across) * nominal
+        return float(np.log(modelled / trace))
 
     low, high = LOG_EXCESS
     if not excess(low) > 0:

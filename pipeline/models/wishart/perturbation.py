@@ -85,7 +85,8 @@ def fit_perturbations(
     pull = np.vecmat(noise, matrix)
     # y = 0 at every other step
     k = np.flatnonzero(np.vecdot(pull, pull) > ratio**2 * size)
-    e, matrix = e[k], matrix[k]
+    e = e[k]
+    matrix = matrix[k]
     rest = np.zeros(len(k))
     if back.shape[1] > a.shape[1]:
         rest = _rest_across(noise[k], matrix)
@@ -167,7 +168,8 @@ def factorize(matrix: ndarray, ridge: float, factor: ndarray) -> float:
 @inner
 def _solve(factor: ndarray, case: ndarray, side: int, solution: int) -> float:
     """Write M⁻¹b, b row ``side``, M by its ``factor``, into row ``solution``; return bᵀM⁻¹b."""
-    m, square = len(factor), 0.0
+    m = len(factor)
+    square = 0.0
     for i in range(m):
         entry = case[side, i]
         for j in range(i):
@@ -195,13 +197,15 @@ def place(
     """Return c, λ(s) and ‖ω − Ay‖ at ``s`` > 0, and write y into ``case``. ``rest`` is ‖ω⊥‖²;
     ``factors`` contains the factor of ``gram`` AᵀA, and scratch.
     """
-    m, shifted = len(gram), factors[1]
+    m = len(gram)
+    shifted = factors[1]
     factorize(gram, s, shifted)
     _solve(shifted, case, PULL, Y)
     _solve(shifted, case, E, MOVED)
     for i in range(m):
         case[MOVED, i] *= s
-    x, along = _dot(case, E, case, Y), _dot(case, E, case, MOVED)
+    x = _dot(case, E, case, Y)
+    along = _dot(case, E, case, MOVED)
     # ‖d‖² − 2X(δ + c) = −bend·c² + 2·tilt·c + broken, d = y − xe, moving by g − along·e a c
     broken = -2 * delta * (delta + x)
     tilt = -delta * along - (delta + x)
@@ -217,7 +221,8 @@ def place(
         root = np.sqrt(tilt * tilt + bend * broken)
         c = (tilt + root) / bend if tilt > 0 else broken / (root - tilt)
     x += c * along
-    size, across = c * c, 0.0
+    size = c * c
+    across = 0.0
     for i in range(m):
         y = case[Y, i] = case[Y, i] + c * case[MOVED, i]
         d = y - x * case[E, i]
@@ -278,12 +283,16 @@ def _root(
 
     Illinois rule on f = ln λ(s)/λ in t = ln s: the value at an end that is kept twice is halved.
     """
-    low, high = np.log(ENDS[0] * trace), np.log(ENDS[1] * trace)
+    low = np.log(ENDS[0] * trace)
+    high = np.log(ENDS[1] * trace)
     c, weight, left = place(np.exp(low), delta, rest, gram, factors, case)
     if weight >= ratio:  # closest fit
         return c, left, True
-    t, stride = np.log(1e-2 * trace), 2.0
-    last_side, below, above = 0, 0.0, 0.0
+    t = np.log(1e-2 * trace)
+    stride = 2.0
+    last_side = 0
+    below = 0.0
+    above = 0.0
     for step in range(steps):
         c, weight, left = place(np.exp(t), delta, rest, gram, factors, case)
         # at the bound of X, λ(s) may jump from zero
@@ -292,14 +301,17 @@ def _root(
             return c, left, True
         side = 1 if f > 0 else -1
         if f > 0:
-            high, above = t, f
+            high = t
+            above = f
             below = below / 2 if last_side == side else below
         else:
-            low, below = t, f
+            low = t
+            below = f
             above = above / 2 if last_side == side else above
         last_side = side
         if not below < 0 < above:
-            t, stride = t - side * stride, 2 * stride
+            t = t - side * stride
+            stride = 2 * stride
         if below < 0 < above and step % 4 != 3:  # else a bend or a jump
             t = high - above * (high - low) / (above - below)
         elif below < 0 < above or not low < t < high:

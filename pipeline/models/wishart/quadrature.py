@@ -22,9 +22,13 @@ from pipeline.core.compiled import compiled, inner
 from pipeline.models.wishart.decomposition import frames
 
 NODES = 17  # of the rule in s and in h
-ALONG, DIRECTION = 3, 3  # terms of a step, then terms per direction
+# terms of a step, then terms per direction
+ALONG = 3
+DIRECTION = 3
 RANGE = 3.0  # of t: ± sinh 3 = ± 10 standard deviations
-ASCENTS, HALVINGS = 60, 8  # most Fisher scoring steps, most step halvings
+# most Fisher scoring steps, most step halvings
+ASCENTS = 60
+HALVINGS = 8
 SETTLED = 1e-3  # tolerance of the mode in standard deviations
 # of the first covariance added to the second, in case all mass is at one node
 LEAST_SHARE = 1e-3
@@ -61,7 +65,8 @@ def mixture(step: ndarray, a: ndarray, back: ndarray, measurement: ndarray) -> M
     lower = np.linalg.cholesky(measurement)
     white = np.linalg.inv(lower)
     terms = _terms(step @ white.T, a, white @ back)
-    normaliser = np.log(np.diag(lower)).sum() + 0.5 * len(lower) * np.log(2 * np.pi)
+    log_determinant = np.log(np.diag(lower)).sum()
+    normaliser = log_determinant + 0.5 * len(lower) * np.log(2 * np.pi)
     return Mixture(terms, a.shape[-1], normaliser)
 
 
@@ -69,7 +74,8 @@ def mixture_log_density(mixture: Mixture, d: float, nodes: int = NODES) -> ndarr
     """(N,) log density as :func:`blurred_log_density`."""
     from scipy.special import gammaln
 
-    shape, freedom = (d - mixture.m + 1) / 2, float(d - mixture.m + 2)
+    shape = (d - mixture.m + 1) / 2
+    freedom = float(d - mixture.m + 2)
     t, spacing = np.linspace(-RANGE, RANGE, nodes, retstep=True)
     rule = np.stack([np.sinh(t), spacing * np.cosh(t)])
     constant = shape * np.log(d / 2) - gammaln(shape)
@@ -87,8 +93,10 @@ def _terms(y: ndarray, a: ndarray, back: ndarray) -> ndarray:
     across = r * (back @ frames(a)[..., 1:])  # M
     left, singular, _ = np.linalg.svd(across, full_matrices=False)
     b = np.matvec(back, a)
-    c, k = np.vecmat(y, left), np.vecmat(b, left)
-    y, b = y - np.matvec(left, c), b - np.matvec(left, k)
+    c = np.vecmat(y, left)
+    k = np.vecmat(b, left)
+    y = y - np.matvec(left, c)
+    b = b - np.matvec(left, k)
 
     precision = np.vecdot(b, b)
     z0 = np.vecdot(y, b) / precision
@@ -125,10 +133,13 @@ def _mode(
 ) -> tuple[float, float, float, float, float]:
     """Mode (s, h) by Fisher scoring with step halving, and the covariance (ss, sh, hh) there."""
     # start: z of the step without measurement noise, at least 0.1
-    (shape, freedom), s, h = law, np.log(max(case[0], 0.1)), np.log(d)
+    shape, freedom = law
+    s = np.log(max(case[0], 0.1))
+    h = np.log(d)
     ss = sh = hh = 0.0
     for _ in range(ASCENTS):
-        z, g = np.exp(s), np.exp(h)
+        z = np.exp(s)
+        g = np.exp(h)
         spread = z * z / g
         squared = case[1] * z * z
         of_s = -shape + d / 2 / z + case[1] * (case[0] - z) * z
@@ -150,17 +161,21 @@ def _mode(
             hh += share * share / 2
         determinant = ss * hh - sh * sh
         ss, sh, hh = hh / determinant, -sh / determinant, ss / determinant
-        step_s, step_h = ss * of_s + sh * of_h, sh * of_s + hh * of_h
+        step_s = ss * of_s + sh * of_h
+        step_h = sh * of_s + hh * of_h
         if step_s * of_s + step_h * of_h < SETTLED**2:
             break
         longest = max(abs(step_s), abs(step_h), 1.0)  # at most a factor e per step
-        step_s, step_h = step_s / longest, step_h / longest
+        step_s = step_s / longest
+        step_h = step_h / longest
         value = _log_integrand(case, d, law, s, h)
         for _ in range(HALVINGS):
             if _log_integrand(case, d, law, s + step_s, h + step_h) >= value:
-                s, h = s + step_s, h + step_h
+                s = s + step_s
+                h = h + step_h
                 break
-            step_s, step_h = step_s / 2, step_h / 2
+            step_s = step_s / 2
+            step_h = step_h / 2
     return s, h, ss, sh, hh
 
 
@@ -174,10 +189,12 @@ def _integrate(
     """(N,) ln of the integral up to a constant, from the ``terms`` of :func:`_terms`, with the
     nodes and weights ``rule`` (2, K) of the scaled s and h.
     """
-    xi, nodes = rule[0], rule.shape[1]
+    xi = rule[0]
+    nodes = rule.shape[1]
     result = np.empty(len(terms))
     shape_of_grid = (nodes, nodes)
-    exponent, mass = np.empty(shape_of_grid), np.empty(shape_of_grid)
+    exponent = np.empty(shape_of_grid)
+    mass = np.empty(shape_of_grid)
     rows = np.empty((4, nodes))
     # the exponent leaves out the determinant of the normal law: a square root per direction
     faded = FADED * max(1, (terms.shape[1] - ALONG) // DIRECTION - 1)
@@ -195,8 +212,10 @@ def _integrate(
             if last:
                 result[n] = top + np.log(total * root_s * root_h) - 0.5 * case[2]
                 break
-            mean_s, mean_h = mean_s / total, mean_h / total
-            centre_s, centre_h = centre_s + mean_s, centre_h + mean_h
+            mean_s = mean_s / total
+            mean_h = mean_h / total
+            centre_s = centre_s + mean_s
+            centre_h = centre_h + mean_h
             ss = LEAST_SHARE * ss + max(new_ss / total - mean_s * mean_s, 0.0)
             hh = LEAST_SHARE * hh + max(new_hh / total - mean_h * mean_h, 0.0)
             sh = LEAST_SHARE * sh + new_sh / total - mean_s * mean_h
@@ -223,8 +242,10 @@ def _fill_nodes(case, d, law, place, rule, rows, exponent, mass) -> float:
         factor[j] = np.exp(root_h * xi[j])
     top = -np.inf
     for i in range(nodes):
-        s, of_h = centre_s + root_s * xi[i], centre_h + slant * xi[i]
-        z, g = np.exp(s), np.exp(of_h)
+        s = centre_s + root_s * xi[i]
+        of_h = centre_h + slant * xi[i]
+        z = np.exp(s)
+        g = np.exp(of_h)
         rest = z - case[0]
         squared = z * z / g
         of_s = -shape * s - d / 2 / z - 0.5 * case[1] * rest * rest
