@@ -26,6 +26,8 @@ POSE_ROWS = 6  # number of coordinates of a pose in space
 CHAIN_JOINTS = "the only three in a row that are parallel"
 ARM_JOINTS = "all that move the last link"
 COMMANDED_JOINTS = "the columns of the commanded trajectory"
+
+# key of the cache: the absolute path, since one relative path is another file in another folder
 describe_urdf = cache(describe_file)
 
 
@@ -40,7 +42,9 @@ def urdf_of(recorded: RecordingLayout, values: Mapping[str, Any]) -> str:
 
 def urdf_facts(urdf: str) -> dict[str, Any]:
     """Return joints by kind, arms and planar chains of a ``urdf``; nothing if it is unfilled."""
-    return {} if urdf == UNFILLED else describe_urdf(Path(urdf)).facts
+    if urdf == UNFILLED:
+        return {}
+    return describe_urdf(Path(urdf).resolve()).facts
 
 
 def movable_joints(facts: Mapping[str, Any]) -> list[str]:
