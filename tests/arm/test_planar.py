@@ -7,6 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose, assert_array_equal
 from planar_poses import load_arm
 from scipy.spatial.transform import Rotation
 
@@ -21,14 +23,14 @@ from tests.arm.arm_urdfs import JOINTS, LOCKED, UR5, YOUBOT, by_pinocchio, gantr
 @pytest.fixture(scope="module", params=list(product((1.0, -1.0), repeat=3)), ids=str)
 def chain(request) -> PlanarChain:
     """Links that point anywhere, for every combination of the joints' senses."""
-    links = np.random.default_rng(3).uniform(-0.2, 0.2, (3, 2))
+    links = default_rng(3).uniform(-0.2, 0.2, (3, 2))
     limits = np.full(3, -2.0), np.full(3, 2.5), np.ones(3)
     return PlanarChain(np.array([0.1, 0.4]), links, np.array(request.param), *limits)
 
 
 def bent(chain: PlanarChain, count: int = 200) -> np.ndarray:
     """Joint angles anywhere within the limits whose elbow is bent by 3 degrees at least."""
-    q = np.random.default_rng(4).uniform(chain.lower, chain.upper, (4 * count, 3))
+    q = default_rng(4).uniform(chain.lower, chain.upper, (4 * count, 3))
     return q[np.abs(np.sin(q[:, 1] - chain.straight)) > 0.05][:count]
 
 
@@ -45,20 +47,20 @@ def test_segments_point_along_headings_that_give_the_joints_back_whatever_the_tu
     psi = chain.segment_headings(q)
     segments = np.diff(chain.points(q), axis=1)
     directions = np.stack([np.sin(psi), np.cos(psi)], axis=-1)
-    np.testing.assert_allclose(
+    assert_allclose(
         segments,
         chain.lengths[:, None] * directions,
         atol=1e-14,
     )
     assert np.array_equal(chain.points(q)[:, 0], np.tile(chain.origin, (len(q), 1)))
-    turns = 2 * np.pi * np.random.default_rng(6).integers(-2, 3, q.shape)
-    np.testing.assert_allclose(chain.joints_from_segments(psi + turns), q, atol=1e-12)
+    turns = 2 * np.pi * default_rng(6).integers(-2, 3, q.shape)
+    assert_allclose(chain.joints_from_segments(psi + turns), q, atol=1e-12)
     # the turns are those nearest to the middle of the limits
     middle = (chain.lower + chain.upper) / 2
     beyond = chain.joints_from_segments(
         chain.segment_headings(middle + np.array([3.1, -3.1, 3.2])),
     )
-    np.testing.assert_allclose(
+    assert_allclose(
         beyond - middle,
         [3.1, -3.1, 3.2 - 2 * np.pi],
         atol=1e-12,
@@ -135,38 +137,38 @@ def test_pose_joints_and_jacobian_are_the_whole_robots_seen_in_the_plane(options
     x, z, phi = arm.chain.coordinates(q).T
     across = np.full(len(q), arm.to_plane(places[0, :3])[1])
     tool = arm.to_base(np.stack([x, across, z], axis=-1))
-    np.testing.assert_allclose(tool, places[:, :3], atol=1e-12)
+    assert_allclose(tool, places[:, :3], atol=1e-12)
     turn = Rotation.from_rotvec(phi[:, None] * arm.rotation[:, 1]).as_matrix()
     rotation = places[:, 3:].reshape(-1, 3, 3)
-    np.testing.assert_allclose(turn @ rotation[0], rotation, atol=1e-12)
+    assert_allclose(turn @ rotation[0], rotation, atol=1e-12)
     vx, vy, vz = np.moveaxis(arm.rotation.T @ jacobians[:, :3], 1, 0)
     wx, wy, wz = np.moveaxis(arm.rotation.T @ jacobians[:, 3:], 1, 0)
     planar = np.stack([vx, vz, wy], axis=1)
-    np.testing.assert_allclose(arm.chain.jacobian(q), planar, atol=1e-12)
+    assert_allclose(arm.chain.jacobian(q), planar, atol=1e-12)
     # and nothing of the motion leaves the plane
-    np.testing.assert_allclose([vy, wx, wz], 0, atol=1e-12)
+    assert_allclose([vy, wx, wz], 0, atol=1e-12)
     for j, name in enumerate(robot.joints):
         places, _ = by_pinocchio(robot, tree.joints[name].child, q)
         seen = arm.to_plane(places[:, :3])[:, [0, 2]]
-        np.testing.assert_allclose(arm.chain.points(q)[:, j], seen, atol=1e-12)
+        assert_allclose(arm.chain.points(q)[:, j], seen, atol=1e-12)
 
 
 def test_steps_and_displacements_of_the_serial_chain_are_the_same(both):
     planar, serial = both
     for name in ("lower", "upper", "max_speed"):
-        np.testing.assert_array_equal(*(getattr(chain, name) for chain in both))
+        assert_array_equal(*(getattr(chain, name) for chain in both))
     q = bent(planar, 100)
-    v = np.random.default_rng(2).normal(size=3)
+    v = default_rng(2).normal(size=3)
     size = 1e-12 * np.abs(planar.inverse_jacobian(q)).max()
     step = planar.nominal_step(q, v)
-    np.testing.assert_allclose(serial.nominal_step(q, v[ORDER]), step, atol=size)
+    assert_allclose(serial.nominal_step(q, v[ORDER]), step, atol=size)
     assert not planar.null_step(q, v).any() and planar.null_step(q, v).shape == q.shape
-    steps = np.random.default_rng(3).uniform(-1, 1, q.shape)  # up to half a turn
+    steps = default_rng(3).uniform(-1, 1, q.shape)  # up to half a turn
     (start, end), (here, there) = (
         (chain.pose(q), chain.pose(q + steps)) for chain in both
     )
     expected = planar.displacement(start, end)[:, ORDER]
-    np.testing.assert_allclose(serial.displacement(here, there), expected, atol=1e-12)
+    assert_allclose(serial.displacement(here, there), expected, atol=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,8 @@ import pinocchio as pin
 import pytest
 import space_arms
 from compiled_calls import from_python
+from numpy.random import default_rng
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
 from pipeline.arm.chain import LEAST_SINGULAR
@@ -79,7 +81,7 @@ def robot_of(name: str, file: Path) -> Robot:
     if name in ("UR5", "LWR4"):
         return replace(getattr(space_arms, name), length=0.3)
     kinds = name.split("-")
-    file.write_text(random_text(kinds, np.random.default_rng(len(kinds))))
+    file.write_text(random_text(kinds, default_rng(len(kinds))))
     task = TASKS[len(kinds) - 1] if len(kinds) <= len(TASKS) else None
     return Robot(str(file), jn(len(kinds)), "tip", task=task, length=LENGTH)
 
@@ -100,7 +102,7 @@ def chain(robot):
 def poses(chain, count: int = 150) -> np.ndarray:
     """Poses within the limits, more than a block of them."""
     low, high = (np.clip(limit, -np.pi, np.pi) for limit in (chain.lower, chain.upper))
-    return np.random.default_rng(1).uniform(low, high, (count, len(chain.lower)))
+    return default_rng(1).uniform(low, high, (count, len(chain.lower)))
 
 
 def regular(chain, count: int = 150) -> np.ndarray:
@@ -120,13 +122,13 @@ def test_pose_and_jacobian_are_pinocchios_and_the_inverse_numpys_pseudoinverse(
 ):
     q = poses(chain)
     places, jacobians = by_pinocchio(robot, robot.tool, q)
-    np.testing.assert_allclose(chain.pose(q), places, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(chain.jacobian(q), jacobians, rtol=0, atol=1e-12)
+    assert_allclose(chain.pose(q), places, rtol=0, atol=1e-12)
+    assert_allclose(chain.jacobian(q), jacobians, rtol=0, atol=1e-12)
     q = regular(chain)
     assert len(q) > 50
     expected = np.linalg.pinv(chain.jacobian(q))
     size = np.linalg.norm(expected, axis=(-2, -1), keepdims=True)
-    np.testing.assert_allclose(
+    assert_allclose(
         chain.inverse_jacobian(q) / size,
         expected / size,
         atol=1e-12,
@@ -166,7 +168,7 @@ def test_compiled_code_marks_the_singular_poses_of_the_chain(chain, monkeypatch)
         places = rows.jacobian, rows.lower, rows.spare, rows.singular
         marked = from_python(mark_singular)(block, bounded.constants, *places, WIDTH)
         flags = block[rows.singular] > 0 if marked else np.zeros(WIDTH, dtype=bool)
-        np.testing.assert_array_equal(flags, bounded.singular(q))
+        assert_array_equal(flags, bounded.singular(q))
     assert 0.4 < flags.mean() < 0.6
 
 
@@ -175,7 +177,7 @@ def test_what_is_singular_is_so_by_the_least_singular_value(chain, monkeypatch):
     least = least_scaled(chain, q)
     for bound in (LEAST_SINGULAR, *np.quantile(least, [0.1004, 0.5004, 0.9004])):
         monkeypatch.setattr("pipeline.arm.chain.LEAST_SINGULAR", bound)
-        np.testing.assert_array_equal(chain.singular(q), least < bound)
+        assert_array_equal(chain.singular(q), least < bound)
     assert 850 < chain.singular(q).sum() < 950
 
 
@@ -191,28 +193,28 @@ def test_what_is_singular_does_not_depend_on_the_unit_of_length(chain, metre):
     q = poses(chain, WIDTH)
     assert not scaled.singular(units * regular(chain)).any()
     least = least_scaled(chain, q)
-    np.testing.assert_allclose(least_scaled(scaled, units * q), least, rtol=1e-9)
+    assert_allclose(least_scaled(scaled, units * q), least, rtol=1e-9)
 
 
 def test_a_step_does_the_task_and_the_rest_of_the_command_where_the_task_does_not_feel_it(
     chain,
 ):
     q, m = regular(chain), len(chain.task)
-    command = np.random.default_rng(2).normal(size=(len(q), m + q.shape[1]))
+    command = default_rng(2).normal(size=(len(q), m + q.shape[1]))
     v = command[:, :m]
     w = command[:, m:]
     jacobian = chain.jacobian(q)
     back = np.linalg.pinv(chain.jacobian(q))
     rest = chain.null_step(q, command)
-    np.testing.assert_allclose(np.matvec(jacobian, rest), 0, atol=1e-11)
-    np.testing.assert_allclose(
+    assert_allclose(np.matvec(jacobian, rest), 0, atol=1e-11)
+    assert_allclose(
         rest,
         w - np.matvec(back, np.matvec(jacobian, w)),
         atol=1e-10,
     )
     step = chain.nominal_step(q, command)
-    np.testing.assert_allclose(np.matvec(jacobian, step), v, atol=1e-10)
-    np.testing.assert_allclose(step - rest, chain.nominal_step(q, v), atol=1e-14)
+    assert_allclose(np.matvec(jacobian, step), v, atol=1e-10)
+    assert_allclose(step - rest, chain.nominal_step(q, v), atol=1e-14)
     assert not chain.null_step(q, v).any()
     # the control: an arm of more joints than rows does more than its task
     assert (np.abs(rest).max() > 0.1) == (q.shape[1] > m)
@@ -230,12 +232,12 @@ def test_the_displacement_is_scipys_rotation_vector_times_the_length(robot, chai
             zip(("x", "y", "z", "rx", "ry", "rz"), [*way, *turn], strict=True),
         )
         expected = [all_rows[name] for name in chain.task]
-        np.testing.assert_allclose(result[i, j], expected, atol=1e-12)
+        assert_allclose(result[i, j], expected, atol=1e-12)
 
 
 @pytest.mark.parametrize("gap", [1.0, 0.1, 1e-3, 1e-6])
 def test_compiled_displacements_lose_digits_as_the_turn_nears_half_a_turn(gap):
-    rng = np.random.default_rng(1)
+    rng = default_rng(1)
     axes = rng.normal(size=(WIDTH, 3))
     expected = (np.pi - gap) * axes / np.linalg.norm(axes, axis=1, keepdims=True)
     turns = np.array([pin.exp3(vector) for vector in expected])
@@ -250,7 +252,7 @@ def test_compiled_displacements_lose_digits_as_the_turn_nears_half_a_turn(gap):
     assert error < 4e-15 / gap
     # by NumPy at any angle, and by Pinocchio
     tolerance = 1e-9 if gap < 1e-3 else 1e-12
-    np.testing.assert_allclose(rotation_vector(turns), expected, atol=tolerance)
+    assert_allclose(rotation_vector(turns), expected, atol=tolerance)
     assert np.abs(pin.log3(turns[0]) - rotation_vector(turns[0])).max() < 1e-10
 
 
@@ -265,7 +267,7 @@ def test_every_batch_shape_holds_what_single_poses_give(chain):
             batch = getattr(chain, method)(single)
             assert np.shape(batch) == (*single.shape[:-1], *tail)
             alone = [getattr(chain, method)(pose) for pose in single.reshape(-1, n)]
-            np.testing.assert_array_equal(batch, np.reshape(alone, np.shape(batch)))
+            assert_array_equal(batch, np.reshape(alone, np.shape(batch)))
     command = np.zeros((2, 1, m + n))
     assert chain.nominal_step(q[:3], command).shape == (2, 3, n)
     assert chain.null_step(q[:3], command[..., :m]).shape == (2, 3, n)
@@ -280,9 +282,9 @@ def test_each_step_of_a_trajectory_is_the_displacement_between_two_poses():
     pose = arm.pose(motion)
     steps, places = values(table, "v") / 50.0, values(table, "x")
     turns = Rotation.from_matrix(pose[:, 3:].reshape(-1, 3, 3))
-    np.testing.assert_allclose(steps[:-1, :3], np.diff(pose[:, :3], axis=0), atol=1e-12)
+    assert_allclose(steps[:-1, :3], np.diff(pose[:, :3], axis=0), atol=1e-12)
     expected = 0.5 * (turns[1:] * turns[:-1].inv()).as_rotvec()
-    np.testing.assert_allclose(steps[:-1, 3:], expected, atol=1e-12)
+    assert_allclose(steps[:-1, 3:], expected, atol=1e-12)
     expected = 0.5 * (turns * turns[0].inv()).as_rotvec()
-    np.testing.assert_allclose(places, np.hstack([pose[:, :3], expected]), atol=1e-12)
+    assert_allclose(places, np.hstack([pose[:, :3], expected]), atol=1e-12)
     assert not places[0, 3:].any() and not steps[:5].any() and not steps[-1].any()

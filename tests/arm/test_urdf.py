@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose
 from space_arms import LWR4, link_poses
 from space_arms import UR5 as ARM
 
@@ -55,7 +57,7 @@ def agrees(robot: Robot, tip: str) -> bool:
     """True where the arm agrees with Pinocchio's model of the whole robot."""
     chain = chain_of(robot)
     low, high = (np.clip(limit, -4, 4) for limit in (chain.lower, chain.upper))
-    q = np.random.default_rng(1).uniform(low, high, (20, len(low)))
+    q = default_rng(1).uniform(low, high, (20, len(low)))
     places, jacobians = by_pinocchio(robot, tip, q)
     return np.allclose(chain.pose(q), places, rtol=0, atol=1e-12) and np.allclose(
         chain.jacobian(q),
@@ -107,12 +109,12 @@ def test_the_tip_is_the_only_last_link_beyond_the_joints_or_the_one_that_is_name
     ],
 )
 def test_a_links_frame_lies_where_pinocchio_has_it(robot, links):
-    q = np.random.default_rng(1).uniform(-2, 2, (50, len(robot.joints)))
+    q = default_rng(1).uniform(-2, 2, (50, len(robot.joints)))
     for link, chain in link_chains(robot, links, "key").items():
         pose = chain.pose(q[:, : len(chain.lower)])
         rotation, position = link_poses(robot, link, q)
-        np.testing.assert_allclose(pose[:, :3], position, atol=1e-12)
-        np.testing.assert_allclose(pose[:, 3:].reshape(-1, 3, 3), rotation, atol=1e-12)
+        assert_allclose(pose[:, :3], position, atol=1e-12)
+        assert_allclose(pose[:, 3:].reshape(-1, 3, 3), rotation, atol=1e-12)
     with pytest.raises(ConfigError, match="no frame 'elbow'"):
         link_chains(robot, ["elbow"], "key")
 
@@ -183,8 +185,8 @@ def test_coupled_joints_are_held_where_those_that_they_follow_are_held(file):
         locked={"j1": 0.4, "coupled": 0.1 - 0.8},
         task=["x", "rz"],
     )
-    q = np.random.default_rng(1).uniform(-1, 1, (5, 2))
-    np.testing.assert_allclose(
+    q = default_rng(1).uniform(-1, 1, (5, 2))
+    assert_allclose(
         held.pose(q),
         by_pinocchio(expected, "l4", q)[0],
         atol=1e-12,
@@ -338,7 +340,7 @@ def test_the_flange_is_where_the_listed_values_put_it(arm):
     urdf, *listed = LISTED[arm]
     model = pin.buildModelFromUrdf(urdf)
     data = model.createData()
-    for q in np.random.default_rng(5).uniform(-2, 2, (20, model.nq)):
+    for q in default_rng(5).uniform(-2, 2, (20, model.nq)):
         frame = np.eye(4)
         for angle, d, a, twist in zip(q, *listed, strict=True):
             c = np.cos(angle)
@@ -349,4 +351,4 @@ def test_the_flange_is_where_the_listed_values_put_it(arm):
             frame = frame @ np.array([*rows, [0, st, ct, d], [0, 0, 0, 1]])
         pin.framesForwardKinematics(model, data, q)
         at = data.oMf[model.getFrameId("flange")].homogeneous
-        np.testing.assert_allclose(at, frame, atol=1e-12)
+        assert_allclose(at, frame, atol=1e-12)

@@ -6,6 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose
 
 from pipeline.core.columns import spread, triangle
 from pipeline.core.filters import MEMORY, NONE, closed
@@ -50,7 +52,7 @@ def test_a_row_has_empty_keys_where_it_needs_none_and_no_row_has_an_infinite_val
 
 
 def test_a_bias_and_its_change_are_detected_and_no_bias_is_not():
-    rng, takes, frames = np.random.default_rng(8), 50, 400
+    rng, takes, frames = default_rng(8), 50, 400
     joints = ("none", "constant", "moving")
     course = np.sin(np.linspace(0, 2 * np.pi, frames))  # its mean is zero
     bias = np.stack([0 * course, 0 * course + 0.003, 0.003 * course], axis=1)
@@ -82,11 +84,11 @@ def test_a_bias_and_its_change_are_detected_and_no_bias_is_not():
 
 
 def test_errors_of_single_takes_follow_from_the_means_without_them_also_where_one_lacks_a_frame():
-    errors = np.random.default_rng(2).normal(0.0, 0.02, (5, 30, 3))
+    errors = default_rng(2).normal(0.0, 0.02, (5, 30, 3))
     errors[1, 4] = errors[3, 20:] = np.nan
     without = [np.nanmean(np.delete(errors, take, axis=0), axis=0) for take in range(5)]
     computed = errors_of_takes(np.nanmean(errors, axis=0), np.stack(without))
-    np.testing.assert_allclose(computed, errors, atol=1e-15)
+    assert_allclose(computed, errors, atol=1e-15)
 
 
 def test_a_bound_that_follows_the_ramps_alone_does_not_follow_at_constant_speed():
@@ -105,7 +107,7 @@ def test_a_bound_that_follows_the_ramps_alone_does_not_follow_at_constant_speed(
 
 
 def test_an_error_varies_only_beyond_what_as_many_takes_reach_by_chance():
-    rng = np.random.default_rng(4)
+    rng = default_rng(4)
     wave = 1 + 0.9 * np.sin(np.linspace(0, 6, 80))[:, None]
     never_steady = np.full(79, False)
     for takes, width, varies in ((6, 1.0, False), (40, wave, True)):
@@ -124,9 +126,9 @@ def test_an_error_varies_only_beyond_what_as_many_takes_reach_by_chance():
         assert (values > 0.25).all()  # control: a limit without draws
         assert (values > limits["high"]).all() == varies
         inside = (np.abs(error) <= 1).mean(axis=1)  # of each take
-        np.testing.assert_allclose(rows.loc["coverage", "value"], inside.mean(axis=0))
+        assert_allclose(rows.loc["coverage", "value"], inside.mean(axis=0))
         errors = inside.std(axis=0, ddof=1) / np.sqrt(takes)
-        np.testing.assert_allclose(rows.loc["coverage", "standard_error"], errors)
+        assert_allclose(rows.loc["coverage", "standard_error"], errors)
     assert (limits["low"] < limits["high"]).all() and refusals == []
     # only the bounds of models in an open loop are compared, all filters with the training mean
     assert {*evidence.query("quantity == @FOLLOWS")["model"]} == {"m"}
@@ -191,7 +193,7 @@ def test_the_variance_of_a_matrix_model_follows_dexterity_by_its_law(chain, pose
     }
     outcomes = {name: Outcome(model=model) for name, model in models.items()}
     takes = SimpleNamespace(training=SimpleNamespace(chain=chain, q=poses))
-    evidence = dexterity_evidence(outcomes, takes, np.random.default_rng(1))
+    evidence = dexterity_evidence(outcomes, takes, default_rng(1))
     rows = evidence.set_index("model")
     assert {*rows.index} == {"gaussian", "wishart"}
     assert rows.loc["gaussian", "high"] < 0 < rows.loc["wishart", "low"]

@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
 
 from pipeline.evidence import forms
 from pipeline.evidence.motion import Outcome
@@ -32,7 +33,7 @@ def evidence_on(chain, level: float):
         "additive": AdditiveModel(np.eye(3)),
     }
     outcomes = {name: Outcome(model=model) for name, model in models.items()}
-    rng = np.random.default_rng
+    rng = default_rng
     return forms.smoothness_evidence(
         outcomes,
         motion(chain),
@@ -67,7 +68,7 @@ def test_both_forms_have_one_total_variance_of_a_step_to_first_order(chain, leve
     training = motion(chain).training
     q, v = training.q[0], training.v
     variances = GaussianModel(level / 1e6, 1e6).covariance(chain, q, v)[:, 0, 0]
-    rng = np.random.default_rng(3)
+    rng = default_rng(3)
     bounds = forms.form_bounds(chain.jacobian(q), v, variances, rng)
     for form, bound in bounds.items():
         relative = np.sum(bound**2, axis=-1) / (3 * variances)

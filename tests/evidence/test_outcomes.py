@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose, assert_array_equal
 from sample_options import filter_options
 from scipy.stats import multivariate_normal
 
@@ -52,7 +54,7 @@ def takes(chain) -> Takes:
     """12 takes to fit to and 4 to test on; noise at every step, ten times as much while the robot
     moves.
     """
-    rng = np.random.default_rng(5)
+    rng = default_rng(5)
     v = np.zeros((STEPS, 3))
     v[REST:-REST] = [0.002, -0.001, 0.02]
     moving = np.any(v, axis=1)
@@ -87,7 +89,7 @@ def outcome_of(case, kind: str, takes):
 
 @pytest.fixture
 def posteriors(base, takes) -> dict[str, dict[str, PosteriorMoments | str]]:
-    rng = np.random.default_rng(2)
+    rng = default_rng(2)
     spread_of_step = 1e-4 * np.exp(rng.standard_normal((STEPS + 1, 1, 1))) * np.eye(3)
     return {
         kind: {
@@ -128,21 +130,21 @@ def test_a_filter_has_the_noise_of_a_pose_by_its_loop_and_the_training_mean_its_
         (*2 * noise, np.zeros((3, 3))),
         strict=True,
     ):
-        np.testing.assert_array_equal(filters[name].measurement, expected)
-    np.testing.assert_allclose(filters["additive"].error, 0.02)
+        assert_array_equal(filters[name].measurement, expected)
+    assert_allclose(filters["additive"].error, 0.02)
     # the posterior's covariance is zero: the bound is the noise of a measured pose
     expected = np.broadcast_to(np.sqrt(np.diag(2 * noise[0])), truth.shape)
-    np.testing.assert_allclose(filters["additive"].bound, expected)
+    assert_allclose(filters["additive"].bound, expected)
     # an open loop has half the noise of ω at rest, which is of two poses
-    np.testing.assert_allclose(2 * noise[0], training.measurement)
+    assert_allclose(2 * noise[0], training.measurement)
     assert not np.allclose(*noise)
     with_known_noise = replace(training, known_measurement=np.eye(3))
-    np.testing.assert_array_equal(
+    assert_array_equal(
         pose_covariances(with_known_noise, takes.poses),
         [np.eye(3) / 2] * 2,
     )
     start = Start.of_takes(takes.training)
-    np.testing.assert_allclose(start.covariance, np.cov(takes.poses[:, 0].T))
+    assert_allclose(start.covariance, np.cov(takes.poses[:, 0].T))
 
 
 def test_claims_have_the_numbers_of_the_outcomes_and_a_difference_is_value_minus_rival(
@@ -184,7 +186,7 @@ def test_claims_have_the_numbers_of_the_outcomes_and_a_difference_is_value_minus
     training, poses = takes.training, takes.poses
     nominal = training.chain.nominal_step(training.q, training.v)
     ranges = np.ptp(np.cumsum(nominal.mean(axis=0), axis=0), axis=0)
-    np.testing.assert_allclose(values["commanded_range", "recorded"], ranges)
+    assert_allclose(values["commanded_range", "recorded"], ranges)
     means = {"additive": outcomes["additive"].mean[1:]}
     means["no_noise"] = (training.q + nominal).mean(axis=0)
     for name, mean in means.items():
@@ -193,7 +195,7 @@ def test_claims_have_the_numbers_of_the_outcomes_and_a_difference_is_value_minus
     free = outcome_of(replace(base, mode="free_running"), "additive", takes)
     table = motion_evidence({"additive": free}, takes, "free_running", None)
     std = table.query("quantity == 'std' and model == 'additive'")["value"]
-    np.testing.assert_allclose(std, np.sqrt(np.mean(free.deviation[1:] ** 2, axis=0)))
+    assert_allclose(std, np.sqrt(np.mean(free.deviation[1:] ** 2, axis=0)))
 
 
 def test_a_model_or_filter_without_outcome_leaves_the_others_theirs_and_says_why(
@@ -229,7 +231,7 @@ def test_a_model_or_filter_without_outcome_leaves_the_others_theirs_and_says_why
 @pytest.fixture(scope="module")
 def measured(takes) -> Camera:
     """Frames of the test takes at every third step, and their noise."""
-    rng = np.random.default_rng(6)
+    rng = default_rng(6)
     t = np.arange(0, STEPS + 1, 3) / 100.0
     bias = np.zeros((len(t), 3))
     noise = np.broadcast_to(np.diag(STD**2), (len(t), 3, 3))
@@ -313,7 +315,7 @@ def test_the_log_score_has_the_measurement_noise_times_its_factor(base, takes, f
     expected = law.logpdf(np.diff(test, axis=1) - nominal)
     moving = np.any(training.v, axis=1)
     for steps, densities in (("all", expected), ("moving", expected[:, moving])):
-        np.testing.assert_allclose(scores[steps], densities.mean(axis=1), rtol=1e-10)
+        assert_allclose(scores[steps], densities.mean(axis=1), rtol=1e-10)
 
 
 def test_without_noise_at_rest_moving_steps_alone_are_scored_and_modes_differ(

@@ -7,6 +7,8 @@ from functools import partial
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose
 
 from pipeline.core.rng import stream
 from pipeline.evidence.pose import noise_parts, pose_table
@@ -46,7 +48,7 @@ def motions(
 def test_the_exponent_is_recovered_and_told_from_the_other(exponent, tails):
     inside = []
     for seed in range(20):
-        rng = np.random.default_rng(seed)
+        rng = default_rng(seed)
         effect = pose_effect(windows_of(motions(exponent, 0.5, rng, tails)), rng)
         low, high = effect.exponent.low, effect.exponent.high
         inside.append(low <= exponent <= high)
@@ -55,17 +57,17 @@ def test_the_exponent_is_recovered_and_told_from_the_other(exponent, tails):
 
 
 def test_a_motion_through_equal_poses_cannot_tell_and_names_the_range_that_would():
-    rng = np.random.default_rng(1)
+    rng = default_rng(1)
     narrow = pose_effect(windows_of(motions(1.0, 0.02, rng)), rng)
     assert narrow.power < POWER and narrow.exponent.low < 0 < narrow.exponent.high
     assert narrow.needed > narrow.spread
-    rng = np.random.default_rng(2)
+    rng = default_rng(2)
     wide = pose_effect(windows_of(motions(1.0, 2.5 * narrow.needed, rng)), rng)
     assert wide.power > POWER
 
 
 def test_blocks_stand_for_motions_where_there_is_one_and_too_few_windows_tell_nothing():
-    rng = np.random.default_rng(3)
+    rng = default_rng(3)
     noise, dq, x = map(np.concatenate, zip(*motions(1.0, 0.5, rng), strict=True))
     effect = pose_effect(windows_of([(noise, dq, x)]), rng)
     assert effect.groups == 8 and effect.exponent.low > 0
@@ -75,7 +77,7 @@ def test_blocks_stand_for_motions_where_there_is_one_and_too_few_windows_tell_no
 def test_the_table_has_the_exponent_of_noise_that_grows_with_the_norm_but_for_singular_poses(
     chain,
 ):
-    rng, t, runs = np.random.default_rng(5), np.linspace(0, 2 * np.pi, 801), []
+    rng, t, runs = default_rng(5), np.linspace(0, 2 * np.pi, 801), []
     for number in range(4):
         # the elbow passes through straight: near it ‖J⁻¹‖ changes within a window
         phase = number * np.pi / 4
@@ -104,13 +106,13 @@ def test_the_table_has_the_exponent_of_noise_that_grows_with_the_norm_but_for_si
 
 
 def test_noise_parts_are_what_repeats_and_what_differs_with_the_variance_of_one_run():
-    rng = np.random.default_rng(9)
+    rng = default_rng(9)
     repeated = np.sin(np.linspace(0, 9, 5000))[:, None] * [3e-3, 1e-3]
     runs = [repeated + rng.normal(0.0, 1e-4, (5000 + n, 2))[:5000] for n in range(4)]
     on_time = [np.zeros(2)] * 4
     parts = noise_parts(runs, on_time)
     assert [*parts] == ["all", "differing", "repeated"]
-    np.testing.assert_allclose(parts["repeated"][0], repeated, atol=3e-4)
+    assert_allclose(parts["repeated"][0], repeated, atol=3e-4)
     assert np.std(parts["differing"]) == pytest.approx(1e-4, rel=0.03)
     # nothing repeats in a single run
     assert [*noise_parts(runs[:1], on_time[:1])] == ["all"]

@@ -14,6 +14,7 @@ import pytest
 from matplotlib.cbook import is_math_text
 from matplotlib.collections import QuadMesh
 from matplotlib.patches import Arc
+from numpy.testing import assert_allclose, assert_array_equal
 from PIL import Image
 
 from pipeline.core import contracts
@@ -282,15 +283,15 @@ def test_joint_realizations_shows_every_training_take_their_mean_and_the_noise_o
             training.set_index("take")[f"q:arm_{j}"],
         )
         assert len(takes) == 5
-        np.testing.assert_array_equal(takes[1].get_ydata(), own["training_002"])
+        assert_array_equal(takes[1].get_ydata(), own["training_002"])
         (mean,) = (line for line in left.lines if line.get_linestyle() == "--")
-        np.testing.assert_allclose(
+        assert_allclose(
             mean.get_ydata(),
             training.groupby("k")[f"q:arm_{j}"].mean(),
         )
         (noise,) = right.lines
         assert noise.get_linestyle() == "-."
-        np.testing.assert_allclose(noise.get_ydata(), steps[f"w:arm_{j}"].std())
+        assert_allclose(noise.get_ydata(), steps[f"w:arm_{j}"].std())
 
 
 def test_joint_std_and_mean_error_have_a_line_a_model_readable_beside_an_outlying_one(
@@ -302,7 +303,7 @@ def test_joint_std_and_mean_error_have_a_line_a_model_readable_beside_an_outlyin
     for axes, joint in zip(figure.axes, JOINTS, strict=True):
         assert [line.get_linestyle() for line in axes.lines] == ["-", ":", "--", "-."]
         for line, source in zip(axes.lines, ["recorded", *MODELS], strict=True):
-            np.testing.assert_array_equal(
+            assert_array_equal(
                 line.get_ydata(),
                 by_source.loc[source, f"s:{joint}"],
             )
@@ -315,7 +316,7 @@ def test_joint_std_and_mean_error_have_a_line_a_model_readable_beside_an_outlyin
     panels = mean_error(deviation, ["gaussian", "additive"]).axes
     for axes, quantity in zip(panels, ("error", "bias"), strict=True):
         for line, model in zip(axes.lines, ["gaussian", "additive"], strict=True):
-            np.testing.assert_array_equal(
+            assert_array_equal(
                 line.get_ydata(),
                 by_source.loc[model, quantity],
             )
@@ -327,9 +328,9 @@ def test_articulation_draws_the_segments_through_their_named_nodes_on_one_scale(
         points, segments = axes.lines
         assert len(points.get_xdata()) == 50 and axes.get_aspect() == 1
         nodes = tables["skeleton"].set_index("view").loc[view, ["x", "z"]]
-        np.testing.assert_array_equal(segments.get_xydata(), nodes)
+        assert_array_equal(segments.get_xydata(), nodes)
         assert [text.get_text() for text in axes.texts] == ["O1", "O2", "O3", "EE"]
-        np.testing.assert_array_equal([text.xy for text in axes.texts], nodes)
+        assert_array_equal([text.xy for text in axes.texts], nodes)
 
 
 def test_kinect_noise_shows_the_estimate_from_all_takes_as_mean_and_standard_deviation(
@@ -338,8 +339,8 @@ def test_kinect_noise_shows_the_estimate_from_all_takes_as_mean_and_standard_dev
     mean, std = perception.kinect_noise(tables["kinect_noise"]).axes
     rows = tables["kinect_noise"].query("take == 'none'")
     for j in (1, 2, 3):
-        np.testing.assert_array_equal(mean.lines[j - 1].get_ydata(), rows[f"b:arm_{j}"])
-        np.testing.assert_allclose(
+        assert_array_equal(mean.lines[j - 1].get_ydata(), rows[f"b:arm_{j}"])
+        assert_allclose(
             std.lines[j - 1].get_ydata() ** 2,
             rows[f"r:arm_{j}:arm_{j}"],
         )
@@ -363,10 +364,10 @@ def test_filter_errors_has_a_row_per_model_with_one_take_its_bound_and_the_other
         for axes, joint in zip(row, JOINTS, strict=True):
             rms = np.sqrt(mean[f"e:{joint}"].apply(lambda e: (e**2).mean()))
             (error,) = of_color(axes, BLUE)
-            np.testing.assert_array_equal(error.get_ydata(), take[f"e:{joint}"])
+            assert_array_equal(error.get_ydata(), take[f"e:{joint}"])
             for color, bound in ((VERMILLION, take[f"s:{joint}"]), (BLACK, rms)):
                 for line, sign in zip(of_color(axes, color), (1, -1), strict=True):
-                    np.testing.assert_allclose(line.get_ydata(), sign * bound)
+                    assert_allclose(line.get_ydata(), sign * bound)
             assert len(axes.lines) == 2 + 2 + 3  # two other takes
     assert len({axes.get_ylim() for axes in figure.axes}) == 1
     assert legend(figure)[-1] == "errors of the other takes"
@@ -388,7 +389,7 @@ def test_histograms_count_every_system_and_state_mean_and_greatest_error(tables)
             == f"$m$ = {m}: mean {errors.mean():.1f}, greatest {errors.max():.1f} %"
         )
         counts = patch.get_xy()[1 : 2 * len(edges) - 1, 1][::2]
-        np.testing.assert_allclose(counts, np.histogram(errors, edges)[0])
+        assert_allclose(counts, np.histogram(errors, edges)[0])
 
 
 def test_densities_are_drawn_as_measured_and_modelled_on_one_range_and_one_colour_scale(
@@ -411,7 +412,7 @@ def test_densities_are_drawn_as_measured_and_modelled_on_one_range_and_one_colou
                 columns="fx",
                 values="density",
             )
-            np.testing.assert_array_equal(image.get_array(), density)
+            assert_array_equal(image.get_array(), density)
             images.append(image)
     assert {image.get_clim() for image in images} == {
         (0, tables["force_density"]["density"].max()),
@@ -433,9 +434,9 @@ def test_the_schematic_names_all_that_the_paper_names_and_an_arc_spans_the_angle
     assert [line.get_linestyle() for line in cables] == ["-", "--"] * 3
     for arc, cable in zip(arcs, cables, strict=True):
         start, tip = cable.get_xydata()
-        np.testing.assert_array_equal(arc.get_center(), start)
+        assert_array_equal(arc.get_center(), start)
         x, y = tip - start
-        np.testing.assert_allclose(np.degrees(np.arctan2(y, x)) % 360, arc.theta2)
+        assert_allclose(np.degrees(np.arctan2(y, x)) % 360, arc.theta2)
 
 
 def test_a_take_that_is_left_out_has_its_own_line_and_reason(tables):
@@ -456,7 +457,7 @@ def test_a_take_that_is_left_out_has_its_own_line_and_reason(tables):
     assert len(labels) == 7
     shown = figure.axes[1].lines[1]
     rows = takes_table[takes_table["take"] == "training_002"]
-    np.testing.assert_array_equal(shown.get_ydata(), rows["q:arm_1"])
+    assert_array_equal(shown.get_ydata(), rows["q:arm_1"])
 
 
 def test_takes_of_an_arm_in_space_have_two_views_and_without_an_arm_only_angles(tables):

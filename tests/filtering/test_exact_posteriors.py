@@ -7,6 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
 from sample_options import filter_options
 from scipy.spatial.transform import Rotation
 from scipy.stats import norm
@@ -39,7 +40,7 @@ STEPS = 0.02 * np.stack([np.sin(0.1 * _K), np.cos(0.07 * _K), np.ones(60)], axis
 
 def measured_path(t: np.ndarray) -> Measurements:
     """Measurements of one path of the linear model, each frame with its own bias and covariance."""
-    rng = np.random.default_rng(11)
+    rng = default_rng(11)
     moves = STEPS @ INVERSE.T + rng.multivariate_normal(np.zeros(3), NOISE, len(STEPS))
     path = START.mean + np.cumsum(moves, axis=0)
     grid = DT * np.arange(1, len(STEPS) + 1)
@@ -106,7 +107,7 @@ def runs_of(
     seeds=range(16),
 ) -> list[Posterior]:
     problem = model, chain, open_loop(steps), DT, start, measurements, options
-    return [particle_filter(*problem, np.random.default_rng(seed)) for seed in seeds]
+    return [particle_filter(*problem, default_rng(seed)) for seed in seeds]
 
 
 @pytest.mark.parametrize("scheme", [name for name in SCHEMES if name != "none"])
@@ -261,7 +262,7 @@ def test_the_filter_of_a_closed_loop_is_calibrated_and_the_open_loops_wanders(
     """Rms errors in units of the training mean's; a deviation outlasts a frame with share 0.03, and
     decays within a step with 0.9.
     """
-    rng = np.random.default_rng(3)
+    rng = default_rng(3)
     steps = 90
     count = 30
     sensor = 0.01

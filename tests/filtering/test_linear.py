@@ -4,6 +4,8 @@ training takes alone.
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose
 from scipy.linalg import block_diag
 from scipy.signal import lfilter
 
@@ -16,7 +18,7 @@ DT = 0.01
 
 def drawn(grid: int, n: int, times: list[float], seed: int):
     """A path, a prior (grid, n, grid, n), the measurements at ``times`` and a response."""
-    rng = np.random.default_rng(seed)
+    rng = default_rng(seed)
     count = len(times)
     root = 0.01 * rng.standard_normal((grid * n, grid * n))
     prior = (root @ root.T).reshape(grid, n, grid, n)
@@ -58,8 +60,8 @@ def test_every_step_has_the_moments_of_the_joint_law_given_the_frames_so_far(n):
     (mean,), (covariance,) = linear.linear_filter(path, prior, [frames], DT, response)
     for k in range(10):
         expected, spread = direct(path, prior, frames, response, k)
-        np.testing.assert_allclose(mean[k], expected, rtol=1e-8)
-        np.testing.assert_allclose(covariance[k], spread, rtol=1e-6, atol=1e-12)
+        assert_allclose(mean[k], expected, rtol=1e-8)
+        assert_allclose(covariance[k], spread, rtol=1e-6, atol=1e-12)
     # control: measurements without the response
     (without_response,), _ = linear.linear_filter(path, prior, [frames], DT)
     assert np.abs(without_response - mean)[1:].max() > 1e-3
@@ -74,7 +76,7 @@ NOISE = np.array([[2.0, -0.5], [-0.5, 1.0]]) * 1e-5
 
 def measured(takes: int, seed: int, noise=NOISE, keep: float = KEEP) -> np.ndarray:
     """(takes, STEPS, 2) rad of a first-order law about a path, measured with ``noise``."""
-    rng = np.random.default_rng(seed)
+    rng = default_rng(seed)
     root = np.linalg.cholesky(SPREAD)
     fresh = rng.standard_normal((takes, STEPS, 2)) @ root.T
     fresh[:, 1:] *= np.sqrt(1 - keep**2)
@@ -93,13 +95,13 @@ def test_the_autocorrelated_law_is_the_one_that_takes_were_drawn_with(poses):
     roots, lags = linear.deviation_roots(poses, NOISE), np.arange(1, 8)
     correlation = linear.autocorrelation(poses, NOISE)
     for k in (0, 50, 119):
-        np.testing.assert_allclose(
+        assert_allclose(
             roots[k] @ roots[k],
             np.cov(poses[:, k].T) - NOISE,
             rtol=1e-9,
         )
     expected = KEEP**lags * (1 - lags / STEPS)
-    np.testing.assert_allclose(correlation[lags], expected, atol=0.02)
+    assert_allclose(correlation[lags], expected, atol=0.02)
     # control: the measurement taken for deviation
     assert np.all(
         linear.autocorrelation(poses, 0 * NOISE)[lags] < correlation[lags] - 0.005,
@@ -122,7 +124,7 @@ def test_the_autocorrelated_filter_is_calibrated_and_without_measurements_the_tr
 ):
     true = measured(100, 6, 0 * NOISE)
     k = np.arange(0, STEPS, 3)
-    rng = np.random.default_rng(5)
+    rng = default_rng(5)
 
     def filtered(noise):
         errors = rng.multivariate_normal(np.zeros(2), noise, (len(true), len(k)))
@@ -146,8 +148,8 @@ def test_the_autocorrelated_filter_is_calibrated_and_without_measurements_the_tr
     assert np.mean(error**2) < 0.4 * np.mean((poses.mean(axis=0) - true) ** 2)
     # control: frames of no information leave the training mean and covariance
     blind, spread = filtered(1e6 * NOISE)
-    np.testing.assert_allclose(blind[0], poses.mean(axis=0), atol=1e-3)
-    np.testing.assert_allclose(spread[0, 50] + NOISE, np.cov(poses[:, 50].T), rtol=1e-3)
+    assert_allclose(blind[0], poses.mean(axis=0), atol=1e-3)
+    assert_allclose(spread[0, 50] + NOISE, np.cov(poses[:, 50].T), rtol=1e-3)
 
 
 @pytest.mark.parametrize("keep", [0.0, 0.95])

@@ -5,6 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.signal import lfilter
 from space_arms import LWR4
 
@@ -24,7 +26,7 @@ from pipeline.filtering.measurement import (
 
 def measurements_at(t, **changed) -> Measurements:
     """Measurements of three joints at the times ``t`` in s, with some arrays ``changed``."""
-    rng = np.random.default_rng(3)
+    rng = default_rng(3)
     count = len(t)
     root = 0.05 * rng.standard_normal((count, 3, 3))
     arrays = {
@@ -39,7 +41,7 @@ def measurements_at(t, **changed) -> Measurements:
 def test_a_frame_enters_at_the_step_during_which_it_was_taken():
     frame, step, share = measurements_at([0.004, 0.0151, 0.019, 0.0]).schedule(5, 0.01)
     assert (frame.tolist(), step.tolist()) == ([3, 0, 1, 2], [0, 1, 2, 2])
-    np.testing.assert_allclose(share, [1.0, 0.4, 0.51, 0.9])
+    assert_allclose(share, [1.0, 0.4, 0.51, 0.9])
     # those before the start and after the end of the motion do not enter
     frame, step, share = measurements_at([-0.02, -1e-4, 0.0, 0.05, 0.0501]).schedule(
         5,
@@ -90,9 +92,9 @@ def test_every_take_of_the_camera_goes_with_the_noise_that_was_estimated_without
     noise = noise.assign(**dict(zip(pairs("r", ("a", "b", "c")), entries, strict=True)))
     first, second = measurements(angles, noise)
     assert (first.take, second.take) == ("a", "b")
-    np.testing.assert_array_equal(first.bias[:, 0], [0.1, 0.2])
+    assert_array_equal(first.bias[:, 0], [0.1, 0.2])
     expected = [[2.0, 0.1, 0.2], [0.1, 5.0, 0.3], [0.2, 0.3, 6.0]]
-    np.testing.assert_array_equal(first.covariance[1], expected)
+    assert_array_equal(first.covariance[1], expected)
     # the frame of b that no other take has is left out
     assert second.t.tolist() == [1] and second.bias[0, 0] == 0.3
 
@@ -104,7 +106,7 @@ BIAS = 1e-2 * np.linspace(-1, 1, STEPS)
 
 def encoder_errors(keep: float) -> np.ndarray:
     """(TAKES, STEPS, 2) rad errors of which a share ``keep`` is left after a step, about a bias."""
-    rng = np.random.default_rng(1)
+    rng = default_rng(1)
     root = np.linalg.cholesky(SPREAD)
     fresh = rng.standard_normal((TAKES, STEPS, 2)) @ root.T
     fresh[:, 1:] *= np.sqrt(1 - keep**2)
@@ -116,8 +118,8 @@ def encoder_errors(keep: float) -> np.ndarray:
 def test_bias_covariance_and_duration_of_encoder_errors_are_those_drawn(keep):
     errors = encoder_errors(keep)
     noise = encoder_noise(errors, DT)
-    np.testing.assert_allclose(noise.bias[:, 0], BIAS, atol=5e-4)
-    np.testing.assert_allclose(
+    assert_allclose(noise.bias[:, 0], BIAS, atol=5e-4)
+    assert_allclose(
         noise.covariance,
         np.tile(SPREAD, (STEPS, 1, 1)),
         atol=6e-7,
@@ -130,26 +132,26 @@ def test_bias_covariance_and_duration_of_encoder_errors_are_those_drawn(keep):
         told = np.linalg.inv(np.linalg.inv(covariance).sum(axis=0))
         weights = told @ np.linalg.inv(covariance)
         means = np.einsum("kij,tkj->ti", weights, errors[:, places] - bias)
-        np.testing.assert_allclose(np.cov(means.T), told, atol=0.25 * told.max())
+        assert_allclose(np.cov(means.T), told, atol=0.25 * told.max())
     _, apart = noise.of_readings(np.array([0.0, 1.0, 2.0]))
-    np.testing.assert_array_equal(apart, noise.covariance[[0, 100, 200]])
+    assert_array_equal(apart, noise.covariance[[0, 100, 200]])
     # errors of a shorter stretch are of their own size
     errors[:, 200:] *= 5
     for step, size in ((100, 1), (260, 25)):
         covariance = encoder_noise(errors - errors.mean(axis=0), DT).covariance[step]
-        np.testing.assert_allclose(covariance, size * SPREAD, atol=size * 8e-7)
+        assert_allclose(covariance, size * SPREAD, atol=size * 8e-7)
 
 
 def test_the_covariance_of_few_takes_is_not_biased_by_their_mean():
     """Four takes: divided by their number, it would be a quarter too small."""
-    rng = np.random.default_rng(3)
+    rng = default_rng(3)
     zero = np.zeros(len(SPREAD))
     covariances = []
     for _ in range(400):
         errors = rng.multivariate_normal(zero, SPREAD, (4, 40))
         covariances.append(encoder_noise(errors, DT).covariance)
     mean = np.mean(covariances, axis=(0, 1))
-    np.testing.assert_allclose(mean, SPREAD, atol=0.05 * SPREAD.max())
+    assert_allclose(mean, SPREAD, atol=0.05 * SPREAD.max())
 
 
 DATASET = Dataset(
@@ -174,7 +176,7 @@ def tables(tmp_path, monkeypatch):
     )
     k = np.arange(5)
     t = np.arange(9) / 200
-    rng = np.random.default_rng(1)
+    rng = default_rng(1)
     joints, read = [], []
     for take, part_of_take in parts.items():
         frame = pd.DataFrame({"take": take, "part": part_of_take, "k": k, "t": k / 100})
@@ -198,9 +200,9 @@ def test_the_takes_that_stay_are_measured_by_the_chosen_instrument(tables):
     second = by_encoders[1]
     # every second reading: one a step of the motion
     assert (second.y == 2.0).all() and second.y.shape == (5, 7)
-    np.testing.assert_allclose(second.t, np.arange(5) / 100)
-    np.testing.assert_allclose(second.bias.mean(axis=0), [0.02] + [0.0] * 6, atol=8e-4)
-    np.testing.assert_allclose(second.covariance[2], 4e-6 * np.eye(7), atol=2e-6)
+    assert_allclose(second.t, np.arange(5) / 100)
+    assert_allclose(second.bias.mean(axis=0), [0.02] + [0.0] * 6, atol=8e-4)
+    assert_allclose(second.covariance[2], 4e-6 * np.eye(7), atol=2e-6)
     assert measured_takes(replace(DATASET, measurement="depth")) == []
 
 

@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 import pytest
 from compiled_calls import chosen_by, from_python
+from numpy.testing import assert_allclose
 from numpy_filter import plain_filter
 from numpy_laws import plain_steps
 from printed_algorithms import READINGS
@@ -168,7 +169,7 @@ def test_a_law_without_compiled_code_is_filtered_by_its_samples(kind, share):
         draw_steps(law, ARM, q, v, RNG(3))[0]
         for law in (Sampled(MODELS[kind]), MODELS[kind])
     )
-    np.testing.assert_allclose(by_samples, by_compiled_law, atol=1e-12)
+    assert_allclose(by_samples, by_compiled_law, atol=1e-12)
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
@@ -368,7 +369,7 @@ def off(values: np.ndarray, mean: np.ndarray) -> float:
     """Greatest deviation from ``mean`` of the average of ``values``, in standard errors."""
     error = values.std(axis=0) / np.sqrt(len(values))
     fixed = error < 1e-12
-    np.testing.assert_allclose(values[:, fixed].mean(axis=0), mean[fixed], atol=1e-9)
+    assert_allclose(values[:, fixed].mean(axis=0), mean[fixed], atol=1e-9)
     return np.max(np.abs(values.mean(axis=0) - mean)[~fixed] / error[~fixed])
 
 

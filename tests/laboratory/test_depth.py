@@ -9,6 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose, assert_array_equal
 from planar_poses import load_arm
 from scipy.spatial.transform import Rotation
 from scipy.stats import norm
@@ -37,7 +39,7 @@ BOX = np.array([[-0.1, -0.2], [0.1, -0.2], [0.1, 0.2], [-0.1, 0.2]])
 
 
 def test_depth_of_a_box_equals_that_of_analytic_slabs():
-    rng = np.random.default_rng(2)
+    rng = default_rng(2)
     half = np.array([0.1, 0.07, 0.2])
     x, y = (np.arange(80) - 39.5) / 80, (np.arange(60) - 29.5) / 80
     directions = np.stack([*np.meshgrid(x, y), np.ones((60, 80))], axis=-1)
@@ -55,21 +57,21 @@ def test_depth_of_a_box_equals_that_of_analytic_slabs():
         )
         enter, leave = bounds[0].max(axis=-1), bounds[1].min(axis=-1)
         hit = enter < leave
-        np.testing.assert_array_equal(np.isfinite(depth), hit)
-        np.testing.assert_allclose(depth[hit], enter[hit], rtol=1e-9)
+        assert_array_equal(np.isfinite(depth), hit)
+        assert_allclose(depth[hit], enter[hit], rtol=1e-9)
         face = bounds[0].argmax(axis=-1)[..., None]
         entered = np.abs(np.take_along_axis(ray, face, axis=-1)[..., 0])
         cosine = entered / np.linalg.norm(ray, axis=-1)
-        np.testing.assert_allclose(np.cos(grazing[hit]), cosine[hit], rtol=1e-9)
+        assert_allclose(np.cos(grazing[hit]), cosine[hit], rtol=1e-9)
 
 
 def digest(seed: int) -> str:
     camera = DepthCamera(
         ARM,
         KinectOptions(),
-        draw_bias(KinectOptions(), np.random.default_rng(1)),
+        draw_bias(KinectOptions(), default_rng(1)),
     )
-    rng = np.random.default_rng(seed)
+    rng = default_rng(seed)
     images = [camera.observe(q, rng) for q in np.linspace(FOLDED, EXTENDED, 5)]
     return hashlib.sha256(b"".join(image.tobytes() for image in images)).hexdigest()
 
@@ -149,7 +151,7 @@ def step(rows: int = 2000) -> tuple[np.ndarray, np.ndarray]:
 def test_noise_of_a_flat_wall_has_the_axial_deviation(depth: float, grazing: float):
     options = KinectOptions()
     wall = (np.full((424, 512), value, dtype=np.float32) for value in (depth, grazing))
-    image = read_depth(*wall, UNBIASED, options, np.random.default_rng(8))
+    image = read_depth(*wall, UNBIASED, options, default_rng(8))
     error = image - 1e3 * depth
 
     def predicted(z: float) -> float:
@@ -176,7 +178,7 @@ def test_lateral_noise_moves_an_edge_by_the_published_deviation(grazing: float):
     options = replace(CLEAN, lateral=KinectOptions().lateral)
     depth, angle = step(rows=20_000)
     angle = angle + np.float32(grazing)
-    image = read_depth(depth, angle, UNBIASED, options, np.random.default_rng(4))
+    image = read_depth(depth, angle, UNBIASED, options, default_rng(4))
     crossed = (image[:, 17:20] == 2000).mean(axis=0)
     sigma = 0.8 + 0.035 * grazing / (np.pi / 2 - grazing)
     stated = lateral_deviation(np.full(1, grazing, np.float32), options)
@@ -196,7 +198,7 @@ def test_lateral_noise_moves_an_edge_by_the_published_deviation(grazing: float):
 def test_edges_lose_and_mix_their_pixels_at_the_stated_rates_and_nowhere_else():
     options = replace(CLEAN, edge_lost=0.3, edge_mixed=0.2)
     depth, angle = step()
-    image = read_depth(depth, angle, UNBIASED, options, np.random.default_rng(4))
+    image = read_depth(depth, angle, UNBIASED, options, default_rng(4))
     edge = image[:, 19:21]
     # 4000 pixels: a rate of 0.3 has a standard error of 0.007
     assert (edge == 0).mean() == pytest.approx(0.3, abs=0.03)
@@ -208,7 +210,7 @@ def test_edges_lose_and_mix_their_pixels_at_the_stated_rates_and_nowhere_else():
         abs=5 * 1000 / np.sqrt(12 * between.size),
     )
     image[:, 19:21] = np.rint(1000 * depth[:, 19:21])
-    np.testing.assert_array_equal(image, np.rint(1000 * depth))
+    assert_array_equal(image, np.rint(1000 * depth))
 
 
 def test_without_noise_the_image_is_the_exact_depth_in_whole_millimetres():
@@ -216,11 +218,11 @@ def test_without_noise_the_image_is_the_exact_depth_in_whole_millimetres():
         ramp(),
         np.tile(np.linspace(0.0, 1.7, 424, dtype=np.float32)[:, None], 512),
     )
-    image = read_depth(depth, grazing, UNBIASED, CLEAN, np.random.default_rng(0))
+    image = read_depth(depth, grazing, UNBIASED, CLEAN, default_rng(0))
     valid = (depth >= 0.5) & (depth <= 4.5) & (grazing <= CLEAN.grazing_limit)
     assert image.dtype == np.uint16
     assert image.shape == (424, 512)
-    np.testing.assert_array_equal(
+    assert_array_equal(
         image,
         np.where(valid, np.rint(depth * np.float32(1000)), 0),
     )
@@ -229,8 +231,8 @@ def test_without_noise_the_image_is_the_exact_depth_in_whole_millimetres():
 
 def test_bias_shifts_depth_smoothly_by_one_draw_a_session():
     options = KinectOptions(bias_offset_std=5e-3, bias_wiggle=2e-3)
-    bias = draw_bias(options, np.random.default_rng(1))
-    depth, rng = ramp().clip(0.6, 4.4), np.random.default_rng(0)
+    bias = draw_bias(options, default_rng(1))
+    depth, rng = ramp().clip(0.6, 4.4), default_rng(0)
     image = read_depth(depth, np.zeros_like(depth), bias, CLEAN, rng)
     shift = image[0] - 1e3 * depth[0]
     expected = 1e3 * bias[(1e3 * depth[0]).astype(int)]
@@ -241,6 +243,6 @@ def test_bias_shifts_depth_smoothly_by_one_draw_a_session():
     assert np.abs(np.diff(bias)).max() < 1.01 * steepest
     offsets = []
     for seed in range(300):
-        drawn = draw_bias(options, np.random.default_rng(seed))
+        drawn = draw_bias(options, default_rng(seed))
         offsets.append(np.mean(drawn[:4230]))
     assert np.std(offsets) == pytest.approx(5e-3, rel=0.15)

@@ -7,6 +7,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.special import i0e, i1e
 from synthetic_session import ARM, DYNAMICS
 
@@ -41,7 +43,7 @@ def across(values, truth):
 def test_slipping_has_the_moments_and_correlation_of_its_law_at_any_sampling_rate(rate):
     slip_rate, recovery, sd = 20.0, 0.25, 1.7
     robots = replace(ROBOTS, slip_rate=slip_rate, slip_recovery=recovery)
-    paths = slipping(np.full(PATHS, sd), robots, 40, rate, np.random.default_rng(29))
+    paths = slipping(np.full(PATHS, sd), robots, 40, rate, default_rng(29))
     skewness = -2 / np.sqrt(slip_rate * recovery)
     cubes = (paths / sd) ** 3
     for k in (0, 39):  # stationary from the first sample on
@@ -55,7 +57,7 @@ def test_slipping_has_the_moments_and_correlation_of_its_law_at_any_sampling_rat
 
 @pytest.mark.parametrize("rate", [62.5, 2.0])
 def test_wander_is_a_stationary_ornstein_uhlenbeck_process_at_any_sampling_rate(rate):
-    paths = wander(np.full(PATHS, 0.08), 0.4, 40, rate, np.random.default_rng(30))
+    paths = wander(np.full(PATHS, 0.08), 0.4, 40, rate, default_rng(30))
     for k in (0, 39):
         assert across(paths[k], 0.0) < 4.5
         assert across(paths[k] ** 2, 0.08**2) < 4.5
@@ -69,7 +71,7 @@ def test_directions_spread_by_their_concentration_and_tensions_by_their_deviatio
     kappa, robots = 6.0, 400
     many = Robots(tension_sd=(1.5,) * robots, concentration=(kappa,) * robots)
     cables = pulled(np.full(robots, 30.0), np.full(robots, 1.0))
-    record = record_force(cables, many, SILENT, 0.0, 40.0, np.random.default_rng(31))
+    record = record_force(cables, many, SILENT, 0.0, 40.0, default_rng(31))
     along = record.direction @ [np.cos(1.0), np.sin(1.0), 0.0]
     assert across(along.mean(axis=0), i1e(kappa) / i0e(kappa)) < 4.5
     assert across(((record.tension - 30.0) ** 2).mean(axis=0), 1.5**2) < 4.5
@@ -79,7 +81,7 @@ def test_directions_spread_by_their_concentration_and_tensions_by_their_deviatio
 
 def test_a_silent_transducer_measures_the_cables_pulls_and_their_moments_about_the_origin():
     def silent(cables):
-        rng = np.random.default_rng(32)
+        rng = default_rng(32)
         return record_force(cables, ROBOTS, SILENT, 5.0, 20.0, rng)
 
     for cables in (CABLES, IN_SPACE):
@@ -87,18 +89,18 @@ def test_a_silent_transducer_measures_the_cables_pulls_and_their_moments_about_t
         unloaded = record.time < 5.0
         assert not record.force[unloaded].any() and not record.torque[unloaded].any()
         lengths = np.linalg.norm(record.direction, axis=-1)
-        np.testing.assert_allclose(lengths, 1, rtol=1e-14)
+        assert_allclose(lengths, 1, rtol=1e-14)
         pulls = record.tension[..., None] * record.direction
-        np.testing.assert_allclose(record.force, pulls.sum(axis=1), atol=1e-12)
+        assert_allclose(record.force, pulls.sum(axis=1), atol=1e-12)
         places = np.zeros(3)
         if cables.attachment is not None:
             places = np.array(cables.attachment)
         torque = np.cross(places + SILENT.lever, pulls).sum(axis=1)
-        np.testing.assert_allclose(record.torque, torque, atol=1e-12)
+        assert_allclose(record.torque, torque, atol=1e-12)
     # the controls: in a plane nothing pulls out of it; tied to one point they turn it otherwise
     assert not silent(CABLES).force[:, 2].any()
     met = silent(pulled(TENSION, DIRECTION, IN_SPACE.elevation))
-    np.testing.assert_array_equal(met.force, record.force)
+    assert_array_equal(met.force, record.force)
     assert np.abs(met.torque - record.torque).max() > 0.1
 
 
@@ -113,7 +115,7 @@ def test_directions_in_space_spread_by_their_concentration_alike_in_all_directio
         concentration=(kappa,) * many,
         wander_time=0.4,
     )
-    e = directions(cables, robots, 60, 2.0, np.random.default_rng(41))
+    e = directions(cables, robots, 60, 2.0, default_rng(41))
     level = np.cos(elevation)
     mean = np.array(
         [level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)],
@@ -134,7 +136,7 @@ def test_the_transducer_adds_the_stated_noise_bias_and_drift():
     transducer = Transducer(noise=(0.02, 0.001), bias=(0.4, 0.01), drift=(1e-3, 1e-4))
     records = [
         record_force(CABLES, ROBOTS, transducer, 30.0, 0.1, rng)
-        for rng in np.random.default_rng(34).spawn(300)
+        for rng in default_rng(34).spawn(300)
     ]
     unloaded = records[0].time < 30.0
     for channel, name in enumerate(("force", "torque")):

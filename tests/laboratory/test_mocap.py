@@ -6,6 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 from space_arms import LWR4, link_poses
 from synthetic_session import ARM
@@ -34,7 +36,7 @@ def planar_angles(frames: int) -> np.ndarray:
 
 def take(options: MocapOptions, frames: int) -> dict[str, np.ndarray]:
     """Markers of the planar arm."""
-    q, rng = planar_angles(frames), np.random.default_rng(5)
+    q, rng = planar_angles(frames), default_rng(5)
     return mocap.capture(ARM, q, TEMPLATE, (WORLD, ORIGIN), options, rng)
 
 
@@ -54,7 +56,7 @@ def test_markers_without_noise_give_back_the_joint_angles() -> None:
         axis_z = Rotation.align_vectors(observed, body)[0].apply([0.0, 0.0, 1.0])
         assert abs(axis_z[1]) < 1e-9
         psi[n, j] = np.arctan2(axis_z[0], axis_z[2])
-    np.testing.assert_allclose(ARM.chain.joints_from_segments(psi), q, atol=1e-9)
+    assert_allclose(ARM.chain.joints_from_segments(psi), q, atol=1e-9)
 
 
 def test_noise_and_errors_of_placement_have_the_stated_deviations():
@@ -65,7 +67,7 @@ def test_noise_and_errors_of_placement_have_the_stated_deviations():
     assert not noise.std() == pytest.approx(2.1e-4, rel=0.01)
     assert abs((noise[1:] * noise[:-1]).mean()) < 4 * 2e-4**2 / np.sqrt(noise.size)
     # the error of placement is drawn once
-    options, rng = MocapOptions(placement_std=1e-3), np.random.default_rng(3)
+    options, rng = MocapOptions(placement_std=1e-3), default_rng(3)
     errors = np.stack(
         [mocap.place_markers(TEMPLATE, options, rng) - TEMPLATE for _ in range(400)],
     )
@@ -100,7 +102,7 @@ def test_swaps_exchange_two_labels_of_one_link():
     moved = np.any(observed != true, axis=3)
     assert set(np.unique(moved.sum(axis=2))) == {0, 2}
     assert moved.any(axis=2).sum() > 0
-    np.testing.assert_array_equal(np.sort(observed, axis=2), np.sort(true, axis=2))
+    assert_array_equal(np.sort(observed, axis=2), np.sort(true, axis=2))
     pairs = np.unique(moved[moved.any(axis=2)], axis=0)
     assert len(pairs) == 3
 
@@ -113,13 +115,13 @@ def test_lost_labels_reappear_as_unlabeled_columns():
     assert list(strays) == [f"Unlabeled {1000 + i}" for i in range(len(strays))]
     for column in strays.values():
         at = np.flatnonzero(~np.isnan(column[:, 0]))
-        np.testing.assert_array_equal(at, np.arange(at[0], at[-1] + 1))
+        assert_array_equal(at, np.arange(at[0], at[-1] + 1))
         (owner,) = np.flatnonzero(np.all(true[at] == column[at][:, None], axis=(0, 2)))
         assert np.isnan(observed[at, owner]).all()
         observed[at, owner] = column[at]
     # with the strays put back nothing is missing
     assert strays
-    np.testing.assert_array_equal(observed, true)
+    assert_array_equal(observed, true)
 
 
 def test_a_hidden_marker_loses_no_label_and_begins_no_unlabeled_column():
@@ -155,8 +157,8 @@ def test_without_noise_a_body_is_where_pinocchio_carries_its_mount(rng):
         rotation, position = link_poses(LWR4, link, q)
         at = (position + rotation @ mount[0]) @ WORLD.T + ORIGIN
         turn = WORLD @ rotation @ Rotation.from_euler("xyz", mount[1]).as_matrix()
-        np.testing.assert_allclose(where, at, atol=1e-12)
-        np.testing.assert_allclose(
+        assert_allclose(where, at, atol=1e-12)
+        assert_allclose(
             Rotation.from_quat(quaternion).as_matrix(),
             turn,
             atol=1e-12,
@@ -172,4 +174,4 @@ def test_the_body_of_a_link_is_carried_by_the_arm_as_built():
         *longer[:joints],
         link.placements[joints],
     ]
-    np.testing.assert_array_equal(built.placements, expected)
+    assert_array_equal(built.placements, expected)

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from synthetic_session import ARM, DYNAMICS, QUIET, TRAJECTORY
 
 from pipeline.core.errors import ConfigError
@@ -21,7 +22,7 @@ def test_the_arm_rests_folded_goes_out_rests_and_comes_back_the_same_way():
     ends = (t <= rest) | (t >= TRAJECTORY.duration - rest)
     turn = np.abs(t - half) <= rest
     assert np.array_equal(q[ends], np.tile(TRAJECTORY.folded, (ends.sum(), 1)))
-    np.testing.assert_allclose(
+    assert_allclose(
         q[turn],
         np.tile(TRAJECTORY.extended, (turn.sum(), 1)),
         atol=1e-12,
@@ -30,7 +31,7 @@ def test_the_arm_rests_folded_goes_out_rests_and_comes_back_the_same_way():
     assert abs((~speed.any(axis=1)).sum() - (ends.sum() + turn.sum())) <= 4
     way = np.array(TRAJECTORY.extended) - TRAJECTORY.folded
     assert np.all((speed * way)[(t > rest) & (t < half - rest)] >= 0)
-    np.testing.assert_allclose(q, q[::-1], atol=1e-12)
+    assert_allclose(q, q[::-1], atol=1e-12)
     # the speed is the derivative of the angle, and changes as smoothly as the ramps say
     assert np.abs((q[2:] - q[:-2]) * 500 - speed[1:-1]).max() < 1e-4
     peak = np.abs(speed).max()
@@ -134,12 +135,12 @@ def test_a_session_draws_zeros_and_lengths_of_the_stated_size(rng):
     errors = np.array([chain.lengths for chain in chains]) - ARM.chain.lengths
     for drawn, std in ((offsets, 2e-3), (errors, 3e-4)):
         band = 4 / np.sqrt(2 * sessions)
-        np.testing.assert_allclose(drawn.std(axis=0), std, rtol=band)
+        assert_allclose(drawn.std(axis=0), std, rtol=band)
         assert np.all(np.abs(drawn.mean(axis=0)) < 4 * std / np.sqrt(sessions))
     # only lengths: the links point as they did
     headings = np.array([np.arctan2(*chain.links.T) for chain in chains])
     turned = headings - np.arctan2(*ARM.chain.links.T)
-    np.testing.assert_allclose(turned, 0, atol=1e-14)
+    assert_allclose(turned, 0, atol=1e-14)
 
 
 def test_a_frame_shows_the_arm_at_the_instant_that_its_time_on_the_cameras_clock_stands_for(
@@ -152,12 +153,12 @@ def test_a_frame_shows_the_arm_at_the_instant_that_its_time_on_the_cameras_clock
     for _ in range(100):
         frames = dynamics.depth_frames(motion.swing, TRAJECTORY.duration, clock, rng)
         instants = (frames.times - frames.clock_offset) / (1 + clock.drift)
-        np.testing.assert_allclose(instants, frames.exposed, atol=1e-12)
+        assert_allclose(instants, frames.exposed, atol=1e-12)
         jitter = np.abs(instants - nominal)[1:-1]
         assert jitter.std() == pytest.approx(5e-3 * 0.6, rel=0.4)
         t, joints = motion.swing.t, motion.swing.q.T
         expected = np.stack([np.interp(instants, t, q) for q in joints], axis=-1)
-        np.testing.assert_allclose(frames.joints, expected, atol=1e-12)
+        assert_allclose(frames.joints, expected, atol=1e-12)
         offsets.append(frames.clock_offset)
     assert abs(np.mean(offsets) + 0.2) < 4 * 0.05 / 10
     assert abs(np.std(offsets) / 0.05 - 1) < 4 / np.sqrt(200)
@@ -187,10 +188,10 @@ def test_encoders_read_the_servo_to_their_resolution_and_nothing_behind_the_gear
     take = dynamics.swing(ARM.chain, OFFSET, TRAJECTORY, options, chance)
     assert np.abs(take.q - take.servo - OFFSET).max() > 1e-3
     t, signals = dynamics.log_joints(take, TRAJECTORY, ENCODERS)
-    np.testing.assert_allclose(t, np.arange(801) / 250, atol=1e-12)
+    assert_allclose(t, np.arange(801) / 250, atol=1e-12)
     assert np.array_equal(signals["target"], dynamics.desired_joints(t, TRAJECTORY)[0])
     read = signals["actual"] / ENCODERS.resolution
-    np.testing.assert_allclose(read, np.round(read), atol=1e-9)
+    assert_allclose(read, np.round(read), atol=1e-9)
     servo = np.stack([np.interp(t, take.t, joint) for joint in take.servo.T], axis=1)
     error = signals["actual"] - servo
     assert np.abs(error).max() <= ENCODERS.resolution / 2 * (1 + 1e-9)

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pinocchio as pin
 import pytest
+from numpy.random import default_rng
 from synthetic_session import ARM, ROBOT
 
 from pipeline.configuration.config import CONF, dataset_values
@@ -98,7 +99,7 @@ def session(cause: str, **changes: object) -> Session:
     dynamics = replace(dynamics_type(cause)(**laboratory["dynamics"]), **changes)
     trajectory, rng = (
         TrajectoryOptions(**laboratory["trajectory"]),
-        np.random.default_rng(5),
+        default_rng(5),
     )
     drawn = [draw(ARM.chain, trajectory, dynamics, rng) for _ in range(TAKES)]
     chance = Chance(*map(np.stack, zip(*drawn, strict=True)))
@@ -394,7 +395,7 @@ def test_steps_know_of_each_other_and_the_models_steps_do_not(recorded):
         WishartModel(0.2),
         GaussianModel(0.12, 25.0),
     )
-    rng = np.random.default_rng(13)
+    rng = default_rng(13)
     nominal = q[:, 1:] - noise
     moving = recorded.full_speed
     # successive steps: a wrong time is taken back, a sway lasts longer than a step

@@ -7,6 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose, assert_array_equal
 from random_arm import motion, random_arm
 from sample_options import filter_options
 from scipy.linalg import block_diag
@@ -71,7 +73,7 @@ def moved(
     """(STEPS + 1, 3) deviation from the path of an arm without noise that starts at ``off``."""
     still = Start(path.poses[0] + off, np.zeros((3, 3)))
     quiet = AdditiveModel(np.zeros((3, 3)))
-    run = commands, 0.01, still, UNSEEN, filter_options(1), np.random.default_rng(1)
+    run = commands, 0.01, still, UNSEEN, filter_options(1), default_rng(1)
     return particle_filter(quiet, path.chain, *run).mean - path.poses
 
 
@@ -86,7 +88,7 @@ def test_on_the_mean_path_the_arm_stays_and_with_the_steps_of_the_poses_it_does_
 
 
 def test_the_noise_left_in_a_loop_is_what_was_put_in_with_the_measurements(path):
-    rng, chain, share = np.random.default_rng(2), path.chain, 0.4
+    rng, chain, share = default_rng(2), path.chain, 0.4
     v = np.where(np.arange(STEPS)[:, None] < 5, 0.0, path.v + 1e-9)
     q = np.empty((20, STEPS + 1, 3))
     q[:, 0] = path.poses[0] + 1e-3 * rng.standard_normal((20, 3))
@@ -99,7 +101,7 @@ def test_the_noise_left_in_a_loop_is_what_was_put_in_with_the_measurements(path)
         )
     noise = process_noise(chain, q, v)
     recorded = Recorded(chain, q[:, :-1], v, noise, JOINTS, np.eye(3))
-    np.testing.assert_allclose(recorded.poses, q, atol=1e-15)
+    assert_allclose(recorded.poses, q, atol=1e-15)
     closed = closed_loop.closed_loop_steps(
         recorded,
         closed_loop.mean_path(recorded),
@@ -109,11 +111,11 @@ def test_the_noise_left_in_a_loop_is_what_was_put_in_with_the_measurements(path)
     assert np.max(np.ptp(closed.noise, axis=0)) < 1e-5
     assert np.max(np.ptp(noise, axis=0)) > 1e-4
     assert not closed.v[:, :5].any() and closed.v[:, 5:].all()
-    np.testing.assert_allclose(closed.measurement, (1 + 0.6**2) / 2 * np.eye(3))
+    assert_allclose(closed.measurement, (1 + 0.6**2) / 2 * np.eye(3))
     # takes share the commands of an open loop alone
     takes = np.array([3, 3, 0])
     assert recorded.subset(takes).v is recorded.v
-    np.testing.assert_array_equal(closed.subset(takes).v, closed.v[takes])
+    assert_array_equal(closed.subset(takes).v, closed.v[takes])
 
 
 def takes_of(
@@ -127,7 +129,7 @@ def takes_of(
     """
     (model, _, noisier) = (MODELS | SEVEN)[kind]
     chain = path.chain
-    rng = np.random.default_rng(seed)
+    rng = default_rng(seed)
     n, m = path.poses.shape[1], len(chain.task)
     std = np.resize(noisier * POSE, n)
     q = np.empty((TAKES, STEPS + 1, n))
@@ -212,7 +214,7 @@ def test_of_takes_in_an_open_loop_the_interval_holds_zero(kind, path):
 
 def test_the_likelihood_is_that_of_the_whole_motion_as_one_normal_vector():
     """Without a recursion; the vector y_k − y_0 contains no constant of a take."""
-    rng = np.random.default_rng(4)
+    rng = default_rng(4)
     n = 2
     steps = 5
     takes = 6
@@ -256,7 +258,7 @@ def test_the_likelihood_is_that_of_the_whole_motion_as_one_normal_vector():
     shares = np.array([0.0, 0.3, 0.9])
     likelihoods = closed_loop.take_log_likelihoods(space, deviation, shares)
     expected = np.stack([log_likelihoods(share) for share in shares])
-    np.testing.assert_allclose(likelihoods, expected, rtol=1e-10)
+    assert_allclose(likelihoods, expected, rtol=1e-10)
 
 
 def test_a_share_without_a_covariance_has_no_likelihood_and_the_others_keep_theirs():

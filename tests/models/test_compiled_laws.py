@@ -4,6 +4,7 @@ draws and their moments on arms of any size, at rest and at singular poses.
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from numpy_laws import plain_steps
 from printed_algorithms import READINGS, least_p_value
 from random_arm import motion, random_arm
@@ -142,7 +143,7 @@ def test_at_rest_a_matrix_model_stays_and_every_other_has_its_floor(
         model.log_density(chain, poses, rest, drawn)
     noise = stats.multivariate_normal(cov=MEASUREMENT).logpdf(np.full(3, 1e-3))
     density = model.log_density(chain, poses, rest, poses + 1e-3, MEASUREMENT)
-    np.testing.assert_allclose(density, noise, rtol=1e-9)
+    assert_allclose(density, noise, rtol=1e-9)
 
 
 @every_model

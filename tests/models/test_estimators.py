@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
 from random_arm import motion, random_arm
 
 from pipeline.core.errors import ModelDomainError
@@ -50,7 +51,7 @@ def recorded_on(arm, q, v, measured, model, takes: int) -> Recorded:
     """Takes of steps that begin at the poses ``q`` and are drawn from the ``model``, each measured
     with noise of the covariance ``measured``.
     """
-    rng = np.random.default_rng(1)
+    rng = default_rng(1)
     n = q.shape[1]
     poses = np.tile(q, (takes, 1, 1))
     moved, _ = draw_steps(model, arm, poses, v, rng)
@@ -83,7 +84,7 @@ def test_known_dispersions_come_back_but_from_the_papers_estimator(
     model = WishartModel(sigma_b, Decomposition(name))
     data = recorded(chain, poses, step, model, takes=200)
     by_moments = estimate(data, wishart("moments", name))
-    rng = np.random.default_rng(2)
+    rng = default_rng(2)
     resampled = [
         by_moments.from_takes(rng.integers(200, size=200))["sigma_b"] for _ in range(50)
     ]
@@ -213,7 +214,7 @@ def test_the_curve_over_the_weight_falls_through_the_moment_estimate(
     step,
 ):
     data = recorded(chain, poses, 0.1 * step, WishartModel(0.5), takes=20)
-    options, rng = wishart("moments"), np.random.default_rng(3)
+    options, rng = wishart("moments"), default_rng(3)
     fitted = estimate(data, options)
     table = diagnose(data, options, fitted, 1, rng)[1]["sigma_b_weights"]
     for source in ("recorded", "drawn"):
@@ -244,7 +245,7 @@ def test_the_papers_estimate_follows_the_bound_where_the_bound_holds_steps(
     ratio_of_ends,
 ):
     data = recorded(chain, poses, speed * step, WishartModel(sigma_b), takes=20)
-    options, rng = wishart("moments"), np.random.default_rng(3)
+    options, rng = wishart("moments"), default_rng(3)
 
     metrics, tables = diagnose(data, options, estimate(data, options), 1, rng)
 
@@ -276,7 +277,7 @@ def scene(n: int, m: int):
     arm = random_arm(n, m)
     q, v = motion(arm, STEPS, REST)
     squares = np.diff(q[REST:], axis=0) ** 2
-    rng = np.random.default_rng(1)
+    rng = default_rng(1)
     root = np.eye(n) + 0.5 * rng.standard_normal((n, n)) / np.sqrt(n)
     covariance = 0.01 * np.mean(squares) * root @ root.T
     measured = 0.01 * np.diag(np.diag(covariance))
@@ -366,7 +367,7 @@ def test_the_standard_error_is_the_spread_over_independent_recordings(
     poses,
     step,
 ):
-    rng = np.random.default_rng(1)
+    rng = default_rng(1)
     spread = np.std(
         [mean_covariance(correlated(COUNT, rng))[0, 0] for _ in range(1000)],
         ddof=1,
@@ -405,7 +406,7 @@ def test_resampled_sums_give_the_estimate_of_the_resampled_takes(
     tolerance,
 ):
     still = recording(chain, poses, step, np.zeros((8, 20, 3)))
-    data = draw_data(WishartModel(0.25), still, np.random.default_rng(2))
+    data = draw_data(WishartModel(0.25), still, default_rng(2))
     options = kinds.options_type(kind)(kind, estimator=estimator)
     fitted = estimate(data, options)
     name = {"wishart": "sigma_b", "gaussian": "noise_level"}[kind]

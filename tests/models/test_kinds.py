@@ -7,6 +7,7 @@ import warnings
 import numpy as np
 import pytest
 from exported_models import write_model
+from numpy.testing import assert_allclose
 
 from pipeline.core.errors import ContractError, ModelDomainError
 from pipeline.models import kinds, load
@@ -54,7 +55,7 @@ def test_the_level_of_an_unbounded_gaussian_model_is_its_limit(chain, poses, ste
         model = kinds.build_model({"kind": "gaussian", **parameters})
         return model.covariance(chain, poses, step)[:, 0, 0]
 
-    np.testing.assert_allclose(
+    assert_allclose(
         variance(level=2.0),
         variance(alpha=1e-6, u=2e6),
         rtol=1e-9,
@@ -72,7 +73,7 @@ def test_a_closed_loop_corrects_its_share_of_the_way_to_the_target(
     model = load(write_model(tmp_path / "model.json", "additive", chain, share=0.25))
     target = chain.pose(poses[0])
     off = chain.displacement(chain.pose(poses), target)
-    np.testing.assert_allclose(
+    assert_allclose(
         model.command(poses, target, task_step=step),
         step + 0.25 * off,
     )

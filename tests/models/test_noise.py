@@ -6,6 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose
 from random_arm import motion, random_arm
 
 from pipeline.core.errors import ModelDomainError
@@ -35,23 +37,23 @@ MODELS = {
 
 
 def test_the_noise_put_into_a_motion_comes_out_measured_minus_nominal(chain):
-    rng = np.random.default_rng(2)
+    rng = default_rng(2)
     v = rng.uniform(-0.02, 0.02, (6, 3)) * [0.1, 0.1, 1]
     noise = 0.005 * rng.standard_normal((4, 6, 3))
     q = np.empty((4, 7, 3))
     q[:, 0] = [0.3, 1.6, -0.2]
     for k in range(6):
         q[:, k + 1] = q[:, k] + chain.inverse_jacobian(q[:, k]) @ v[k] + noise[:, k]
-    np.testing.assert_allclose(process_noise(chain, q, v), noise, atol=1e-15)
+    assert_allclose(process_noise(chain, q, v), noise, atol=1e-15)
 
 
 def test_the_measurement_noise_is_what_moves_at_rest():
-    rng = np.random.default_rng(4)
+    rng = default_rng(4)
     noise = rng.multivariate_normal(np.zeros(3), np.diag([1.0, 4.0, 9.0]), (400, 8))
     v = np.zeros((8, 3))
     v[3:6, 1] = 0.01
     noise[:, 3:6] *= 10
-    np.testing.assert_allclose(
+    assert_allclose(
         measurement_covariance(noise, v),
         np.diag([1.0, 4.0, 9.0]),
         atol=0.5,
@@ -63,17 +65,17 @@ def test_the_measurement_noise_is_what_moves_at_rest():
 
 
 def test_the_recorded_deviation_is_over_the_takes_of_steps_or_of_angles():
-    q, noise = np.random.default_rng(3).standard_normal((2, 4, 6, 3))
+    q, noise = default_rng(3).standard_normal((2, 4, 6, 3))
     steps, angles = (recorded_deviation(q, noise[:, 1:], mode) for mode in MODES)
-    np.testing.assert_allclose(steps[1:], np.std(noise[:, 1:], axis=0) * np.sqrt(4 / 3))
-    np.testing.assert_allclose(angles, np.std(q, axis=0) * np.sqrt(4 / 3))
+    assert_allclose(steps[1:], np.std(noise[:, 1:], axis=0) * np.sqrt(4 / 3))
+    assert_allclose(angles, np.std(q, axis=0) * np.sqrt(4 / 3))
 
 
 def recorded(size: float = 1e-4, m: int = 3) -> Recorded:
     """Twelve takes of a motion that begins with a rest, their noise of ``size`` rad."""
     arm = random_arm(3, m)
     q, v = motion(arm, 40, 10)
-    noise = size * np.random.default_rng(5).standard_normal((12, *q[:-1].shape))
+    noise = size * default_rng(5).standard_normal((12, *q[:-1].shape))
     joints = ("one", "two", "three")
     return Recorded(arm, np.tile(q[:-1], (12, 1, 1)), v, noise, joints, MEASUREMENT)
 
@@ -104,7 +106,7 @@ def test_at_the_recorded_level_the_total_variance_is_the_recorded_one(name, size
     if not isinstance(model, WishartModel):
         at = data.chain, data.q, data.v
         ratio = model_trace(scaled, data) / model_trace(model, data)
-        np.testing.assert_allclose(
+        assert_allclose(
             scaled.covariance(*at),
             ratio * model.covariance(*at),
             rtol=1e-12,
@@ -149,14 +151,12 @@ MODES = ["one_step", "free_running"]
 
 @pytest.fixture
 def rng() -> np.random.Generator:
-    return np.random.default_rng(21)
+    return default_rng(21)
 
 
 def takes(poses: np.ndarray, count: int, steps: int) -> np.ndarray:
     """(count, steps + 1, 3) recorded angles that wander about ``poses``."""
-    wander = (
-        np.random.default_rng(22).normal(0, 0.01, (count, steps + 1, 3)).cumsum(axis=1)
-    )
+    wander = default_rng(22).normal(0, 0.01, (count, steps + 1, 3)).cumsum(axis=1)
     return poses[:count, None] + wander
 
 
@@ -173,11 +173,11 @@ def test_without_noise_single_steps_start_where_the_recording_was_and_a_free_run
     nominal = (
         q[:, :-1] + np.linalg.solve(chain.jacobian(q[:, :-1]), v[..., None])[..., 0]
     )
-    np.testing.assert_allclose(single[0][:, 1:], nominal, rtol=1e-10)
+    assert_allclose(single[0][:, 1:], nominal, rtol=1e-10)
     at = q[:, 0]
     for k in range(8):
         at = at + np.linalg.solve(chain.jacobian(at), v[k][:, None])[..., 0]
-        np.testing.assert_allclose(run[0][:, k + 1], at, rtol=1e-10)
+        assert_allclose(run[0][:, k + 1], at, rtol=1e-10)
     assert single[1:] == run[1:] == (0, 0)
     assert np.array_equal(run[0][:, 0], q[:, 0]) and np.array_equal(q, recorded)
     # recorded poses that differ do not count as spread of single steps
@@ -185,7 +185,7 @@ def test_without_noise_single_steps_start_where_the_recording_was_and_a_free_run
     assert deviation.max() < 1e-12 < single[0].std(axis=0).min()
     # of a free run the angles are compared, whatever the recorded ones do meanwhile
     _, deviation = realized_moments(chain, q, v, "free_running", run[0])
-    np.testing.assert_allclose(deviation, run[0].std(axis=0, ddof=1))
+    assert_allclose(deviation, run[0].std(axis=0, ddof=1))
 
 
 def test_the_bias_of_a_step_is_the_mean_of_many_draws_and_zero_for_a_normal_law(
@@ -200,7 +200,7 @@ def test_the_bias_of_a_step_is_the_mean_of_many_draws_and_zero_for_a_normal_law(
     drawn = realize(wishart, chain, q, v, "one_step", rng)[0][:, 1:]
     off = (drawn - q[:, :-1] - chain.nominal_step(q[:, :-1], v)).mean(axis=0)
     assert bias[0] == 0 < bias[1:].min()
-    np.testing.assert_allclose(np.linalg.norm(off, axis=-1), bias[1:], rtol=0.3)
+    assert_allclose(np.linalg.norm(off, axis=-1), bias[1:], rtol=0.3)
     assert mean_bias(MODELS["gaussian"], chain, q, v).max() < 1e-12
     assert np.isnan(
         mean_bias(MODELS["wishart without a covariance"], chain, q, v),
@@ -237,7 +237,7 @@ def test_the_spread_stays_step_by_step_and_grows_with_the_root_of_time_running_f
     ]
     stated = STD * np.arange(1, steps + 1)[:, None] ** growth
     band = 4 / np.sqrt(2 * count)
-    np.testing.assert_allclose(spread, stated, rtol=band)
+    assert_allclose(spread, stated, rtol=band)
     # control: the other mode's law is far outside the band
     of_other_mode = STD * np.arange(1, steps + 1)[:, None] ** (0.5 - growth)
     assert np.abs(spread / of_other_mode - 1).max() > 5 * band

@@ -5,6 +5,8 @@ model of the inverse Jacobian against Algorithm 2 and the conic solver. The fit 
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose
 from scipy import stats
 
 from pipeline.core.errors import ModelDomainError, SolverError
@@ -35,7 +37,7 @@ every_model = pytest.mark.parametrize("model", MODELS.values(), ids=MODELS)
 @every_model
 @pytest.mark.parametrize("measurement", [None, MEASUREMENT])
 def test_the_log_density_is_scipys(model, measurement, chain, poses, step):
-    q_next = poses + 0.02 * np.random.default_rng(0).standard_normal(poses.shape)
+    q_next = poses + 0.02 * default_rng(0).standard_normal(poses.shape)
     result = model.log_density(chain, poses, step, q_next, measurement)
     means = model.mean(chain, poses, step)
     covariances = model.covariance(chain, poses, step)
@@ -44,7 +46,7 @@ def test_the_log_density_is_scipys(model, measurement, chain, poses, step):
         laws = zip(q_next, means, covariances, strict=True)
         return [stats.multivariate_normal(m, c + added).logpdf(x) for x, m, c in laws]
 
-    np.testing.assert_allclose(
+    assert_allclose(
         result,
         scipys(NONE if measurement is None else measurement),
         1e-9,
@@ -65,7 +67,7 @@ def test_a_singular_covariance_is_a_model_without_a_density(kind, chain, poses, 
         total = model.covariance(chain, q, v) + MEASUREMENT
         expected = stats.multivariate_normal(mean, total).logpdf(mean + 1e-3)
         density = model.log_density(chain, q, v, mean + 1e-3, MEASUREMENT)
-        np.testing.assert_allclose(density, expected, rtol=1e-9)
+        assert_allclose(density, expected, rtol=1e-9)
         with pytest.raises(ModelDomainError, match="a covariance must be"):
             model.log_density(chain, q, v, mean, -MEASUREMENT)
 
@@ -87,7 +89,7 @@ def test_what_is_no_covariance_is_refused(bad):
 
 
 def test_the_papers_covariance_is_about_the_mean_of_each_step():
-    rng = np.random.default_rng(5)
+    rng = default_rng(5)
     noise = rng.multivariate_normal(np.zeros(3), SIGMA, (100, 320))
     noise += 0.01 * rng.standard_normal((320, 3))
 
@@ -100,7 +102,7 @@ def test_the_papers_covariance_is_about_the_mean_of_each_step():
 
 
 def test_shrinkage_is_nearer_to_the_truth_where_takes_are_few_and_vanishes_where_they_are_many():
-    rng = np.random.default_rng(5)
+    rng = default_rng(5)
     true = np.diag([1.0, 1.5, 2.0])
     errors = np.zeros(2)
     for _ in range(200):
@@ -132,7 +134,7 @@ def test_the_closed_form_solves_the_log_det_problem(norm, alpha, u):
     expected = noise_scale(norm, alpha, u, 3, 3) * np.eye(3)
     solved = solve_noise_covariance(norm, alpha, u, 3, 3)
     band = 1e-4 * expected[0, 0]
-    np.testing.assert_allclose(solved, expected, atol=band)
+    assert_allclose(solved, expected, atol=band)
     # control: another scale is seen
     assert np.abs(solved - 1.05 * expected).max() > 100 * band
 
@@ -157,7 +159,7 @@ def test_independent_rows_make_the_step_isotropic_with_variance_v_sigma_v(step):
     give ‖v‖²Σ.
     """
     sigma = np.diag([4.0, 1.0, 0.25])
-    rng = np.random.default_rng(2)
+    rng = default_rng(2)
     drawn = (
         stats.matrix_normal(np.zeros((3, 3)), colcov=sigma).rvs(
             200_000,
@@ -166,7 +168,7 @@ def test_independent_rows_make_the_step_isotropic_with_variance_v_sigma_v(step):
         @ step
     )
     covariance = np.cov(drawn.T) / (step @ sigma @ step)
-    np.testing.assert_allclose(covariance, np.eye(3), atol=0.02)
+    assert_allclose(covariance, np.eye(3), atol=0.02)
     assert np.abs(covariance - (step @ step) * sigma / (step @ sigma @ step)).max() > 1
 
 
@@ -174,7 +176,7 @@ def test_the_law_of_a_step_is_that_of_algorithm_2(chain, step):
     """Kolmogorov–Smirnov tests of each joint and of the distance from the mean; control: α of 5 %
     more.
     """
-    rng = np.random.default_rng(3)
+    rng = default_rng(3)
     model = GaussianModel(0.1, 18.0)
     q = np.tile(POSE, (DRAWS, 1))
     inverse = chain.inverse_jacobian(POSE)
@@ -220,9 +222,9 @@ def test_the_noise_shrinks_as_the_pose_nears_the_bound_and_is_clipped_and_counte
         and np.all(np.diff(variance) < 0)
         and variance[3] == 0.0
     )
-    drawn, clipped = draw_steps(model, chain, q, step, np.random.default_rng(4))
+    drawn, clipped = draw_steps(model, chain, q, step, default_rng(4))
     assert clipped == 1
-    np.testing.assert_allclose(drawn[3], model.mean(chain, q, step)[3], atol=1e-14)
+    assert_allclose(drawn[3], model.mean(chain, q, step)[3], atol=1e-14)
     with pytest.raises(ModelDomainError, match="1 of 4 poses"):
         noise_scale(norms, 0.1, model.u, 3, 3)
 
@@ -269,7 +271,7 @@ def test_the_models_own_moments_return_its_parameters(alpha, extension):
 
 
 def test_alpha_is_the_best_for_each_extension():
-    rng = np.random.default_rng(3)
+    rng = default_rng(3)
     covariance = model_covariance(0.1, 1.0) * rng.uniform(0.5, 2, (STEPS, 1, 1))
     result, target = fit(covariance), np.trace(covariance, axis1=1, axis2=2)
     for i in (0, 80, 199):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from pipeline.core.errors import ModelDomainError
 from pipeline.models.speed.fit import greatest_likelihood
@@ -38,9 +39,9 @@ def test_the_covariance_depends_on_the_commanded_joint_step_alone(chain):
     commands = np.matvec(chain.jacobian(poses), steps)
     covariance = model.covariance(chain, poses, commands)
     expected = np.diag(1e-8 + np.array([0.1, 0.2, 0.3]) * 4e-6)
-    np.testing.assert_allclose(covariance, [expected, expected], rtol=1e-9)
+    assert_allclose(covariance, [expected, expected], rtol=1e-9)
     doubled = model.with_trace(chain, poses, commands, 2 * np.trace(expected))
-    np.testing.assert_allclose(doubled.growth, 2 * model.growth)
+    assert_allclose(doubled.growth, 2 * model.growth)
 
 
 @pytest.mark.parametrize("broken", [-1e-9, np.nan])

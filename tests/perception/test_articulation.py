@@ -5,6 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from compiled_calls import from_python
+from numpy.random import default_rng
 from rectangle_clouds import CHAIN, cloud, limits, motion
 from sample_options import made
 from scipy.optimize import minimize
@@ -132,13 +133,13 @@ def problem(points: np.ndarray, q: np.ndarray) -> Frame:
     return frame_of(points.T, CHAIN.origin, ee, limits(FREE.length_range), GAMMAS)
 
 
-RNG, Q = np.random.default_rng(7), motion()
+RNG, Q = default_rng(7), motion()
 CLOUDS = [cloud(pose, RNG) for pose in Q]
 
 
 def test_the_objective_is_the_printed_one() -> None:
     """At the fitted end with an asymmetry for each half of the tool."""
-    rng = np.random.default_rng(1)
+    rng = default_rng(1)
     for frame in range(0, 97, 8):
         nodes = CHAIN.points(Q[frame])
         nodes[1:3] += rng.normal(scale=0.01, size=(2, 2))
@@ -186,7 +187,7 @@ def test_the_simplex_finds_what_scipys_finds_or_better(end) -> None:
     starts 1e-12 rad apart, the least of our five is 14.51 to 14.90 mm, SciPy's is 14.55 to 15.27
     mm. From 60 starts within 1 mrad the means of both agree to 0.1 mm, either being less.
     """
-    rng = np.random.default_rng(2)
+    rng = default_rng(2)
     ours, reference = [], []
     for number in range(0, 97, 24):
         points, away = CLOUDS[number : number + 1], Q[number] + AWAY

@@ -5,6 +5,8 @@ from functools import cache
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose
 
 from pipeline.core import contracts
 from pipeline.core.columns import columns, pairs, spread
@@ -28,7 +30,7 @@ UPPER = np.triu_indices(3)
 
 def errors(takes: int) -> pd.DataFrame:
     """Errors whose mean and covariance grow over the motion."""
-    rng, frames, rows = np.random.default_rng(41), np.arange(FRAMES), []
+    rng, frames, rows = default_rng(41), np.arange(FRAMES), []
     root = 1e-3 * np.array([[4.0, 0.0, 0.0], [-3.0, 2.0, 0.0], [1.0, -1.0, 5.0]])
     for take in range(takes):
         size = 1 + frames[:, None] / FRAMES
@@ -85,7 +87,7 @@ def test_it_is_the_sample_mean_and_the_pooled_covariance_of_the_takes_that_have_
         covariance = scatter[near].sum(axis=0) / freedom[near].sum()
         estimate = noise.loc[frame, [*MEAN, *COVARIANCE, "t"]].astype(float)
         expected = [*samples[frame].mean(axis=0), *covariance[UPPER], times.mean()]
-        np.testing.assert_allclose(estimate, expected, rtol=1e-10)
+        assert_allclose(estimate, expected, rtol=1e-10)
 
 
 @pytest.mark.parametrize(("takes", "window"), [(5, 0), (3, 2), (1, 5)])
@@ -108,7 +110,7 @@ def test_a_frames_error_is_against_the_motion_at_its_own_time_and_none_is_outsid
     angles = pd.DataFrame({"take": "test_1", "frame": range(5), "t": exposed} | seen)
     deviations = errors_of(angles, joints)
     assert deviations["frame"].tolist() == [1, 2, 3]
-    np.testing.assert_allclose(deviations[ERRORS], np.tile([0.1, 0.2, 0.3], (3, 1)))
+    assert_allclose(deviations[ERRORS], np.tile([0.1, 0.2, 0.3], (3, 1)))
     # control: at the times of other frames they are not
     later = errors_of(angles.assign(t=exposed + 0.005), joints)
     assert np.abs(later[ERRORS[2]] - 0.3).min() > 0.01
@@ -135,7 +137,7 @@ def recordings(
     In rad: ``pose`` is the noise of the motion capture, ``jump`` what the number of a frame adds to
     an error, ``common`` the standard deviation of what a take adds.
     """
-    rng = np.random.default_rng(4)
+    rng = default_rng(4)
     path = np.linspace(0, 1, SAMPLES)[:, None] * [1.0, -2.0]
     joints, angles = [], []
     for number in range(2 * TAKES):
@@ -185,7 +187,7 @@ def test_the_standard_error_knows_what_the_errors_of_a_take_have_in_common():
     assert np.all(far(rows) < 4)
     # one pair of deviation and error a take; were frames independent it would be a fifth of this
     expected = common / (DEVIATION * np.sqrt(TAKES))
-    np.testing.assert_allclose(rows["standard_error"], expected, rtol=0.35)
+    assert_allclose(rows["standard_error"], expected, rtol=0.35)
 
 
 def test_the_motion_captures_own_noise_makes_no_slope_once_it_is_known():

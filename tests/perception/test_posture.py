@@ -6,6 +6,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from marker_takes import PLACES, marker_places
+from numpy.random import default_rng
+from numpy.testing import assert_allclose
 from scipy.optimize import least_squares
 from space_arms import LWR4, MARKERS, START, UR5, YOUBOT, mocap, motion, points
 
@@ -32,7 +34,7 @@ def tracked(positions: np.ndarray, markers: dict = MARKERS, robot=UR5, **options
 
 def test_exact_points_give_exact_angles():
     result = tracked(MEASURED)
-    np.testing.assert_allclose(result.q, motion(FRAMES), atol=1e-9)
+    assert_allclose(result.q, motion(FRAMES), atol=1e-9)
     assert result.residual.max() < 1e-10 and not any(result.counts.values())
     # single markers on many links do as well
     single = {
@@ -49,7 +51,7 @@ def test_exact_points_give_exact_angles():
         single,
         posture=START.round(1).tolist(),
     )
-    np.testing.assert_allclose(result.q, motion(FRAMES), atol=1e-9)
+    assert_allclose(result.q, motion(FRAMES), atol=1e-9)
 
 
 ARM, MODEL = arm_of(YOUBOT), pin.buildModelFromUrdf(YOUBOT.urdf)
@@ -89,8 +91,8 @@ def test_a_noisy_frame_is_solved_as_scipy_solves_it_through_pinocchio(plane):
         def carry(angles: np.ndarray) -> np.ndarray:
             return points(UR5, MARKERS, angles[None])[0]
 
-    np.testing.assert_allclose(solver.carry(q[None])[0], carry(q), atol=1e-12)
-    frame = carry(q) + NOISE * np.random.default_rng(1).standard_normal((9, 3))
+    assert_allclose(solver.carry(q[None])[0], carry(q), atol=1e-12)
+    frame = carry(q) + NOISE * default_rng(1).standard_normal((9, 3))
     ends = dict.fromkeys(("xtol", "ftol", "gtol"), 1e-15)
 
     def residuals(angles: np.ndarray) -> np.ndarray:
@@ -99,11 +101,11 @@ def test_a_noisy_frame_is_solved_as_scipy_solves_it_through_pinocchio(plane):
     reference = least_squares(residuals, q, "3-point", x_scale=0.1, **ends)
     frames = solver.solve(frame[None], q[None] + 0.05)
     solution = type(frames)(*(array[0] for array in frames))
-    np.testing.assert_allclose(solution.q, reference.x, atol=2e-8)
+    assert_allclose(solution.q, reference.x, atol=2e-8)
     squares = (solution.distances**2).sum()
     assert squares == pytest.approx(2 * reference.cost, rel=1e-9)
     normal = reference.jac.T @ reference.jac
-    np.testing.assert_allclose(solution.normal, normal, rtol=0, atol=1e-5)
+    assert_allclose(solution.normal, normal, rtol=0, atol=1e-5)
     # SciPy's derivatives limit it; the step that is left by central differences does not
     nudges = 1e-5 * np.eye(len(q))
     slopes = [
@@ -119,14 +121,14 @@ def test_a_link_is_missed_where_the_rest_decides_and_a_gap_is_filled_where_it_do
     without_forearm, without_hand = MEASURED.copy(), MEASURED.copy()
     without_forearm[30:60, FORE] = np.nan
     result = tracked(without_forearm)
-    np.testing.assert_allclose(result.q, motion(FRAMES), atol=1e-9)
+    assert_allclose(result.q, motion(FRAMES), atol=1e-9)
     assert result.counts["missing"] == 90 and result.counts["interpolated"] == 0
     without_hand[30:40, HAND] = np.nan
     result = tracked(without_hand)
     assert result.counts["interpolated"] == 10
     assert np.isnan(result.residual[30:40]).all()
     # the motion is a straight line
-    np.testing.assert_allclose(result.q, motion(FRAMES), atol=1e-9)
+    assert_allclose(result.q, motion(FRAMES), atol=1e-9)
     without_hand[30:55, HAND] = np.nan
     with pytest.raises(RecordingError, match="longer than 20 frames"):
         tracked(without_hand)
@@ -137,7 +139,7 @@ def test_a_take_that_starts_in_the_dark_is_followed_backwards():
     measured[:15, FORE] = np.nan
     measured[:5] = np.nan
     result = tracked(measured)
-    np.testing.assert_allclose(result.q[5:], motion(FRAMES)[5:], atol=1e-9)
+    assert_allclose(result.q[5:], motion(FRAMES)[5:], atol=1e-9)
     assert result.counts["held"] == 5
 
 
@@ -145,7 +147,7 @@ def test_a_body_that_slips_is_left_out_of_its_frames():
     slipped, apart = MEASURED.copy(), MEASURED.copy()
     slipped[40:50, FORE] += [0.03, -0.02, 0.01]
     result = tracked(slipped)
-    np.testing.assert_allclose(result.q, motion(FRAMES), atol=1e-9)
+    assert_allclose(result.q, motion(FRAMES), atol=1e-9)
     assert result.counts["rejected"] == 30 and result.counts["interpolated"] == 0
     # of two bodies apart nobody knows which is right, and the hand is needed
     apart[40:50, HAND] += [0.03, -0.02, 0.01]
@@ -172,7 +174,7 @@ def test_postures_that_fit_alike_are_refused_until_one_is_named():
     with pytest.raises(RecordingError, match="8 postures of the arm fit"):
         tracked(observed, hand)
     result = tracked(observed, hand, posture=(START + 0.1).tolist())
-    np.testing.assert_allclose(result.q, q, atol=1e-8)
+    assert_allclose(result.q, q, atol=1e-8)
     # the shoulder of the LWR4 is spherical: what is beyond it fits two postures
     beyond = dict.fromkeys(("link_3", "link_5"), MARKERS["forearm"])
     beyond |= {"flange": MARKERS["flange"]}
@@ -181,13 +183,13 @@ def test_postures_that_fit_alike_are_refused_until_one_is_named():
         tracked(points(LWR4, beyond, q), beyond, LWR4)
     with_link_1 = {"link_1": {"x": [0.1, 0.0, 0.1]}} | beyond
     result = tracked(points(LWR4, with_link_1, q), with_link_1, LWR4)
-    np.testing.assert_allclose(result.q, q, atol=1e-9)
+    assert_allclose(result.q, q, atol=1e-9)
 
 
 def test_whole_turns_are_those_of_the_posture_that_is_named_and_points_that_never_fit_refused():
     turned = START - 2 * np.pi * np.eye(6)[5]
     result = tracked(MEASURED, posture=turned.tolist())
-    np.testing.assert_allclose(result.q, motion(FRAMES) + turned - START, atol=1e-9)
+    assert_allclose(result.q, motion(FRAMES) + turned - START, atol=1e-9)
     with pytest.raises(RecordingError, match="no posture of the arm has all markers"):
         tracked(MEASURED[:3, [0, 1, 2, 6, 7, 8, 3, 4, 5]])
     with pytest.raises(RecordingError, match="no posture"):
@@ -209,7 +211,7 @@ MOTION = np.array([0.6, -4.6, 0.6]) + PHASE[:, None] * np.array([1.5, 1.3, 1.4])
 def recording(noise: float = 0.0, seed: int = 3) -> np.ndarray:
     """(321, 9, 3) m in the base frame."""
     places = ARM.to_base(marker_places(MOTION, PLACES, ARM.chain)).reshape(-1, 9, 3)
-    return places + noise * np.random.default_rng(seed).standard_normal(places.shape)
+    return places + noise * default_rng(seed).standard_normal(places.shape)
 
 
 def of_plane(
@@ -223,12 +225,12 @@ def of_plane(
 def test_without_noise_the_joint_angles_are_exact_where_a_link_is_hidden_too():
     positions = recording()
     exact = of_plane(positions)
-    np.testing.assert_allclose(exact.q, MOTION, atol=1e-10)
+    assert_allclose(exact.q, MOTION, atol=1e-10)
     assert exact.residual.max() < 1e-10 and not any(exact.counts.values())
     assert exact.samples == positions.shape[0] * 9
     positions[40:90, 3:6] = np.nan
     hidden = of_plane(positions)
-    np.testing.assert_allclose(hidden.q, MOTION, atol=1e-10)
+    assert_allclose(hidden.q, MOTION, atol=1e-10)
     assert hidden.counts["missing"] == 150 and not hidden.counts["interpolated"]
     # a base that is registered wrongly shows in the residual
     shifted = of_plane(np.add(recording(), [1e-3, 0.0, 0.0]))
@@ -243,7 +245,7 @@ def test_labels_swapped_within_and_between_links_are_put_right_and_counted():
     swapped[150:230, 5], swapped[150:230, 6] = clean[150:230, 6], clean[150:230, 5]
     swapped[:10, [6, 7, 8]] = clean[:10, [8, 6, 7]]
     repaired = of_plane(swapped)
-    np.testing.assert_allclose(repaired.q, reference.q, atol=1e-9)
+    assert_allclose(repaired.q, reference.q, atol=1e-9)
     assert repaired.counts == {
         **reference.counts,
         "relabelled": 2 * 50 + 2 * 80 + 3 * 10,
@@ -254,7 +256,7 @@ def test_a_reflection_with_a_label_is_rejected_and_the_rest_of_the_markers_decid
     ghost = recording()
     ghost[200:205, 7] += 0.05
     solved = of_plane(ghost)
-    np.testing.assert_allclose(solved.q, MOTION, atol=1e-10)
+    assert_allclose(solved.q, MOTION, atol=1e-10)
     assert (solved.counts["rejected"], solved.counts["two_marker_fits"]) == (5, 5)
 
 
@@ -265,8 +267,8 @@ def test_short_gaps_are_filled_linearly_counted_and_have_no_residual():
     filled = of_plane(gap)
     share = (np.arange(50, 60) - 49)[:, None] / 11
     line = (1 - share) * MOTION[49] + share * MOTION[60]
-    np.testing.assert_allclose(filled.q[50:60], line, atol=1e-10)
-    np.testing.assert_allclose(filled.q[:3], np.tile(MOTION[3], (3, 1)), atol=1e-10)
+    assert_allclose(filled.q[50:60], line, atol=1e-10)
+    assert_allclose(filled.q[:3], np.tile(MOTION[3], (3, 1)), atol=1e-10)
     assert (filled.counts["interpolated"], filled.counts["held"]) == (10, 3)
     assert np.isnan(filled.residual).sum() == 13
     gap[60, 6:] = np.nan
@@ -278,7 +280,7 @@ def test_gaps_of_turning_joints_are_filled_the_short_way_round_and_of_sliding_on
     q = np.array([[3.1, 0.0], [np.nan, np.nan], [-3.1, 3.8]])
     solved, sliding = np.array([True, False, True]), np.array([False, True])
     filled, counts = fill_gaps(q, solved, sliding, 1, "t")
-    np.testing.assert_allclose(
+    assert_allclose(
         filled,
         [[3.1, 0.0], [np.pi, 1.9], [2 * np.pi - 3.1, 3.8]],
     )

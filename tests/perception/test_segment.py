@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import cv2
 import numpy as np
+from numpy.testing import assert_allclose, assert_array_equal
 from planar_poses import planar_chain
 from scipy.spatial.transform import Rotation
 
@@ -93,7 +94,7 @@ def test_every_pixel_of_the_arm_and_no_other_is_found_where_it_is() -> None:
     points = segmenter()(depth)
     truth = (PLACE + depth.reshape(-1, 1) * rays())[hit.ravel()][:, [0, 2]]
     assert len(points) > 500
-    np.testing.assert_allclose(points, truth, atol=1e-7)
+    assert_allclose(points, truth, atol=1e-7)
     # control: distortion that is ignored moves the points
     moved = segmenter(camera=replace(CAMERA, distortion=()))(depth)
     assert np.mean(on_arm(moved)) < 0.999
@@ -123,5 +124,5 @@ def test_patches_base_and_points_beyond_the_stated_numbers_are_left_out() -> Non
     x, z = (everything - CHAIN.origin).T
     base = ((np.abs(x) <= 0.05) & (z <= 0.05)) | (everything[:, 1] <= 0.12)
     assert base.sum() > 50
-    np.testing.assert_array_equal(segmenter(BASE)(depth), everything[~base])
+    assert_array_equal(segmenter(BASE)(depth), everything[~base])
     assert len(segmenter(replace(CROP, max_points=300))(depth)) == 300

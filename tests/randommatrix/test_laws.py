@@ -6,6 +6,8 @@ Bands of 4.5 standard errors: a right law leaves them once in 100 000 entries.
 import numpy as np
 import pytest
 from compiled_calls import from_python
+from numpy.random import default_rng
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy import stats
 from scipy.optimize import brentq
 from scipy.special import digamma
@@ -37,7 +39,7 @@ def test_the_maxent_law_has_the_mean_and_the_dispersion_it_was_asked_for(sigma_b
     squared = ((draws - np.eye(n)) ** 2).sum(axis=(-1, -2)) / n
     assert largest_score(squared, np.array(sigma_b**2)) < 4.5
     assert largest_score(squared, np.array((1.1 * sigma_b) ** 2)) > 4.5
-    np.testing.assert_allclose(
+    assert_allclose(
         wishart.normalized_std(draws, np.eye(n)),
         np.sqrt(squared.mean()),
         rtol=1e-12,
@@ -62,7 +64,7 @@ def inverse_wishart_of_the_same_constraints(d: float, n: int):
 def test_of_two_laws_that_meet_the_constraints_the_wishart_law_has_the_greater_entropy(
     sigma_b,
 ):
-    n, draws, rng = 3, 4000, np.random.default_rng(1)
+    n, draws, rng = 3, 4000, default_rng(1)
     d, wide = (wishart.degrees_of_freedom(factor * sigma_b, n) for factor in (1.0, 1.1))
     rival = inverse_wishart_of_the_same_constraints(d, n)
     of_other = rival.rvs(draws, random_state=rng)
@@ -115,17 +117,17 @@ def test_chi_squares_are_numpys_and_so_are_the_normals_behind_them(
     count,
     normals,
 ):
-    rng, numpy_rng = np.random.default_rng(7), np.random.default_rng(7)
+    rng, numpy_rng = default_rng(7), default_rng(7)
     block = np.full((BUFFER.size, POSES), np.nan)
     freedom = np.array([degrees, 5.0])
     first, then = BUFFER.chi_square, BUFFER.normal
     from_python(draw_variates)(freedom, normals, block, first, then, 0, count, rng)
     assert np.isnan(block[:, count:]).all()
     for k, d in enumerate(freedom):
-        np.testing.assert_array_equal(
+        assert_array_equal(
             block[first + k, :count],
             numpy_rng.chisquare(d, count),
         )
     rows = block[then : then + normals, :count]
-    np.testing.assert_array_equal(rows, numpy_rng.standard_normal((count, normals)).T)
+    assert_array_equal(rows, numpy_rng.standard_normal((count, normals)).T)
     assert rng.random() == numpy_rng.random()

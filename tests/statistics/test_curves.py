@@ -6,6 +6,8 @@ as they say, and pairing makes them narrow.
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose
 from scipy.stats import ttest_rel
 
 from pipeline.statistics.curves import (
@@ -76,7 +78,7 @@ def test_a_true_model_passes_in_all_joints_and_constant_noise_fails_as_often_as_
     of_many,
 ):
     takes = 50 if variation == of_many else 4
-    std, rng = curve(variation), np.random.default_rng(takes)
+    std, rng = curve(variation), default_rng(takes)
     flat = np.sqrt(np.mean(std**2, axis=0)) * np.ones_like(std)
 
     def tested(truth: np.ndarray) -> pd.DataFrame:
@@ -109,7 +111,7 @@ def test_few_takes_with_heavy_tails_refute_no_true_model_and_vary_no_constant_no
     """Residuals about the mean of four takes have lighter tails than the noise; shares of wrong
     verdicts over five joints at once are within 3.5 standard errors of 1 − RECOGNISED.
     """
-    rng = np.random.default_rng(1)
+    rng = default_rng(1)
     joints, repeats = "abcde", 40
     std = np.repeat(curve(0.6)[:, :1], len(joints), axis=1)
     flat = np.full_like(std, std.mean())
@@ -134,7 +136,7 @@ def test_few_takes_with_heavy_tails_refute_no_true_model_and_vary_no_constant_no
 def test_noise_that_varies_is_above_its_limits_and_constant_noise_of_many_takes_below(
     law,
 ):
-    rng = np.random.default_rng(50)
+    rng = default_rng(50)
     beyond = []
     for variation in (0.0, 0.6):
         noise = takes_of(curve(variation), law, 0.3, 100, rng)
@@ -146,7 +148,7 @@ def test_noise_that_varies_is_above_its_limits_and_constant_noise_of_many_takes_
 
 
 def test_steps_without_noise_leave_limits_and_a_joint_without_noise_has_none():
-    rng = np.random.default_rng(4)
+    rng = default_rng(4)
     noise = takes_of(curve(0.1), "normal", 0.0, 4, rng)
     # in the middle, after a loud start: the running sum of the variances rounds below zero there
     noise[:, STEPS // 3 : 2 * STEPS // 3, 0] = noise[..., 1] = 0.0
@@ -161,7 +163,7 @@ MEASUREMENT = np.full(2, 0.01)
 
 
 def noise_of(std: np.ndarray, takes: int, seed: int) -> np.ndarray:
-    return std * np.random.default_rng(seed).normal(size=(takes, *std.shape))
+    return std * default_rng(seed).normal(size=(takes, *std.shape))
 
 
 @pytest.mark.parametrize("level", [0.1, 10.0])
@@ -177,7 +179,7 @@ def test_errors_are_compared_at_one_level_and_the_true_model_has_the_least(level
     assert errors["ramp"][0, 0] < 0.2 < errors["flat"][0, 0] < 1
     # a model with one variance for all joints has the greater error in the joint with the least
     assert jackknife_difference(errors["even"][:, 0] - errors["even"][:, 1]).high < 0
-    np.testing.assert_allclose(errors["same"], errors["flat"])
+    assert_allclose(errors["same"], errors["flat"])
     for of_joint in sizes["ramp"].T:
         wider = jackknife_difference(of_joint)
         assert wider.low < 0 < wider.high
@@ -206,7 +208,7 @@ def resampled(a: np.ndarray, b: np.ndarray, rng: np.random.Generator):
 
 
 def test_the_interval_of_a_paired_difference_is_that_of_the_paired_t_test():
-    rng = np.random.default_rng(9)
+    rng = default_rng(9)
     takes = rng.normal(0, 5, 12)  # what a take is like, which both models share
     a, b = takes + rng.normal(0.3, 0.2, 12), takes + rng.normal(0, 0.2, 12)
     expected = ttest_rel(a, b).confidence_interval(0.95)
@@ -226,7 +228,7 @@ def jackknife(values: np.ndarray):
 
 
 def percentile(values: np.ndarray):
-    rng = np.random.default_rng(int(1e6 * abs(values[0])))
+    rng = default_rng(int(1e6 * abs(values[0])))
     return resampled(np.zeros(len(values)), values, rng)
 
 
@@ -235,17 +237,17 @@ def percentile(values: np.ndarray):
     [(jackknife, 6, 3000), (percentile, TAKES, 150)],
 )
 def test_intervals_cover_the_true_mean_as_often_as_they_say(interval, takes, repeats):
-    draws = np.random.default_rng(10).normal(1, 2, (repeats, takes))
+    draws = default_rng(10).normal(1, 2, (repeats, takes))
     intervals = np.array([interval(values)[:3] for values in draws])
     middle, low, high = intervals.T
     share = np.mean((low <= 1) & (1 <= high))
     error = np.sqrt(0.95 * 0.05 / repeats)
     assert abs(share - 0.95) < 4 * error
-    np.testing.assert_allclose(middle, draws.mean(axis=1))
+    assert_allclose(middle, draws.mean(axis=1))
 
 
 def test_one_further_value_lies_in_a_percentile_interval_as_often_as_it_says():
-    draws = np.random.default_rng(11).normal(size=(79, 4000))
+    draws = default_rng(11).normal(size=(79, 4000))
     further = draws[-1]
     low, high = percentile_interval(draws[:-1])
     inside = (low <= further) & (further <= high)
@@ -262,18 +264,18 @@ def test_an_interval_that_does_not_exist_is_a_gap():
     for missing in (np.nan, -np.inf):
         scores = np.array([[1.0, missing], [0.0, missing]])
         assert np.isnan(paired_difference(*scores)).all()
-    alone = resampled(np.ones(1), np.zeros(1), np.random.default_rng(3))
+    alone = resampled(np.ones(1), np.zeros(1), default_rng(3))
     assert np.isnan(alone.low) and alone.difference == -1
     assert np.isnan(jackknife(np.array([0.0, 1.0])).low)
     assert np.isfinite(jackknife(np.array([0.0, 1.0, 3.0]))).all()
     # a resampling of one take alone has no variance
-    drawn = drawn_takes(2, np.random.default_rng(4))
+    drawn = drawn_takes(2, default_rng(4))
     assert 0 < len(drawn) < REPLICATES
     assert all(len({*indices}) == 2 for indices in drawn)
 
 
 def test_the_lag_one_correlation_is_that_of_its_law_whatever_the_mean_at_each_step():
-    noise = np.random.default_rng(6).standard_normal((100, 401))
+    noise = default_rng(6).standard_normal((100, 401))
     moving = noise[:, 1:] - 0.5 * noise[:, :-1]  # correlation −0.5/1.25
     trend = 10 * np.sin(np.arange(400))
     assert lag_one_correlation(moving + trend) == pytest.approx(-0.4, abs=0.025)
@@ -295,6 +297,6 @@ def test_what_lies_between_recordings_is_their_share_of_the_variance(
     least,
     greatest,
 ):
-    noise = np.random.default_rng(10).normal(size=(4, 100, 3))
+    noise = default_rng(10).normal(size=(4, 100, 3))
     noise[2:] += offset
     assert least <= share_between(noise, groups) <= greatest

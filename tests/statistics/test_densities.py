@@ -4,6 +4,8 @@ its level on independent and on correlated records, and its power.
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose
 from scipy.signal import lfilter
 from scipy.stats import binom, energy_distance, kstest
 
@@ -23,7 +25,7 @@ DECAY = 0.9  # correlation of neighbouring samples: the time is (1 + 0.9)/(1 −
 
 
 def draw(count, seed=28):
-    return np.random.default_rng(seed).multivariate_normal(MEAN, COVARIANCE, count)
+    return default_rng(seed).multivariate_normal(MEAN, COVARIANCE, count)
 
 
 def direct_summation(samples, x, y, bandwidth):
@@ -56,20 +58,20 @@ def test_binning_agrees_with_direct_summation_also_on_a_grid_that_leaves_samples
     lost = np.array([[np.nan, 0.0], [np.inf, 5.0], [3.0, -1e300]])
     density = (count + 3) * kernel_density(np.vstack([samples, lost]), x, y, bandwidth)
     due = count * kernel_density(samples, x, y, bandwidth)
-    np.testing.assert_allclose(density, due, rtol=1e-12)
+    assert_allclose(density, due, rtol=1e-12)
 
 
 def test_the_bandwidth_of_a_normal_sample_is_the_normal_reference_and_outliers_leave_it_alone():
     samples = draw(40_000)
     # (4/((p+2)N))^{1/(p+4)} at p = 2
     reference = np.sqrt(np.diag(COVARIANCE)) * 40_000 ** (-1 / 6)
-    np.testing.assert_allclose(
+    assert_allclose(
         normal_reference_bandwidth(samples),
         reference,
         rtol=0.03,
     )
     samples[:400] *= 1000
-    np.testing.assert_allclose(
+    assert_allclose(
         normal_reference_bandwidth(samples),
         reference,
         rtol=0.05,
@@ -78,7 +80,7 @@ def test_the_bandwidth_of_a_normal_sample_is_the_normal_reference_and_outliers_l
     column = np.array([0.0, 1.0, 2.0, 4.0, 9.0])
     for p in (1, 2, 3):
         rule = 2 / 0.6745 * (4 / ((p + 2) * 5)) ** (1 / (p + 4))
-        np.testing.assert_allclose(
+        assert_allclose(
             normal_reference_bandwidth(np.tile(column[:, None], p)),
             rule,
         )
@@ -104,12 +106,12 @@ def record(samples, decay, rng):
 
 def rejections(draw_pair, count, seed):
     """Number of ``count`` pairs of samples that the test rejects at 0.05."""
-    rngs = np.random.default_rng(seed).spawn(count)
+    rngs = default_rng(seed).spawn(count)
     return sum(energy_test(*draw_pair(rng), rng)[1] <= 0.05 for rng in rngs)
 
 
 def test_the_distance_of_one_variable_is_twice_the_integrated_squared_difference():
-    rng = np.random.default_rng(60)
+    rng = default_rng(60)
     a, b = rng.normal(size=(40, 1)), rng.normal(0.5, 2.0, (70, 1))
     # SciPy's is the root of it
     expected = energy_distance(a[:, 0], b[:, 0]) ** 2
@@ -118,7 +120,7 @@ def test_the_distance_of_one_variable_is_twice_the_integrated_squared_difference
 
 @pytest.mark.usefixtures("few_permutations")
 def test_the_true_division_counts_among_the_permutations():
-    rng = np.random.default_rng(61)
+    rng = default_rng(61)
     a = rng.standard_normal((40, 2))
     _, p_value = energy_test(a, a + 100.0, rng)
     assert p_value == 1 / (1 + densities.PERMUTATIONS)
@@ -126,7 +128,7 @@ def test_the_true_division_counts_among_the_permutations():
 
 @pytest.mark.usefixtures("few_permutations")
 def test_p_values_of_one_law_are_uniform_and_of_two_are_not():
-    rngs = np.random.default_rng(62).spawn(400)
+    rngs = default_rng(62).spawn(400)
 
     def p_value(shift, rng):
         a, b = (rng.standard_normal((count, 2)) for count in (40, 80))
@@ -158,7 +160,7 @@ def test_thinned_correlated_records_are_rejected_as_often_as_stated_and_whole_on
 
 
 def test_the_autocorrelation_time_is_that_of_the_slowest_component():
-    rng = np.random.default_rng(67)
+    rng = default_rng(67)
     slow, fast = record(200_000, DECAY, rng), record(200_000, 0.3, rng)
     assert autocorrelation_time(fast) == pytest.approx(1.3 / 0.7, rel=0.1)
     both = np.column_stack([fast[:, 0], slow[:, 0]])
@@ -168,8 +170,7 @@ def test_the_autocorrelation_time_is_that_of_the_slowest_component():
         abs=0.05,
     )
     means = [
-        record(4000, DECAY, rng).mean(axis=0)
-        for rng in np.random.default_rng(68).spawn(1000)
+        record(4000, DECAY, rng).mean(axis=0) for rng in default_rng(68).spawn(1000)
     ]
     assert np.var(means) * 4000 == pytest.approx(19, rel=0.15)
 
@@ -186,4 +187,4 @@ def test_a_record_that_does_not_vary_or_is_too_short_is_refused(values):
     with pytest.raises(ModelDomainError, match="autocorrelation time"):
         autocorrelation_time(values)
     with pytest.raises(ModelDomainError, match="too short"):
-        thin_record(np.random.default_rng(70).standard_normal((2, 2)))
+        thin_record(default_rng(70).standard_normal((2, 2)))

@@ -4,6 +4,8 @@ one.
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose
 from scipy.stats import chi2, kstest, multivariate_normal
 
 from pipeline.statistics import scores
@@ -15,11 +17,11 @@ TAKES, STEPS, FRAMES = 30, 200, 100
 
 
 def test_the_normal_log_score_is_the_log_density():
-    errors = np.random.default_rng(6).standard_normal((20, 3))
+    errors = default_rng(6).standard_normal((20, 3))
     stacked = COVARIANCE * np.arange(1.0, 21)[:, None, None]
     pairs = zip(errors, stacked, strict=True)
     expected = [multivariate_normal(np.zeros(3), c).logpdf(e) for e, c in pairs]
-    np.testing.assert_allclose(
+    assert_allclose(
         scores.normal_log_score(errors, stacked),
         expected,
         rtol=1e-12,
@@ -30,7 +32,7 @@ def test_the_normal_log_score_is_the_log_density():
 def test_the_log_score_prefers_the_true_law_and_the_nees_is_chi_squared_under_it_alone(
     scale,
 ):
-    rng = np.random.default_rng(5)
+    rng = default_rng(5)
     outcome = rng.standard_normal((2000, 3)) @ np.linalg.cholesky(COVARIANCE).T
     log = (scores.normal_log_score(outcome, s**2 * COVARIANCE) for s in (scale, 1))
     assert paired_difference(*log).high < 0
@@ -41,7 +43,7 @@ def test_the_log_score_prefers_the_true_law_and_the_nees_is_chi_squared_under_it
 
 def test_an_honest_posterior_covers_as_it_says_in_every_joint_and_a_narrow_one_does_not():
     std = np.array([0.01, 0.03])
-    error = std * np.random.default_rng(1).normal(size=(TAKES, STEPS, 2))
+    error = std * default_rng(1).normal(size=(TAKES, STEPS, 2))
     covariance = np.tile(np.diag(std**2), (TAKES, STEPS, 1, 1))
     (honest, one), (narrow, two) = (
         scores.posterior_scores(error, c * covariance, JOINTS) for c in (1, 0.25)
@@ -65,7 +67,7 @@ def test_an_honest_posterior_covers_as_it_says_in_every_joint_and_a_narrow_one_d
 @pytest.fixture
 def takes() -> tuple[np.ndarray, np.ndarray]:
     """Training and test takes (takes, FRAMES, 2) of one law, whose spread grows over the steps."""
-    rng = np.random.default_rng(1)
+    rng = default_rng(1)
     std = np.linspace(0.01, 0.03, FRAMES)[:, None] * [1.0, 2.0]
     middle = np.sin(np.arange(FRAMES))[:, None]
     return tuple(
@@ -76,7 +78,7 @@ def takes() -> tuple[np.ndarray, np.ndarray]:
 def test_without_a_filter_the_training_takes_predict_the_test_takes_as_they_say(takes):
     training, measured = takes
     none = scores.training_mean(training, measured)
-    np.testing.assert_allclose(none.error, training.mean(axis=0) - measured)
-    np.testing.assert_allclose(none.covariance[7, 30], np.cov(training[:, 30].T))
+    assert_allclose(none.error, training.mean(axis=0) - measured)
+    assert_allclose(none.covariance[7, 30], np.cov(training[:, 30].T))
     assert np.mean(np.abs(none.error) <= none.bound) == pytest.approx(0.683, abs=0.02)
     assert not none.measurement.any()

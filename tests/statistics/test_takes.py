@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
 
 from pipeline.statistics.takes import (
     equal_covariances_p_value,
@@ -31,20 +32,20 @@ def p_of_covariances(rng: np.random.Generator, effect: float) -> float:
 
 @pytest.mark.parametrize("draw", [p_of_mean, p_of_covariances])
 def test_a_test_errs_as_often_as_it_says_and_detects_an_effect(draw):
-    rng = np.random.default_rng(12)
+    rng = default_rng(12)
     errors = np.mean([draw(rng, 0.0) <= 0.05 for _ in range(REPEATS)])
     assert abs(errors - 0.05) < 4 * np.sqrt(0.05 * 0.95 / REPEATS)
     assert np.mean([draw(rng, 0.4) <= 0.05 for _ in range(20)]) > 0.9
 
 
 def test_too_few_takes_and_dependent_parts_have_no_p_value():
-    rng = np.random.default_rng(2)
+    rng = default_rng(2)
     assert np.isnan(zero_mean_p_value(rng.standard_normal((8, 8))))
     assert np.isnan(zero_mean_p_value(np.ones((9, 2))))
 
 
 def test_the_ratio_of_fast_to_slow_steps_is_found_within_each_take():
-    rng, speeds = np.random.default_rng(4), np.linspace(0, 1, 300)[:, None]
+    rng, speeds = default_rng(4), np.linspace(0, 1, 300)[:, None]
     noise = np.where(speeds > 0.5, 4.0, 1.0) * rng.standard_normal((4, 300, 1))
     (ratio,) = fast_against_slow(noise, speeds)
     assert ratio.low < np.log(4.0) < ratio.high and ratio.degrees == 3

@@ -5,6 +5,8 @@
 import numpy as np
 import printed_algorithms
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose
 from scipy.stats import wishart
 
 from pipeline.arm.model import arm_of
@@ -40,7 +42,7 @@ def stated():
 @pytest.fixture(scope="module")
 def paths(arm, stated):
     """Return 40 paths of every kind, by kind."""
-    rng = np.random.default_rng(3)
+    rng = default_rng(3)
     return {kind: draw_paths(arm, LAW, kind, stated.u, 40, rng) for kind in KINDS}
 
 
@@ -89,7 +91,7 @@ def test_the_likelihood_is_the_mean_of_normal_densities(stated):
     density = laws.densities(quantities, ("joint 1", "gaussian"), 2.0)
     at_zero = 1 / (2 * np.pi * np.log(2) ** 2)
     due = [at_zero, at_zero * np.exp(-0.5)]
-    np.testing.assert_allclose(density, np.tile(due, (9, 1)))
+    assert_allclose(density, np.tile(due, (9, 1)))
 
 
 def test_pivoted_lu_is_more_than_twice_as_wide_as_the_gaussian_model_on_every_path(
@@ -112,7 +114,7 @@ def test_every_path_keeps_the_limits_and_the_bound(arm, stated, paths, kind):
     assert np.linalg.norm(inverse, axis=(2, 3)).max() < stated.u
     speed = np.abs(step * 100 / arm.max_speed).max(axis=(1, 2))
     assert 0.19 < speed.min() and speed.max() < 1.13 and speed.std() > 0.1
-    np.testing.assert_allclose(np.diff(q, axis=1), step[:, :-1], atol=1e-12)
+    assert_allclose(np.diff(q, axis=1), step[:, :-1], atol=1e-12)
 
 
 def test_lines_are_straight_and_loops_close(arm, paths, stated):
@@ -123,7 +125,7 @@ def test_lines_are_straight_and_loops_close(arm, paths, stated):
         off = np.cross(q - q[:, :1], middle[:, None]) / square[:, None, None]
         assert np.abs(off).max() < 1e-6
     q, step = paths["loop"]
-    np.testing.assert_allclose(q[:, -1] + step[:, -1], q[:, 0], atol=1e-9)
+    assert_allclose(q[:, -1] + step[:, -1], q[:, 0], atol=1e-9)
 
 
 SIGMA_B, DRAWS = 0.25, 40_000
@@ -162,7 +164,7 @@ def test_the_variances_are_those_of_algorithm_1(poses, reading):
     """40 000 draws of B put the root of a variance within 2.5 %: 4.5 standard errors at a kurtosis
     below 6.
     """
-    rng = np.random.default_rng(5)
+    rng = default_rng(5)
     d = degrees_of_freedom(SIGMA_B, 3)
     cases = list(poses)
     if reading not in PLAIN:  # also a redundant arm
@@ -174,7 +176,7 @@ def test_the_variances_are_those_of_algorithm_1(poses, reading):
         steps = np.linalg.solve(draws, np.linalg.solve(first, v)[:, None])
         drawn = (np.linalg.pinv(second) @ steps)[..., 0].std(axis=0)
         variance = laws.wishart_variance(reading, jacobian, v, SIGMA_B)
-        np.testing.assert_allclose(np.sqrt(variance), drawn, rtol=0.025)
+        assert_allclose(np.sqrt(variance), drawn, rtol=0.025)
 
 
 def test_the_gaussian_width_is_the_models_root_mean_variance(arm, paths, drawn, stated):
@@ -183,4 +185,4 @@ def test_the_gaussian_width_is_the_models_root_mean_variance(arm, paths, drawn, 
     v = np.matvec(arm.jacobian(q), step)
     covariance = GaussianModel(stated.alpha, stated.u).covariance(arm, q, v)
     variance = covariance[..., 2, 2].mean(axis=1)
-    np.testing.assert_allclose(widths["gaussian"] ** 2, variance, rtol=1e-9)
+    assert_allclose(widths["gaussian"] ** 2, variance, rtol=1e-9)

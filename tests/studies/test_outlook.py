@@ -5,6 +5,8 @@ their definitions; refusals name the key.
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 from scipy.stats import wishart
 from study_runs import options_of
@@ -47,7 +49,7 @@ def displacement(start: np.ndarray, legs: np.ndarray) -> np.ndarray:
             poses,
             np.linalg.solve(inverse, (legs - lengths)[..., None])[..., 0],
         )
-    np.testing.assert_allclose(legs_at(OPTIONS, poses)[0], legs, atol=1e-10)
+    assert_allclose(legs_at(OPTIONS, poses)[0], legs, atol=1e-10)
     after, before = poses[:, 3:].reshape(-1, 3, 3), start[3:].reshape(3, 3)
     turn = Rotation.from_matrix(after @ before.T).as_rotvec()
     return np.hstack([poses[:, :3] - start[:3], OPTIONS.length * turn])
@@ -55,7 +57,7 @@ def displacement(start: np.ndarray, legs: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("name", LAWS)
 def test_the_noise_of_the_pose_is_that_of_drawn_legs_through_newtons_method(name):
-    law, k, draws, rng = LAWS[name], 75, 3000, np.random.default_rng(7)
+    law, k, draws, rng = LAWS[name], 75, 3000, default_rng(7)
     legs = law.covariance(MOTION, MOTION.q, MOTION.v)
     covariances = MOTION.pose_covariance(law)
     q, v, inverse = MOTION.q[k], MOTION.v[k], MOTION.inverse[k]
@@ -82,10 +84,10 @@ def test_the_noise_of_the_pose_is_that_of_drawn_legs_through_newtons_method(name
     share = k / (len(MOTION.q) - 1)
     turn = Rotation.from_rotvec(share * np.array(OPTIONS.turn[1])).as_matrix().ravel()
     pose = np.concatenate([POSES[0][:3] + share * (POSES[1] - POSES[0])[:3], turn])
-    np.testing.assert_allclose(legs_at(OPTIONS, pose)[0], q, atol=1e-12)
+    assert_allclose(legs_at(OPTIONS, pose)[0], q, atol=1e-12)
     drawn = displacement(pose, q + steps).var(axis=0)
     # a variance has a relative standard error of 0.026; the second order is a few percent
-    np.testing.assert_allclose(drawn, np.diag(covariances[k]), rtol=0.15)
+    assert_allclose(drawn, np.diag(covariances[k]), rtol=0.15)
     # the control: the noise of the legs is not that of the pose
     assert not np.allclose(np.diag(legs[k]), np.diag(covariances[k]), rtol=0.15)
 
@@ -96,7 +98,7 @@ def test_the_inverse_jacobian_is_that_of_finite_differences_of_the_legs():
     ahead, behind = (
         legs_at(OPTIONS, moved(poses, sign * steps))[0] for sign in (1, -1)
     )
-    np.testing.assert_allclose(
+    assert_allclose(
         legs_at(OPTIONS, pose)[1],
         (ahead - behind).T / (2 * h),
         atol=1e-9,
@@ -127,7 +129,7 @@ def test_errors_fall_with_the_number_of_cables():
     # a cube's root mean square, half its side
     assert lever(BOUNDS) == pytest.approx(0.25)
     rows = [
-        error_rows(BOUNDS, [3, 6, 12, 24], (200, 300), np.random.default_rng(n)).assign(
+        error_rows(BOUNDS, [3, 6, 12, 24], (200, 300), default_rng(n)).assign(
             repeat=n,
         )
         for n in range(2)

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from planning_arms import ARMS, LAWS, path_task
 from scipy.integrate import solve_ivp
 from study_runs import options_of
@@ -54,7 +55,7 @@ def test_a_step_is_the_inverse_jacobian_times_velocity_and_duration(arm):
             task.path[k + 1],
         )
         expected = np.linalg.pinv(numerical_jacobian(task, q[k])) @ velocity
-        np.testing.assert_allclose(speed[k], expected, rtol=1e-5, atol=1e-7)
+        assert_allclose(speed[k], expected, rtol=1e-5, atol=1e-7)
         # the control: the printed constraint, without the duration
         step = q[k + 1] - q[k]
         assert np.linalg.norm(step - expected) > 0.9 * np.linalg.norm(expected)
@@ -133,7 +134,7 @@ def test_takes_of_a_motion_are_those_that_the_laboratory_performs(bench):
     stream = rng.stream(1, "planning.session")
     session = open_session(bench.built, bench.dynamics, stream)
     take = perform(session, motion, bench.dynamics, rng.stream(1, "planning.take", 2))
-    np.testing.assert_array_equal(steps.q[2], take.motion_capture[:-1])
+    assert_array_equal(steps.q[2], take.motion_capture[:-1])
     # other motions have equal draws, training takes have others
     training = bench.recorded_steps(bench.recorded, "training")
     assert np.abs(training.q - steps.q).max() > 1e-4

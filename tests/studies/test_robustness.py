@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.testing import assert_allclose
 from recordings_of_law import ROOT
 from sample_options import filter_options
 from study_runs import options_of
@@ -186,9 +187,9 @@ def test_a_clock_that_is_off_alike_goes_into_the_bias_and_one_that_is_not_widens
         noise[clock] = camera.noise[camera.noise["take"] == "none"]
     mean, variance = ["b:a", "b:b", "b:c"], ["r:a:a", "r:b:b", "r:c:c"]
     late = noise["a frame late"][mean] - noise["aligned"][mean]
-    np.testing.assert_allclose(late, np.tile(-speed * 0.03, (15, 1)), atol=1e-12)
+    assert_allclose(late, np.tile(-speed * 0.03, (15, 1)), atol=1e-12)
     widened = noise["not aligned"][variance] - noise["aligned"][variance]
-    np.testing.assert_allclose(widened.mean(), speed**2 * offsets.var(), rtol=0.1)
+    assert_allclose(widened.mean(), speed**2 * offsets.var(), rtol=0.1)
 
 
 def robustness_table(*rows: tuple) -> pd.DataFrame:

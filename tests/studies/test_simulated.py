@@ -4,6 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.stats import chi2
 
 from pipeline.core import rng
@@ -33,8 +35,8 @@ def test_a_condition_without_factors_moves_as_the_recorded_takes_of_its_seed(
         motion = dynamics.perform(session, laboratory.motion, options, stream)
         duration = laboratory.motion.duration
         frames = dynamics.depth_frames(motion.swing, duration, laboratory.clock, stream)
-        np.testing.assert_array_equal(poses[number], motion.motion_capture)
-        np.testing.assert_array_equal(seen[number].joints, frames.joints)
+        assert_array_equal(poses[number], motion.motion_capture)
+        assert_array_equal(seen[number].joints, frames.joints)
 
 
 def test_a_factor_scales_its_disturbances_alone(laboratory):
@@ -51,14 +53,14 @@ def test_the_size_of_a_cause_scales_what_the_cause_sets(cause):
     for name in SIZES:
         size = getattr(options, name)
         factor = 1.0 if size == getattr(shared, name) else 2.0
-        np.testing.assert_allclose(getattr(twice, name), factor * np.array(size))
+        assert_allclose(getattr(twice, name), factor * np.array(size))
 
 
 def test_measured_poses_have_the_noise_of_the_motion_capture_times_its_factor(
     laboratory,
 ):
     (poses, _), factor = perform(laboratory, STILL, 5, "train", 8), 3.0
-    stream = np.random.default_rng(3)
+    stream = default_rng(3)
     noise = measure_poses(poses, laboratory.pose_noise, factor, stream) - poses
     root = factor * np.linalg.cholesky(laboratory.pose_noise)
     squares = np.sum(np.linalg.solve(root, noise.reshape(-1, 3).T) ** 2, axis=1)
@@ -74,13 +76,13 @@ def test_the_depth_cameras_noise_has_the_interpolated_moments_and_is_estimated_s
 ):
     draws = laboratory.depth_noise.sample(
         np.full(20_000, 0.25),
-        np.random.default_rng(4),
+        default_rng(4),
     )
     variance = 0.75 * 1e-4 + 0.25 * 4e-4
     error = 4 * np.sqrt(variance / len(draws))
-    np.testing.assert_allclose(draws.mean(axis=0), [0.015, 0.01, 0.0], atol=error)
+    assert_allclose(draws.mean(axis=0), [0.015, 0.01, 0.0], atol=error)
     wide = 4 * variance * np.sqrt(2 / len(draws))
-    np.testing.assert_allclose(np.cov(draws.T), variance * np.eye(3), atol=wide)
+    assert_allclose(np.cov(draws.T), variance * np.eye(3), atol=wide)
     _, camera = observe(laboratory, STILL | {"motion_capture": 0.0}, 5, 2, 12)
     everywhere = camera.noise[camera.noise["take"] == "none"]
     share = everywhere["t"].to_numpy() / laboratory.motion.duration

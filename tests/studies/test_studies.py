@@ -10,6 +10,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose
 from recordings_of_law import ROOT
 from study_runs import NAMES, options_of, study_of, written
 
@@ -199,12 +201,12 @@ def test_drawn_noise_has_the_covariance_of_its_law_and_of_the_measurement(record
     )
     chain, q, v = thinned.chain, thinned.q, thinned.v
     model = WishartModel(0.25, Decomposition("pivoted_lu"))
-    rng = np.random.default_rng(4)
+    rng = default_rng(4)
     noise = np.stack([draw_data(model, thinned, rng).noise for _ in range(1500)])
     expected = model.covariance(chain, q, v) + thinned.measurement
     rms = np.sqrt(np.diagonal(expected.mean(axis=(0, 1))))
     drawn = np.sqrt(noise.var(axis=0).mean(axis=(0, 1)))
-    np.testing.assert_allclose(drawn, rms, rtol=0.03)
+    assert_allclose(drawn, rms, rtol=0.03)
     # the nominal step is the project's: measured minus nominal has the bias of E[B⁻¹]
     due = chain.nominal_step(q, v) / 15  # d/(d − n − 1) − 1 at σ_B = .25
     bias = noise.mean(axis=0) - due
@@ -212,7 +214,7 @@ def test_drawn_noise_has_the_covariance_of_its_law_and_of_the_measurement(record
 
 
 def test_a_row_has_bias_error_and_coverage_of_the_estimates():
-    rng = np.random.default_rng(2)
+    rng = default_rng(2)
     estimates = 0.26 + 0.02 * rng.standard_normal(4000)
     again = estimates + 0.02 * rng.standard_normal(4000)
     pairs = []
@@ -239,7 +241,7 @@ def test_a_known_law_has_the_recorded_variance_and_the_names_of_the_estimates(
     (case,) = stage.known_laws(recorded, options_of("recovery", estimators={name: []}))
     law = build_model(case.truth.parameters)
     mean = law.covariance(recorded.chain, recorded.q, recorded.v).mean(axis=(0, 1))
-    np.testing.assert_allclose(
+    assert_allclose(
         np.trace(mean),
         np.trace(mean_covariance(recorded.noise)),
         rtol=1e-6,

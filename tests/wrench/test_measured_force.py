@@ -6,6 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 from cable_systems import planar_cables, sample_wrench
+from numpy.random import default_rng
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.stats import multivariate_normal
 
 from pipeline.statistics import densities
@@ -40,9 +42,9 @@ def test_a_record_of_the_model_itself_passes_the_test_and_one_of_less_steady_ten
     monkeypatch,
 ):
     monkeypatch.setattr(densities, "PERMUTATIONS", 199)  # the level is the same
-    systems = models.draw_systems(BOUNDS, 1000, 3, np.random.default_rng(25))
+    systems = models.draw_systems(BOUNDS, 1000, 3, default_rng(25))
     sigma_s = averaged_sigma_s(systems)["diagonal"].mean
-    rngs = np.random.default_rng(44).spawn(30)
+    rngs = default_rng(44).spawn(30)
     outcomes = []
     for rng in rngs:
         record = correlated(SYSTEM, sigma_s, 6000, rng)
@@ -87,7 +89,7 @@ def test_the_divergence_is_the_mean_log_ratio_of_the_two_normal_densities():
     measured = NormalLaw(np.array([1.0, 2.0]), np.array([[2.0, 0.5], [0.5, 1.0]]))
     nominal = NormalLaw(np.array([0.0, 2.5]), np.array([[3.0, -1.0], [-1.0, 4.0]]))
     law = multivariate_normal(*measured)
-    drawn = law.rvs(200_000, random_state=np.random.default_rng(7))
+    drawn = law.rvs(200_000, random_state=default_rng(7))
     ratios = law.logpdf(drawn) - multivariate_normal(*nominal).logpdf(drawn)
     error = ratios.std() / np.sqrt(len(ratios))
     divergence = measured.divergence_from(nominal)
@@ -105,17 +107,17 @@ def test_rows_are_those_that_the_cables_give_and_moments_are_over_the_length():
     assert rows_of(planar) == ("fx", "fy", "mz")
     assert rows_of(met) == SIX[:3]
     assert rows_of(TOWED) == SIX
-    wrenches = sample_wrench(TOWED, 50, np.random.default_rng(1))
+    wrenches = sample_wrench(TOWED, 50, default_rng(1))
     record = pd.DataFrame(wrenches, columns=SIX)
     measured = measured_wrenches(record, TOWED, LENGTH)
-    np.testing.assert_allclose(measured[:, :3], wrenches[:, :3])
-    np.testing.assert_allclose(LENGTH * measured[:, 3:], wrenches[:, 3:])
+    assert_allclose(measured[:, :3], wrenches[:, :3])
+    assert_allclose(LENGTH * measured[:, 3:], wrenches[:, 3:])
     moment = measured_wrenches(record, planar, LENGTH)[:, 2]
-    np.testing.assert_array_equal(moment, record["mz"] / LENGTH)
+    assert_array_equal(moment, record["mz"] / LENGTH)
 
 
 def test_six_rows_of_a_record_of_the_cables_have_the_moments_of_the_matrix_model():
-    system, rng = TOWED.in_units_of(LENGTH), np.random.default_rng(45)
+    system, rng = TOWED.in_units_of(LENGTH), default_rng(45)
     record = pd.DataFrame(sample_wrench(TOWED, 20_000, rng), columns=SIX)
     model, sigma_s = models.matrix_model(system), sigma_s_of(system)
     wrenches = {
@@ -128,7 +130,7 @@ def test_six_rows_of_a_record_of_the_cables_have_the_moments_of_the_matrix_model
     band = 4.5 * np.sqrt(exact / 20_000) + 0.03
     for source in wrenches:
         variances = moments.loc[source, [f"var_{row}" for row in SIX]].astype(float)
-        np.testing.assert_allclose(variances, exact, rtol=0.06)
+        assert_allclose(variances, exact, rtol=0.06)
         mean = moments.loc[source, list(SIX)].astype(float)
         assert np.all(np.abs(mean - system.jacobian() @ system.tension) < band)
     # the control: of other attachments the moments differ and the forces do not

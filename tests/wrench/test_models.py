@@ -9,6 +9,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from cable_systems import planar_cables, sample_wrench
+from numpy.random import default_rng
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.integrate import quad
 from scipy.special import i0, i0e, i1, i1e
 from scipy.stats import ks_2samp, vonmises, vonmises_fisher
@@ -43,13 +45,13 @@ def test_the_mean_length_is_a_ratio_of_bessel_functions_in_the_plane_and_of_hype
     kappa = np.array([0.01, 0.5, 4.0, 169.35, 600.0])
     in_plane = mean_resultant_length(kappa, 2)
     in_space = mean_resultant_length(kappa, 3)
-    np.testing.assert_allclose(in_plane, i1(kappa) / i0(kappa), rtol=1e-13)
+    assert_allclose(in_plane, i1(kappa) / i0(kappa), rtol=1e-13)
     closed = 1 / np.tanh(kappa) - 1 / kappa  # which loses digits as κ falls
-    np.testing.assert_allclose(in_space, closed, rtol=1e-13 / kappa.min())
+    assert_allclose(in_space, closed, rtol=1e-13 / kappa.min())
     assert np.abs(in_space - in_plane).min() > 1e-4
     for p in (2, 3):
         lengths = mean_resultant_length(np.array([1e-8, 1e8]), p)
-        np.testing.assert_allclose(lengths, [1e-8 / p, 1 - (p - 1) / 2e8], rtol=1e-9)
+        assert_allclose(lengths, [1e-8 / p, 1 - (p - 1) / 2e8], rtol=1e-9)
 
 
 WIDE = [[4.0, 7.0, 2.5], [0.4, 2.1, 5.0], [0.5, 2.0, 1.0], [3.0, 8.0, 40.0]]
@@ -85,8 +87,8 @@ def test_moments_of_one_cable_equal_those_integrated_over_its_direction(theta, k
     second = (tension**2 + sd**2) * np.array([[square, mixed], [mixed, 1 - square]])
     covariance = second - np.outer(mean, mean)
     cable = one_cable(tension, theta, sd, kappa)
-    np.testing.assert_allclose(wrench_mean(cable), mean, atol=1e-10)
-    np.testing.assert_allclose(wrench_covariance(cable), covariance, atol=1e-9)
+    assert_allclose(wrench_mean(cable), mean, atol=1e-10)
+    assert_allclose(wrench_covariance(cable), covariance, atol=1e-9)
 
 
 def one_cable(*values: float) -> CableSystem:
@@ -105,10 +107,10 @@ def test_in_the_plane_the_variances_of_the_force_are_the_papers_formulas():
     yy = np.sum(a * np.sin(angle) ** 2 + b * np.cos(2 * angle))
     xy = np.sum(np.sin(2 * angle) * (a - 2 * b) / 2)
     papers = [[xx, xy], [xy, yy]]
-    np.testing.assert_allclose(wrench_covariance(WIDE), papers, rtol=1e-13)
+    assert_allclose(wrench_covariance(WIDE), papers, rtol=1e-13)
     # the forces of cables with attachments apart are the same
     of_forces = wrench_covariance(APART)[:2, :2]
-    np.testing.assert_allclose(of_forces, papers, rtol=1e-13)
+    assert_allclose(of_forces, papers, rtol=1e-13)
 
 
 @pytest.mark.parametrize("place", SYSTEMS)
@@ -116,7 +118,7 @@ def test_simulated_wrenches_have_the_closed_forms_moments_and_the_small_angle_la
     place,
 ):
     system = SYSTEMS[place]
-    samples = sample_wrench(system, 100_000, np.random.default_rng(1))
+    samples = sample_wrench(system, 100_000, default_rng(1))
     mean, covariance = wrench_mean(system), wrench_covariance(system)
     assert samples.shape[1] == {"plane": 3, "space": 6}.get(place, system.dimension)
     error = np.sqrt(np.diag(covariance) / len(samples))
@@ -138,8 +140,8 @@ def test_concentrations_whose_bessel_functions_overflow_give_the_small_angle_law
     length = mean_resultant_length(kappa, 2)
     assert length == pytest.approx(1 - 1 / (2 * kappa), abs=1 / kappa**2)
     variances = np.diag(wrench_covariance(one_cable(6.0, np.pi / 2, 2.0, kappa)))
-    np.testing.assert_allclose(variances[0], (36.0 + 4.0) / kappa, rtol=1e-4)
-    np.testing.assert_allclose(variances[1], 4.0, rtol=0.2)
+    assert_allclose(variances[0], (36.0 + 4.0) / kappa, rtol=1e-4)
+    assert_allclose(variances[1], 4.0, rtol=0.2)
 
 
 @pytest.mark.parametrize(
@@ -178,7 +180,7 @@ def random_systems(count, agents, rng):
 
 
 def test_products_of_whole_random_matrices_have_the_closed_forms_moments():
-    samples = whole_matrix_wrenches(np.random.default_rng(3))
+    samples = whole_matrix_wrenches(default_rng(3))
     covariance = MODEL.covariance(SIGMA_S)
     error = np.sqrt(np.diag(covariance) / N)
     off = samples.mean(axis=0) - MODEL.jacobian @ MODEL.actuation
@@ -190,7 +192,7 @@ def test_products_of_whole_random_matrices_have_the_closed_forms_moments():
 
 
 def test_reduced_sampling_has_the_law_of_the_whole_product_and_a_normal_law_has_not():
-    rng = np.random.default_rng(4)
+    rng = default_rng(4)
     whole = whole_matrix_wrenches(rng)
     reduced = sample_wrenches(MODEL, SIGMA_S, N, rng)
     for direction in ([1.0, 0.0], [0.0, 1.0], [0.6, -0.8]):
@@ -204,7 +206,7 @@ def test_reduced_sampling_has_the_law_of_the_whole_product_and_a_normal_law_has_
 def test_the_optimum_has_the_conditions_of_a_minimum_and_no_feasible_step_from_it_is_lower(
     form,
 ):
-    rng = np.random.default_rng(6)
+    rng = default_rng(6)
     systems = random_systems(400, 2, rng)
     model, covariance = matrix_model(systems), wrench_covariance(systems)
     mask = np.eye(2) if form == "diagonal" else np.ones((2, 2))
@@ -217,7 +219,7 @@ def test_the_optimum_has_the_conditions_of_a_minimum_and_no_feasible_step_from_i
     product = np.trace(closed @ multiplier, axis1=1, axis2=2)
     assert np.abs(product).max() < 1e-12 * size**2
     negative = np.sum(np.linalg.eigvalsh(target) < 0, axis=-1)
-    np.testing.assert_array_equal(held, negative)
+    assert_array_equal(held, negative)
     assert np.sum(held > 0) >= 10 and np.sum(held == 0) >= 10
 
     def objective(sigma_s):
@@ -232,19 +234,19 @@ def test_the_optimum_has_the_conditions_of_a_minimum_and_no_feasible_step_from_i
 
 
 def test_without_active_bounds_the_moments_are_the_parametric_ones_and_else_variances_are_greater():
-    systems = random_systems(300, 5, np.random.default_rng(7))
+    systems = random_systems(300, 5, default_rng(7))
     model, covariance = matrix_model(systems), wrench_covariance(systems)
     unbounded = unbounded_sigma_s(systems)
     full, held = optimal_sigma_s(unbounded, "full")
     difference = model.covariance(full) - covariance
     free = held == 0
     assert 0.5 < np.mean(free) < 1
-    np.testing.assert_allclose(difference[free], 0.0, atol=1e-11)
+    assert_allclose(difference[free], 0.0, atol=1e-11)
     assert np.all(np.trace(difference[~free], axis1=-2, axis2=-1) > 0)
     diagonal, held = optimal_sigma_s(unbounded, "diagonal")
     difference = model.covariance(diagonal) - covariance
     variances = np.diagonal(difference, axis1=-2, axis2=-1)
-    np.testing.assert_allclose(variances[held == 0], 0.0, atol=1e-12)
+    assert_allclose(variances[held == 0], 0.0, atol=1e-12)
     # without off-diagonal terms the covariance of the two components is that of the actuation alone
     assert np.abs(difference[..., 0, 1]).max() > 0.01
 
@@ -262,7 +264,7 @@ CABLES = MatrixModel(MEAN, np.array([3.0, 5.0, 4.0, 4.5]), 0.2 * np.eye(4), PSI)
 
 def test_the_columns_of_directions_are_independent_and_their_variances_go_with_1_over_kappa():
     kappa = np.array([100.0, 700.0, 200.0, 400.0])
-    rng = np.random.default_rng(6)
+    rng = default_rng(6)
     draws = []
     for mean, concentration in zip(
         planar_cables(*np.ones((4, 4))).direction,
@@ -277,7 +279,7 @@ def test_the_columns_of_directions_are_independent_and_their_variances_go_with_1
     psi *= 4 / np.trace(psi)
     # a variance of 20 000 draws is known to 1 %, a correlation to 0.007
     due = 4 / kappa / np.sum(1 / kappa)
-    np.testing.assert_allclose(np.diag(psi), due, rtol=0.045)
+    assert_allclose(np.diag(psi), due, rtol=0.045)
     scale = np.sqrt(np.diag(psi))
     correlation = psi / np.outer(scale, scale)
     assert np.abs(correlation - np.eye(4)).max() < 0.032
@@ -289,7 +291,7 @@ def test_one_law_of_the_tensions_tells_a_trace_with_psi_times_sigma_but_neither_
     ratio = CABLES.sigma_s_factor() / exchanged.sigma_s_factor()
     due = CABLES.covariance(SIGMA_CABLES)
     of_exchanged = exchanged.covariance(ratio * SIGMA_CABLES)
-    np.testing.assert_allclose(of_exchanged, due, rtol=1e-12)
+    assert_allclose(of_exchanged, due, rtol=1e-12)
     # the control: with the same Σ_S
     assert np.abs(exchanged.covariance(SIGMA_CABLES) / due - 1).max() > 0.001
 
@@ -300,7 +302,7 @@ def test_several_known_tensions_tell_psi_and_sigma_but_for_one_factor():
     def psi_coefficients(tensions):  # TᵀΨT is linear in the entries Ψᵢⱼ, i ≤ j
         return np.where(i == j, 1.0, 2.0) * tensions[:, i] * tensions[:, j]
 
-    rng = np.random.default_rng(42)
+    rng = default_rng(42)
     tensions = rng.uniform(1, 4, (10, 4))  # as many as Ψ has entries
     still = np.zeros((4, 4))
     covariances = []
@@ -311,9 +313,9 @@ def test_several_known_tensions_tell_psi_and_sigma_but_for_one_factor():
     psi = np.zeros((4, 4))
     psi[i, j] = psi[j, i] = np.linalg.solve(psi_coefficients(tensions), traces)
     psi *= 4 / np.trace(psi)
-    np.testing.assert_allclose(psi, PSI, atol=1e-7)
+    assert_allclose(psi, PSI, atol=1e-7)
     sigma_s = covariances[0] / (tensions[0] @ psi @ tensions[0])
-    np.testing.assert_allclose(sigma_s, SIGMA_CABLES, rtol=1e-7)
+    assert_allclose(sigma_s, SIGMA_CABLES, rtol=1e-7)
     # one fewer, or one alone in several sizes, leave Ψ open
     for few in (tensions[:9], np.outer(rng.uniform(1, 4, 10), tensions[0])):
         assert np.linalg.matrix_rank(psi_coefficients(few)) < 10

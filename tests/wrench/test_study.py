@@ -8,6 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from cable_systems import planar_cables
+from numpy.random import default_rng
+from numpy.testing import assert_allclose
 from scipy.integrate import dblquad
 from scipy.stats import kstest
 
@@ -53,7 +55,7 @@ def characteristics(system):
     [STUDY, replace(STUDY, attachment=(0.1, 0.2)), TILTED],
 )
 def test_systems_stay_within_their_bounds_and_fill_them(bounds):
-    system = draw_systems(bounds, 4000, 3, np.random.default_rng(12))
+    system = draw_systems(bounds, 4000, 3, default_rng(12))
     assert system.direction.shape == (4000, 3, bounds.dimension)
     drawn = characteristics(system)
     stated = {name: ends for name, ends in vars(bounds).items() if ends is not None}
@@ -66,7 +68,7 @@ def test_systems_stay_within_their_bounds_and_fill_them(bounds):
 
 
 def test_directions_in_space_are_uniform_on_the_sphere_and_not_in_elevation():
-    system = draw_systems(TILTED, 4000, 3, np.random.default_rng(12))
+    system = draw_systems(TILTED, 4000, 3, default_rng(12))
     elevation = characteristics(system)["elevation"].ravel()
     low, high = TILTED.elevation
 
@@ -109,14 +111,14 @@ def test_a_configuration_in_space_has_elevations_and_attachments_over_the_length
     configuration = Arrangement(**SPATIAL)
     options = force(configuration, length=0.2)
     system = nominal_system(options, configuration)
-    np.testing.assert_allclose(np.linalg.norm(system.direction, axis=1), 1)
+    assert_allclose(np.linalg.norm(system.direction, axis=1), 1)
     x, y, z = system.direction.T
-    np.testing.assert_allclose(np.arcsin(z), SPATIAL["elevation"])
-    np.testing.assert_allclose(np.arctan2(y, x), SPATIAL["direction"])
-    np.testing.assert_allclose(0.2 * system.attachment, SPATIAL["attachment"])
+    assert_allclose(np.arcsin(z), SPATIAL["elevation"])
+    assert_allclose(np.arctan2(y, x), SPATIAL["direction"])
+    assert_allclose(0.2 * system.attachment, SPATIAL["attachment"])
     bounds = configuration_bounds(options, configuration)
     assert bounds.elevation == [-0.5, 0.5]
-    np.testing.assert_allclose(bounds.attachment, [-0.5, 0.5])
+    assert_allclose(bounds.attachment, [-0.5, 0.5])
 
 
 def test_a_configuration_in_the_plane_has_neither():
@@ -124,7 +126,7 @@ def test_a_configuration_in_the_plane_has_neither():
     options = force(configuration)
     system = nominal_system(options, configuration)
     x, y = system.direction.T
-    np.testing.assert_allclose(np.arctan2(y, x), PLANAR["direction"])
+    assert_allclose(np.arctan2(y, x), PLANAR["direction"])
     assert system.tension_sd.tolist() == [0.5, 0.6]
     assert system.attachment is None
     bounds = configuration_bounds(options, configuration)
@@ -181,7 +183,7 @@ def test_for_one_cable_it_is_the_integral_over_tension_and_its_deviation():
     [(WIDE, 1), (WIDE, 3), (ROUND, 1), (ROUND, 8), (APART, 3), (SPACE, 3), (SPACE, 30)],
 )
 def test_without_the_bound_it_is_what_averages_over_systems_tend_to(bounds, agents):
-    systems = draw_systems(bounds, 20_000, agents, np.random.default_rng(45))
+    systems = draw_systems(bounds, 20_000, agents, default_rng(45))
     unbounded = unbounded_sigma_s(systems)
     error = unbounded.std(axis=0, ddof=1) / np.sqrt(len(unbounded))
     expected = expected_unbounded_sigma_s(bounds, agents)
@@ -195,20 +197,20 @@ def test_with_its_own_bounds_alone_it_is_what_averages_over_systems_tend_to(
     form,
     agents,
 ):
-    systems = draw_systems(WIDE, 40_000, agents, np.random.default_rng(46))
+    systems = draw_systems(WIDE, 40_000, agents, default_rng(46))
     estimate = averaged_sigma_s(systems)[form]
-    expected = expected_sigma_s(WIDE, agents, np.random.default_rng(47))[form]
+    expected = expected_sigma_s(WIDE, agents, default_rng(47))[form]
     assert estimate.clipped > 1000
     assert np.abs(z_scores(estimate, expected)).max() < 4
     # the standard error tends to the deviation of single systems over √systems
     error = np.diag(estimate.standard_error)
     deviations = error * np.sqrt(estimate.systems)
-    np.testing.assert_allclose(deviations, np.diag(expected.deviation), rtol=0.05)
+    assert_allclose(deviations, np.diag(expected.deviation), rtol=0.05)
     # controls: without the bound, and of wider directions
     without_bound = estimate.mean - expected_unbounded_sigma_s(WIDE, agents)
     assert np.max(np.diag(without_bound) / error) > 8
     wider = replace(WIDE, direction=(0.1, 0.8))
-    of_wider = expected_sigma_s(wider, agents, np.random.default_rng(48))[form]
+    of_wider = expected_sigma_s(wider, agents, default_rng(48))[form]
     moved = np.diag(estimate.mean - of_wider.mean)
     assert np.max(np.abs(moved) / error) > 8
 
@@ -225,7 +227,7 @@ def test_errors_are_relative_to_the_parametric_model():
 
 
 def test_off_diagonal_terms_lower_the_error_of_the_covariance_and_less_so_with_few_cables():
-    _, errors, _ = run_study(study_options([3, 20], 1), np.random.default_rng(42))
+    _, errors, _ = run_study(study_options([3, 20], 1), default_rng(42))
     diagonal = errors["covariance_error_diagonal"]
     gain = diagonal - errors["covariance_error_full"]
     of_agents = gain.groupby(errors["agents"])
@@ -235,17 +237,17 @@ def test_off_diagonal_terms_lower_the_error_of_the_covariance_and_less_so_with_f
 
 
 def test_without_the_random_matrix_the_error_is_larger_and_hardly_falls():
-    _, _, spread = run_study(study_options([3, 20], 3), np.random.default_rng(42))
+    _, _, spread = run_study(study_options([3, 20], 3), default_rng(42))
 
     means = spread.groupby("agents")[["mean", "mean_without_matrix"]].mean()
 
-    np.testing.assert_allclose(means["mean"], [0.041, 0.0165], rtol=0.05)
-    np.testing.assert_allclose(means["mean_without_matrix"], [0.083, 0.078], rtol=0.03)
+    assert_allclose(means["mean"], [0.041, 0.0165], rtol=0.05)
+    assert_allclose(means["mean_without_matrix"], [0.083, 0.078], rtol=0.03)
 
 
 @pytest.mark.slow
 def test_the_error_falls_with_the_number_of_cables_in_every_repeat():
-    rng, agents = np.random.default_rng(14), np.array([3, 5, 10, 15, 20])
+    rng, agents = default_rng(14), np.array([3, 5, 10, 15, 20])
     _, _, spread = run_study(study_options(agents.tolist(), 5), rng)
     means = spread.pivot(index="repeat", columns="agents", values="mean").to_numpy()
     assert (np.diff(means, axis=1) < 0).all()

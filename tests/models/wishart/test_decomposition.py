@@ -4,6 +4,8 @@ from itertools import combinations
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose
 from printed_algorithms import READINGS, every_reading, first_factor
 
 from pipeline.core.errors import ModelDomainError
@@ -11,7 +13,7 @@ from pipeline.models.wishart.decomposition import Decomposition, factors, split
 from pipeline.models.wishart.law import WishartModel
 
 POSE = np.array([0.4, 1.7, -0.3])
-ROTATION = np.linalg.qr(np.random.default_rng(24).standard_normal((3, 3)))[0]
+ROTATION = np.linalg.qr(default_rng(24).standard_normal((3, 3)))[0]
 
 
 @every_reading
@@ -22,7 +24,7 @@ def test_the_factors_are_those_of_libraries_for_any_number_of_joints(
     decomposition,
 ):
     """The signs of the rows of J₂, which QR does not fix, cancel in the compared quantities."""
-    rng = np.random.default_rng(m + n)
+    rng = default_rng(m + n)
     jacobians = rng.standard_normal((60, m, n))
     v = rng.standard_normal((60, m))
     a, back, log_determinant = split(jacobians, v, decomposition)
@@ -35,10 +37,10 @@ def test_the_factors_are_those_of_libraries_for_any_number_of_joints(
         _, twice = np.linalg.slogdet(j2 @ j2.T)
         scale = np.linalg.cond(j1) * condition[i]
         band, wide = 1e-12 * scale, 1e-12 * scale**2
-        np.testing.assert_allclose(back[i] @ a[i], inverse @ exact, atol=band)
+        assert_allclose(back[i] @ a[i], inverse @ exact, atol=band)
         assert a[i] @ a[i] == pytest.approx(exact @ exact, rel=band)
         squares = back[i] @ back[i].T
-        np.testing.assert_allclose(squares, inverse @ inverse.T, atol=wide)
+        assert_allclose(squares, inverse @ inverse.T, atol=wide)
         assert log_determinant[i] == pytest.approx(twice / 2, abs=10 * band)
 
 
@@ -50,16 +52,16 @@ def test_the_factors_compose_to_the_nominal_step_and_broadcast(
     decomposition,
 ):
     a, back, log_determinant = factors(chain, poses, step, decomposition)
-    np.testing.assert_allclose(
+    assert_allclose(
         np.matvec(back, a),
         np.matvec(chain.inverse_jacobian(poses), step),
         rtol=1e-10,
         atol=1e-14,
     )
-    np.testing.assert_allclose(log_determinant, -np.linalg.slogdet(back)[1], atol=1e-9)
+    assert_allclose(log_determinant, -np.linalg.slogdet(back)[1], atol=1e-9)
     steps = np.linspace(0.1, 1, 7)[:, None] * step
     a_each, back_each, _ = split(chain.jacobian(poses[3]), steps, decomposition)
-    np.testing.assert_allclose(
+    assert_allclose(
         a_each,
         np.linspace(0.1, 1, 7)[:, None] * a[3],
         rtol=1e-12,

@@ -7,6 +7,8 @@ from functools import partial
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose
 from printed_algorithms import algorithm_1, every_reading, least_p_value
 from random_arm import SIZES, motion, random_arm
 from scipy import stats
@@ -26,7 +28,7 @@ DRAWS = 30_000
 @every_reading
 @pytest.mark.parametrize("sigma_b", [0.25, 1.2])
 def test_the_reduced_law_is_that_of_algorithm_1(chain, step, decomposition, sigma_b):
-    rng = np.random.default_rng(8)
+    rng = default_rng(8)
     matrices = algorithm_1(chain, POSE, step, sigma_b, decomposition, DRAWS, rng)
     drawn, clipped = draw_steps(
         WishartModel(sigma_b, decomposition),
@@ -58,7 +60,7 @@ def test_the_exact_moments_are_those_of_algorithm_1(chain, step, decomposition):
         0.25,
         decomposition,
         80_000,
-        np.random.default_rng(12),
+        default_rng(12),
     )
     mean = model.mean(chain, POSE, step)
     covariance = model.covariance(chain, POSE, step)
@@ -71,7 +73,7 @@ def test_the_exact_moments_are_those_of_algorithm_1(chain, step, decomposition):
     # control: the nominal step is not the mean, it is 1.067 times as long
     nominal = POSE + chain.inverse_jacobian(POSE) @ step
     assert np.abs((drawn.mean(axis=0) - nominal) / error).max() > 12
-    np.testing.assert_allclose((mean - POSE) / (nominal - POSE), 64 / 60, rtol=1e-12)
+    assert_allclose((mean - POSE) / (nominal - POSE), 64 / 60, rtol=1e-12)
 
 
 @pytest.mark.parametrize("sigma_b", [0.25, 0.5, 0.7])
@@ -129,7 +131,7 @@ def test_the_density_is_that_of_algorithm_1_box_by_box(
     sigma_b,
     measurement,
 ):
-    rng = np.random.default_rng(1)
+    rng = default_rng(1)
     draws = algorithm_1(chain, POSE, step, sigma_b, decomposition, 100_000, rng)
     if measurement is not None:
         draws = draws + rng.multivariate_normal(np.zeros(3), measurement, len(draws))
@@ -168,7 +170,7 @@ def test_at_rest_there_is_no_density_without_measurement_noise(chain, poses, ste
 )
 def test_the_quadrature_converges(chain, poses, step, sigma_b, error):
     """For draws of the law, with measurement noise far below, near and far above the step's."""
-    rng = np.random.default_rng(5)
+    rng = default_rng(5)
     d = wishart.degrees_of_freedom(sigma_b, 3)
     a, back, _ = factors(chain, poses, step, PIVOTED_LU)
     x = WishartModel(sigma_b).sample(chain, poses, step, rng) - poses
@@ -199,7 +201,7 @@ def scene(n: int, m: int, name: str = "qr_transposed", share: float = 0.5):
     q, v = motion(arm, 1, 0)
     model = WishartModel(SIGMA_B, Decomposition(name))
     variance = np.trace(model.covariance(arm, q[0], v[0])) / n
-    normals = np.random.default_rng(n).standard_normal((n, n))
+    normals = default_rng(n).standard_normal((n, n))
     root = np.eye(n) + 0.4 * normals / np.sqrt(n)
     measurement = share**2 * variance * root @ root.T
     return arm, q[0], v[0], model, measurement
@@ -219,7 +221,7 @@ def test_it_is_the_mean_of_normals_over_the_law_of_z_and_g(n, m):
     covariance = noise + ((r * z) ** 2 / g)[..., None, None] * across
     precision = np.linalg.inv(covariance)
     determinant = np.linalg.det(2 * np.pi * covariance)
-    rng = np.random.default_rng(11)
+    rng = default_rng(11)
     q_next = model.sample(arm, np.tile(q, (4, 1)), v, rng)
     q_next += rng.multivariate_normal(np.zeros(n), noise, 4)
     exact = []
@@ -228,7 +230,7 @@ def test_it_is_the_mean_of_normals_over_the_law_of_z_and_g(n, m):
         squared = np.einsum("zi,zgij,zj->zg", residual, precision, residual)
         normal = np.exp(-0.5 * squared) / np.sqrt(determinant)
         exact.append(np.log(weights @ normal @ weights / 4))
-    np.testing.assert_allclose(
+    assert_allclose(
         model.log_density(arm, q, v, q_next, noise),
         exact,
         atol=3e-4,
@@ -242,7 +244,7 @@ def test_it_is_the_mean_of_normals_over_the_law_of_z_and_g(n, m):
 def test_without_measurement_it_integrates_to_one(n):
     """Importance sampling from a wider law."""
     arm, q, v, model, _ = scene(n, n)
-    rng = np.random.default_rng(13)
+    rng = default_rng(13)
     spread = model.covariance(arm, q, v)
     wider = stats.multivariate_t(model.mean(arm, q, v), 1.3 * spread, df=6, seed=rng)
     q_next = wider.rvs(20_000)

@@ -4,6 +4,8 @@ each certified by a dual point; and the paper's estimator from them.
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose, assert_array_equal
 from random_arm import motion, random_arm
 
 from pipeline.core.errors import ModelDomainError, SolverError
@@ -30,7 +32,7 @@ def weights(ratio: float) -> tuple[float, float]:
 
 def scene(chain, poses, step, size: float) -> tuple[np.ndarray, ...]:
     """Noise (200, 3) of standard deviation ``size`` in rad, a and J₂⁺ of steps of all speeds."""
-    rng = np.random.default_rng(1)
+    rng = default_rng(1)
     noise = size * rng.standard_normal((200, 3))
     v = step * rng.uniform(0.1, 1.2, (200, 1))
     a, back, _ = factors(chain, poses, v, PIVOTED_LU)
@@ -42,7 +44,7 @@ def arm_problems(n: int, m: int, decomposition: Decomposition, share: float):
     arm = random_arm(n, m)
     q, v = motion(arm, 120, 0)
     step = arm.nominal_step(q[:-1], v)
-    noise = np.random.default_rng(n + m).standard_normal(step.shape)
+    noise = default_rng(n + m).standard_normal(step.shape)
     noise *= share * np.sqrt(np.mean(step**2))
     a, back, _ = factors(arm, q[:-1], v, decomposition)
     return arm.jacobian(q[:-1]), v[:, :m], a, back, noise
@@ -82,7 +84,7 @@ def test_the_perturbations_are_those_of_the_problem_as_printed(n, m, name):
         problem = noise[i], v[i], np.eye(m), jacobians[i]
         b_inv, _ = solve_perturbation(*problem, WEIGHTS, FLOOR)
         band = 5e-3 * np.abs(b_inv).max()
-        np.testing.assert_allclose(b_inverse[i], b_inv, atol=band)
+        assert_allclose(b_inverse[i], b_inv, atol=band)
     difference = fits.s[moved[0]] - fits.s[moved[1]]
     assert np.abs(difference).max() > 0.02
 
@@ -97,7 +99,7 @@ def test_many_of_those_problems_are_held_back_by_the_bound(chain, poses, step):
     assert fit.bound.sum() > 20
     assert np.all(looser.objective <= fit.objective * (1 + 1e-9))
     assert np.any(looser.objective[fit.bound] < fit.objective[fit.bound] * (1 - 1e-3))
-    np.testing.assert_array_equal(looser.s[~fit.bound], fit.s[~fit.bound])
+    assert_array_equal(looser.s[~fit.bound], fit.s[~fit.bound])
 
 
 def test_equal_weights_return_the_identity_for_every_step(chain, poses, step):
@@ -123,7 +125,7 @@ def test_an_exact_fit_inverts_the_model(chain, poses, step):
         np.matvec(fit_perturbations(deviation, a, back, weights(1e-9), 0.01).s, a)
         for deviation in (noise, -noise)
     )
-    np.testing.assert_allclose(a + image, a @ b_inv, atol=1e-12)
+    assert_allclose(a + image, a @ b_inv, atol=1e-12)
     assert np.linalg.norm(reverse - image) > np.linalg.norm(image)
 
 
@@ -139,7 +141,7 @@ def test_weights_follow_from_the_noise_at_rest(m):
 
 def recorded(chain, poses, step, sigma_b: float, measured: float) -> Recorded:
     """The Wishart model's own steps, measured with white noise of ``measured`` rad."""
-    rng = np.random.default_rng(31)
+    rng = default_rng(31)
     v = np.vstack([np.zeros((REST, 3)), np.tile(step, (MOVING, 1))])
     q = np.tile(poses[: REST + MOVING], (100, 1, 1))
     noise = draw_steps(WishartModel(sigma_b), chain, q, v, rng)[0]
@@ -162,7 +164,7 @@ def test_at_rest_nothing_is_perturbed_and_the_mean_over_time_counts_those_steps(
     result = fit_paper(data, PIVOTED_LU, FLOOR)
     assert not fits.s.reshape(100, -1, 3, 3)[:, :REST].any()
     assert not dispersions[:REST].any() and np.all(dispersions[REST:] > 0)
-    np.testing.assert_allclose(result.estimates["sigma_b"], dispersions.mean())
+    assert_allclose(result.estimates["sigma_b"], dispersions.mean())
 
 
 def test_noise_that_is_not_finite_and_a_motion_without_noise_at_rest_are_refused(
@@ -212,7 +214,7 @@ def problems(
     across: float = 1.0,
 ) -> tuple[np.ndarray, ...]:
     """ω, e and A of 800 random problems; of what ω has across the range of A a share ``across``."""
-    rng = np.random.default_rng(seed)
+    rng = default_rng(seed)
     noise, e, matrix = (
         rng.standard_normal((800, *shape)) for shape in ((n,), (m,), (n, m))
     )
@@ -278,7 +280,7 @@ def test_every_optimum_is_feasible_and_certified_by_its_dual(ratio, floor, size)
         return (value - dual_bound(noise, e, matrix, y, c, ratio, floor)) / value
 
     norms = np.sqrt(np.vecdot(y, y) + c**2)
-    np.testing.assert_allclose(
+    assert_allclose(
         np.linalg.norm(s, axis=(1, 2)),
         norms,
         rtol=1e-9,
@@ -306,7 +308,7 @@ def test_every_optimum_is_feasible_and_certified_by_its_dual(ratio, floor, size)
 )
 def test_every_minimum_of_any_size_is_reached_and_none_beside_it_is_lower(n, m, across):
     """However little of the noise lies across the range of A, where F all but has no gradient."""
-    rng = np.random.default_rng(5)
+    rng = default_rng(5)
     for ratio, floor, size in ((1e-3, 0.01, 3.0), (0.03, 0.2, 1.0), (0.3, 0.01, 3.0)):
         noise, e, matrix = problems(4, size, n, m, across)
         s, _, bound = fit(noise, e, matrix, ratio, floor)
@@ -330,7 +332,7 @@ def test_along_its_own_direction_the_perturbation_stops_at_the_bound():
     for aside, tolerance in ((0.0, 1e-12), (1e-7, 1e-6)):
         noise = 2 * e + aside * np.array([0.0, 0.0, 1.0])
         s = fit(noise[None], e[None], -np.eye(3)[None], 1e-3, 0.1).s[0]
-        np.testing.assert_allclose(s, -0.9 * np.outer(e, e), atol=tolerance)
+        assert_allclose(s, -0.9 * np.outer(e, e), atol=tolerance)
 
 
 def test_a_minimum_that_was_not_reached_and_an_all_but_singular_arm_are_refused(
