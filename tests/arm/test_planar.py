@@ -47,19 +47,23 @@ def test_segments_point_along_headings_that_give_the_joints_back_whatever_the_tu
     psi = chain.segment_headings(q)
     segments = np.diff(chain.points(q), axis=1)
     directions = np.stack([np.sin(psi), np.cos(psi)], axis=-1)
+
     assert_allclose(
         segments,
         chain.lengths[:, None] * directions,
         atol=1e-14,
     )
     assert np.array_equal(chain.points(q)[:, 0], np.tile(chain.origin, (len(q), 1)))
+
     turns = 2 * np.pi * default_rng(6).integers(-2, 3, q.shape)
     assert_allclose(chain.joints_from_segments(psi + turns), q, atol=1e-12)
+
     # the turns are those nearest to the middle of the limits
     middle = (chain.lower + chain.upper) / 2
     beyond = chain.joints_from_segments(
         chain.segment_headings(middle + np.array([3.1, -3.1, 3.2])),
     )
+
     assert_allclose(
         beyond - middle,
         [3.1, -3.1, 3.2 - 2 * np.pi],
@@ -76,9 +80,11 @@ def test_a_singular_pose_and_one_that_is_not_finite_are_refused_with_their_place
         match=r"singular at 1 frame\(s\)",
     ) as refused:
         chain.inverse_jacobian(q, what="frame")
+
     evidence = refused.value.evidence
     assert evidence.pop("least_singular_value") < 1e-14
     assert evidence == {"index": (1, 2), "q": in_line(chain).round(4).tolist()}
+
     for not_finite in (np.inf, np.nan):
         q[1, 2, 1] = not_finite
         assert chain.singular(q).sum() == 1
@@ -130,23 +136,30 @@ def test_pose_joints_and_jacobian_are_the_whole_robots_seen_in_the_plane(options
     arm, tree = arm_of(robot), read_urdf(Path(robot.urdf))
     # the plane's z axis is as far up as it can be
     up = 1 if abs(arm.rotation[2, 1]) > 0.99 else 2
+
     assert np.linalg.det(arm.rotation) > 0 and arm.rotation[up, 2] > 0.5
     assert abs(arm.rotation[up, 0]) < 1e-12
+
     q = np.vstack([np.zeros(3), bent(arm.chain, 20)])
     places, jacobians = by_pinocchio(robot, robot.tool, q)
     x, z, phi = arm.chain.coordinates(q).T
     across = np.full(len(q), arm.to_plane(places[0, :3])[1])
     tool = arm.to_base(np.stack([x, across, z], axis=-1))
+
     assert_allclose(tool, places[:, :3], atol=1e-12)
+
     turn = Rotation.from_rotvec(phi[:, None] * arm.rotation[:, 1]).as_matrix()
     rotation = places[:, 3:].reshape(-1, 3, 3)
     assert_allclose(turn @ rotation[0], rotation, atol=1e-12)
+
     vx, vy, vz = np.moveaxis(arm.rotation.T @ jacobians[:, :3], 1, 0)
     wx, wy, wz = np.moveaxis(arm.rotation.T @ jacobians[:, 3:], 1, 0)
     planar = np.stack([vx, vz, wy], axis=1)
     assert_allclose(arm.chain.jacobian(q), planar, atol=1e-12)
+
     # and nothing of the motion leaves the plane
     assert_allclose([vy, wx, wz], 0, atol=1e-12)
+
     for j, name in enumerate(robot.joints):
         places, _ = by_pinocchio(robot, tree.joints[name].child, q)
         seen = arm.to_plane(places[:, :3])[:, [0, 2]]
@@ -157,17 +170,21 @@ def test_steps_and_displacements_of_the_serial_chain_are_the_same(both):
     planar, serial = both
     for name in ("lower", "upper", "max_speed"):
         assert_array_equal(*(getattr(chain, name) for chain in both))
+
     q = bent(planar, 100)
     v = default_rng(2).normal(size=3)
     size = 1e-12 * np.abs(planar.inverse_jacobian(q)).max()
     step = planar.nominal_step(q, v)
+
     assert_allclose(serial.nominal_step(q, v[ORDER]), step, atol=size)
     assert not planar.null_step(q, v).any() and planar.null_step(q, v).shape == q.shape
+
     steps = default_rng(3).uniform(-1, 1, q.shape)  # up to half a turn
     (start, end), (here, there) = (
         (chain.pose(q), chain.pose(q + steps)) for chain in both
     )
     expected = planar.displacement(start, end)[:, ORDER]
+
     assert_allclose(serial.displacement(here, there), expected, atol=1e-12)
 
 

@@ -124,8 +124,10 @@ def test_pose_and_jacobian_are_pinocchios_and_the_inverse_numpys_pseudoinverse(
     places, jacobians = by_pinocchio(robot, robot.tool, q)
     assert_allclose(chain.pose(q), places, rtol=0, atol=1e-12)
     assert_allclose(chain.jacobian(q), jacobians, rtol=0, atol=1e-12)
+
     q = regular(chain)
     assert len(q) > 50
+
     expected = np.linalg.pinv(chain.jacobian(q))
     size = np.linalg.norm(expected, axis=(-2, -1), keepdims=True)
     assert_allclose(
@@ -169,6 +171,7 @@ def test_compiled_code_marks_the_singular_poses_of_the_chain(chain, monkeypatch)
         marked = from_python(mark_singular)(block, bounded.constants, *places, WIDTH)
         flags = block[rows.singular] > 0 if marked else np.zeros(WIDTH, dtype=bool)
         assert_array_equal(flags, bounded.singular(q))
+
     assert 0.4 < flags.mean() < 0.6
 
 
@@ -191,7 +194,9 @@ def test_what_is_singular_does_not_depend_on_the_unit_of_length(chain, metre):
         length=metre * chain.length,
     )
     q = poses(chain, WIDTH)
+
     assert not scaled.singular(units * regular(chain)).any()
+
     least = least_scaled(chain, q)
     assert_allclose(least_scaled(scaled, units * q), least, rtol=1e-9)
 
@@ -206,16 +211,19 @@ def test_a_step_does_the_task_and_the_rest_of_the_command_where_the_task_does_no
     jacobian = chain.jacobian(q)
     back = np.linalg.pinv(chain.jacobian(q))
     rest = chain.null_step(q, command)
+
     assert_allclose(np.matvec(jacobian, rest), 0, atol=1e-11)
     assert_allclose(
         rest,
         w - np.matvec(back, np.matvec(jacobian, w)),
         atol=1e-10,
     )
+
     step = chain.nominal_step(q, command)
     assert_allclose(np.matvec(jacobian, step), v, atol=1e-10)
     assert_allclose(step - rest, chain.nominal_step(q, v), atol=1e-14)
     assert not chain.null_step(q, v).any()
+
     # the control: an arm of more joints than rows does more than its task
     assert (np.abs(rest).max() > 0.1) == (q.shape[1] > m)
 
@@ -249,7 +257,9 @@ def test_compiled_displacements_lose_digits_as_the_turn_nears_half_a_turn(gap):
     place = np.concatenate([np.zeros(3), target.ravel()])
     from_python(add_displacement)(constants, place, block, JOINTS + 6, 1.0, WIDTH)
     error = np.abs(block[JOINTS + 9 :].T - expected).max()
+
     assert error < 4e-15 / gap
+
     # by NumPy at any angle, and by Pinocchio
     tolerance = 1e-9 if gap < 1e-3 else 1e-12
     assert_allclose(rotation_vector(turns), expected, atol=tolerance)
@@ -269,6 +279,7 @@ def test_every_batch_shape_holds_what_single_poses_give(chain):
             alone = [getattr(chain, method)(pose) for pose in single.reshape(-1, n)]
             assert_array_equal(batch, np.reshape(alone, np.shape(batch)))
     command = np.zeros((2, 1, m + n))
+
     assert chain.nominal_step(q[:3], command).shape == (2, 3, n)
     assert chain.null_step(q[:3], command[..., :m]).shape == (2, 3, n)
 
@@ -282,9 +293,12 @@ def test_each_step_of_a_trajectory_is_the_displacement_between_two_poses():
     pose = arm.pose(motion)
     steps, places = values(table, "v") / 50.0, values(table, "x")
     turns = Rotation.from_matrix(pose[:, 3:].reshape(-1, 3, 3))
+
     assert_allclose(steps[:-1, :3], np.diff(pose[:, :3], axis=0), atol=1e-12)
+
     expected = 0.5 * (turns[1:] * turns[:-1].inv()).as_rotvec()
     assert_allclose(steps[:-1, 3:], expected, atol=1e-12)
+
     expected = 0.5 * (turns * turns[0].inv()).as_rotvec()
     assert_allclose(places, np.hstack([pose[:, :3], expected]), atol=1e-12)
     assert not places[0, 3:].any() and not steps[:5].any() and not steps[-1].any()

@@ -83,6 +83,7 @@ def test_the_task_has_the_axes_of_the_base_that_is_named(file):
         moving("j2", "revolute", "l1", "l2", "1 0 0"),
         joint("side", "fixed", "l0", "desk", PLACE.replace("0.3", "0.4")),
     )
+
     for base in (None, "plinth", "desk"):
         assert agrees(Robot(urdf, jn(2), base=base, task=["y", "rz"]), "l2")
 
@@ -96,6 +97,7 @@ def test_the_tip_is_the_only_last_link_beyond_the_joints_or_the_one_that_is_name
         joint("lamp", "fixed", "l1", "bulb", PLACE),
     )
     two = {"urdf": urdf, "joints": jn(2), "task": ["x", "rz"]}
+
     assert agrees(Robot(**two, locked={"finger": 0.3}), "nail")
     for tool in ("palm", "hand"):  # the link, or the joint that holds it
         assert agrees(Robot(**two, tool=tool), "palm")
@@ -115,6 +117,7 @@ def test_a_links_frame_lies_where_pinocchio_has_it(robot, links):
         rotation, position = link_poses(robot, link, q)
         assert_allclose(pose[:, :3], position, atol=1e-12)
         assert_allclose(pose[:, 3:].reshape(-1, 3, 3), rotation, atol=1e-12)
+
     with pytest.raises(ConfigError, match="no frame 'elbow'"):
         link_chains(robot, ["elbow"], "key")
 
@@ -164,7 +167,9 @@ def test_joints_beside_and_within_the_arm_are_as_in_pinocchio(
         beside.append(moving(name, kind, parent, child, "1 0 0", "".join(coupling)))
     urdf = file(moving("j1", "revolute", "l0", "l1"), *beside)
     robot = Robot(**({"urdf": urdf, "task": ["x", "rz"]} | options))
+
     assert agrees(robot, tip)
+
     chain = chain_of(robot)
     endless = [name == "turn" for name in robot.joints]
     for limit in (-chain.lower, chain.upper, chain.max_speed):
@@ -186,6 +191,7 @@ def test_coupled_joints_are_held_where_those_that_they_follow_are_held(file):
         task=["x", "rz"],
     )
     q = default_rng(1).uniform(-1, 1, (5, 2))
+
     assert_allclose(
         held.pose(q),
         by_pinocchio(expected, "l4", q)[0],

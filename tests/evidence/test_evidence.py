@@ -40,6 +40,7 @@ def test_a_row_has_empty_keys_where_it_needs_none_and_no_row_has_an_infinite_val
     ]
     rows += [evidence_row("u", np.nan), evidence_row("u", 2, rival="a_closed")]
     table = evidence_table(rows)
+
     assert table[[*KEYS]].to_numpy().tolist() == [
         ["std", "a", *[""] * (len(KEYS) - 2)],
         ["u", "", "", "a_closed", *[""] * (len(KEYS) - 4)],
@@ -72,12 +73,15 @@ def test_a_bias_and_its_change_are_detected_and_no_bias_is_not():
     evidence = camera_evidence(pd.concat(parts), slopes)
     values = by(evidence, "quantity", "joint")
     detected = values[["camera_bias_p_value", "camera_bias_change_p_value"]] < 1e-4
+
     assert [*detected] == [False, True, True, False, False, True]
     assert values["camera_std_variation", "constant"] == pytest.approx(growing.std())
+
     widths = np.sqrt(growing**2 + shares[1:, None])
     jackknifed = np.std(widths.std(axis=1) / widths.mean(axis=1)) * np.sqrt(takes - 1)
     rows = evidence.query("quantity == 'camera_std_variation'")
     assert rows["standard_error"].tolist() == pytest.approx([jackknifed] * 3)
+
     slope = evidence.query("quantity == 'depth_error_slope'").iloc[0]
     assert slope["joint"] == "none"
     assert (slope["value"], slope["standard_error"]) == (0.5, 0.1)
@@ -101,6 +105,7 @@ def test_a_bound_that_follows_the_ramps_alone_does_not_follow_at_constant_speed(
     filters = {NONE: law, "m": law}
     evidence, _, _ = filter_evidence(filters, ["hip"], steady, partial(stream, 1))
     values = by(evidence, "quantity", "model", "steps", "rival")
+
     assert values[FOLLOWS, "m", "", ""] > 0.9
     assert values[FOLLOWS, "m", "constant_speed", ""] < -0.9
     assert values["filter_log_score", "m", "", NONE] == 0.0
@@ -129,6 +134,7 @@ def test_an_error_varies_only_beyond_what_as_many_takes_reach_by_chance():
         assert_allclose(rows.loc["coverage", "value"], inside.mean(axis=0))
         errors = inside.std(axis=0, ddof=1) / np.sqrt(takes)
         assert_allclose(rows.loc["coverage", "standard_error"], errors)
+
     assert (limits["low"] < limits["high"]).all() and refusals == []
     # only the bounds of models in an open loop are compared, all filters with the training mean
     assert {*evidence.query("quantity == @FOLLOWS")["model"]} == {"m"}
@@ -144,18 +150,23 @@ def test_the_study_of_the_wrench_has_rows_by_number_of_cables_and_no_force_witho
     tables = {"wrench_errors": errors, "wrench_spread": repeats}
     evidence = wrench_evidence(tables)
     without = evidence.query("estimator == 'none'")
+
     assert without["value"].tolist() == [0.3, 0.1]
     assert without["standard_error"].tolist() == pytest.approx([0.1, 0.1])
+
     evidence = evidence.drop(without.index)
     values = by(evidence, "quantity", "configuration")
     assert values["mean_error_of_variances", "3"] == pytest.approx(0.2)
     assert values["greatest_error_of_variances", "3"] == 0.3
     assert values["median_of_greatest_errors", "20"] == 0.06
+
     greatest = evidence.query("quantity == 'greatest_error_of_variances'").iloc[0]
     assert (greatest["low"], greatest["high"]) == (0.2, 0.4)
+
     errors = evidence.query("quantity == 'mean_error_of_variances'")["standard_error"]
     assert errors.tolist() == pytest.approx([0.1, 0.01])
     assert len(evidence) == 6 and not evidence["quantity"].str.contains("force").any()
+
     force = {"configuration": "C1", "source": ["measured", "modelled"]}
     force |= {"fx": [3.1, 3], "fy": 5, "var_fx": [4.0, 9.0], "var_fy": 1.0}
     tables["force_moments"] = pd.DataFrame(force)
@@ -177,7 +188,9 @@ def test_the_study_of_the_wrench_has_rows_by_number_of_cables_and_no_force_witho
     rows = []
     for entry in ("11", "22"):
         rows += [[name, "C1", entry, *numbers] for name, *numbers in expected]
+
     assert both[columns].to_numpy().tolist() == rows
+
     means = wrench_evidence(tables).query("quantity == 'mean_force' and rival == ''")
     measured = means.set_index("entry")[["value", "standard_error"]]
     assert measured.T.to_dict("list") == {"fx": [3.1, 0.2], "fy": [5, 0.1]}
@@ -195,5 +208,6 @@ def test_the_variance_of_a_matrix_model_follows_dexterity_by_its_law(chain, pose
     takes = SimpleNamespace(training=SimpleNamespace(chain=chain, q=poses))
     evidence = dexterity_evidence(outcomes, takes, default_rng(1))
     rows = evidence.set_index("model")
+
     assert {*rows.index} == {"gaussian", "wishart"}
     assert rows.loc["gaussian", "high"] < 0 < rows.loc["wishart", "low"]

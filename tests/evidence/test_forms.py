@@ -49,12 +49,14 @@ def test_the_inverse_form_is_smoother_where_the_jacobian_form_has_heavy_tails(ch
     evidence = evidence_on(chain, level=5.0)
     assert evidence["model"].tolist() == ["gaussian", "gaussian_jacobian", "gaussian"]
     assert verdict(evidence) == d.REPRODUCED
+
     # control: the claim about the forms in exchanged roles
     exchanged = evidence.assign(
         value=-evidence["value"],
         low=-evidence["high"],
         high=-evidence["low"],
     )
+
     assert verdict(exchanged) == d.NOT_REPRODUCED
 
 

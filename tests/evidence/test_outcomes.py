@@ -125,6 +125,7 @@ def test_a_filter_has_the_noise_of_a_pose_by_its_loop_and_the_training_mean_its_
     posteriors = {"additive": law, closed("additive"): law}
     filters = all_filters(takes, truth, posteriors, None, 100.0, factor=2.0)
     noise = pose_covariances(training, takes.poses)
+
     for name, expected in zip(
         (*posteriors, NONE),
         (*2 * noise, np.zeros((3, 3))),
@@ -132,17 +133,21 @@ def test_a_filter_has_the_noise_of_a_pose_by_its_loop_and_the_training_mean_its_
     ):
         assert_array_equal(filters[name].measurement, expected)
     assert_allclose(filters["additive"].error, 0.02)
+
     # the posterior's covariance is zero: the bound is the noise of a measured pose
     expected = np.broadcast_to(np.sqrt(np.diag(2 * noise[0])), truth.shape)
     assert_allclose(filters["additive"].bound, expected)
+
     # an open loop has half the noise of ω at rest, which is of two poses
     assert_allclose(2 * noise[0], training.measurement)
     assert not np.allclose(*noise)
+
     with_known_noise = replace(training, known_measurement=np.eye(3))
     assert_array_equal(
         pose_covariances(with_known_noise, takes.poses),
         [np.eye(3) / 2] * 2,
     )
+
     start = Start.of_takes(takes.training)
     assert_allclose(start.covariance, np.cov(takes.poses[:, 0].T))
 
@@ -169,9 +174,11 @@ def test_claims_have_the_numbers_of_the_outcomes_and_a_difference_is_value_minus
     for verdict in verdicts:
         if None in [case.value for case in verdict.cases]:
             without.add(verdict.claim.id)
+
     assert refusals == [] and len(verdicts) > 20
     # an unbounded û and its α̂ have no number, two takes of the camera no test
     assert without <= {"u", "alpha", "kinect-biased", "kinect-bias-varies"}
+
     keys = ["quantity", "model", "joint", "steps"]
     alone = evidence["rival"] == ""
     values = evidence[alone].set_index(keys)["value"].sort_index()
@@ -186,7 +193,9 @@ def test_claims_have_the_numbers_of_the_outcomes_and_a_difference_is_value_minus
     training, poses = takes.training, takes.poses
     nominal = training.chain.nominal_step(training.q, training.v)
     ranges = np.ptp(np.cumsum(nominal.mean(axis=0), axis=0), axis=0)
+
     assert_allclose(values["commanded_range", "recorded"], ranges)
+
     means = {"additive": outcomes["additive"].mean[1:]}
     means["no_noise"] = (training.q + nominal).mean(axis=0)
     for name, mean in means.items():
@@ -195,6 +204,7 @@ def test_claims_have_the_numbers_of_the_outcomes_and_a_difference_is_value_minus
     free = outcome_of(replace(base, mode="free_running"), "additive", takes)
     table = motion_evidence({"additive": free}, takes, "free_running", None)
     std = table.query("quantity == 'std' and model == 'additive'")["value"]
+
     assert_allclose(std, np.sqrt(np.mean(free.deviation[1:] ** 2, axis=0)))
 
 
@@ -210,8 +220,10 @@ def test_a_model_or_filter_without_outcome_leaves_the_others_theirs_and_says_why
         "wishart",
         replace(takes, training=replace(takes.training, v=never_rests)),
     )
+
     assert refused.model is None and refused.log_score == {} and refused.mean is None
     assert len(refused.refusals) == 1 and "rest" in refused.refusals[0]
+
     outcomes = {"additive": outcome_of(base, "additive", takes), "wishart": refused}
     camera = Camera(camera_noise(["none", "a"]), {})
     evidence, refusals, *_ = case_evidence(
@@ -220,7 +232,9 @@ def test_a_model_or_filter_without_outcome_leaves_the_others_theirs_and_says_why
         outcomes,
         posteriors,
     )
+
     assert {"gaussian: all weights vanished"} < {*refusals}
+
     models = {name: {*rows["model"]} for name, rows in evidence.groupby("quantity")}
     assert models["rms_error_rad"] == {"additive", "wishart"}
     assert models["coverage"] == {"none", "additive", "wishart"}
@@ -272,15 +286,19 @@ def test_a_model_that_is_added_removed_or_moved_changes_no_row_of_another(
     before = evidence_of_three
     after = evidence_by_keys(case, recordings_of(takes, measured))
     common = before.index.intersection(after.index)
+
     pd.testing.assert_frame_equal(before.loc[common], after.loc[common])
+
     limits = {"correlation_of_bound_limit", "error_variation_limits"}
     assert limits | {"std_correlation_limit"} <= {*common.unique("quantity")}
+
     # rows of models in both cases are missing only if they compare with the first model
     missing = before.index.difference(after.index).to_frame()
     removed = [name for name in base.models if name not in names]
     removed += [closed(name) for name in removed]
     of_removed = missing[["model", "rival"]].isin(removed).any(axis=1)
     compared = missing["rival"].eq("additive") & (names[0] != "additive")
+
     assert (of_removed | compared).all()
 
 
@@ -298,6 +316,7 @@ def test_another_draw_changes_realisations_filters_and_their_limits(
         "other": drawn[numbers].sum(axis=1),
     }
     changed = pd.DataFrame(sums).groupby("quantity").sum()
+
     for quantity in ("rms_error_rad", "error_variation_limits"):
         assert changed.loc[quantity, "same"] != changed.loc[quantity, "other"]
     # the fits are of the same takes
@@ -314,6 +333,7 @@ def test_the_log_score_has_the_measurement_noise_times_its_factor(base, takes, f
     law = multivariate_normal(np.zeros(3), covariance)
     expected = law.logpdf(np.diff(test, axis=1) - nominal)
     moving = np.any(training.v, axis=1)
+
     for steps, densities in (("all", expected), ("moving", expected[:, moving])):
         assert_allclose(scores[steps], densities.mean(axis=1), rtol=1e-10)
 
@@ -342,6 +362,7 @@ def test_without_test_takes_each_training_take_is_predicted_by_a_fit_to_the_othe
         np.zeros(3),
         mean_covariance(noise_of_others) + rest.measurement,
     )
+
     assert scores[3] == pytest.approx(law.logpdf(training.noise[3]).mean(), rel=1e-10)
     assert len(scores) == 12
 
@@ -352,6 +373,7 @@ def test_the_runs_own_reading_is_first_and_every_other_comes_once(base):
     for case in readings(base.with_wishart(floor=0.1)).values():  # that alone changes
         assert case.models["wishart"].floor == 0.1
         assert case.models["gaussian"] == base.models["gaussian"]
+
     redundant = readings(base, ["x", "z"])
     assert list(redundant) == [READINGS[n] for n in (1, 0, 2)]
     assert redundant[READINGS[1]] == base
@@ -400,5 +422,6 @@ def test_a_claim_holds_where_its_rule_does_in_every_case_and_lacks_none(
     tables = {"evidence": evidence, "readings": reading, "reading_refusals": reasons}
     run = Run("lab", "paper", True, ["a"], ["x"], {}, {}, tables)
     table = reading_verdicts(parse_claims([SMALL]), run)
+
     assert tuple(table.loc[0, ["holds", "refused"]]) == ("holds", "")
     assert tuple(table.loc[1, ["holds", "value", "refused"]]) == expected

@@ -53,6 +53,7 @@ def test_the_exponent_is_recovered_and_told_from_the_other(exponent, tails):
         low, high = effect.exponent.low, effect.exponent.high
         inside.append(low <= exponent <= high)
         assert effect.power > POWER and not low <= 1 - exponent <= high
+
     assert np.mean(inside) >= 0.8
 
 
@@ -61,6 +62,7 @@ def test_a_motion_through_equal_poses_cannot_tell_and_names_the_range_that_would
     narrow = pose_effect(windows_of(motions(1.0, 0.02, rng)), rng)
     assert narrow.power < POWER and narrow.exponent.low < 0 < narrow.exponent.high
     assert narrow.needed > narrow.spread
+
     rng = default_rng(2)
     wide = pose_effect(windows_of(motions(1.0, 2.5 * narrow.needed, rng)), rng)
     assert wide.power > POWER
@@ -98,7 +100,9 @@ def test_the_table_has_the_exponent_of_noise_that_grows_with_the_norm_but_for_si
         known = "r", 100.0, command, measured, tuple("abc"), *still
         runs.append(JointRun(*known, None, f"{number}"))
     (row,) = pose_table(runs, chain, {}, partial(stream, 5)).itertuples()
+
     assert row.groups == 4 and 0.5 < row.low < 1 < row.high
+
     start = replace(runs[0], command=command[:30], measured=measured[:30])
     # too few windows: numbers without rows
     table = pose_table([start], chain, {}, partial(stream, 5))
@@ -111,9 +115,11 @@ def test_noise_parts_are_what_repeats_and_what_differs_with_the_variance_of_one_
     runs = [repeated + rng.normal(0.0, 1e-4, (5000 + n, 2))[:5000] for n in range(4)]
     on_time = [np.zeros(2)] * 4
     parts = noise_parts(runs, on_time)
+
     assert [*parts] == ["all", "differing", "repeated"]
     assert_allclose(parts["repeated"][0], repeated, atol=3e-4)
     assert np.std(parts["differing"]) == pytest.approx(1e-4, rel=0.03)
+
     # nothing repeats in a single run
     assert [*noise_parts(runs[:1], on_time[:1])] == ["all"]
 
@@ -125,7 +131,9 @@ def test_an_error_that_repeats_later_in_a_repetition_does_not_differ():
     first = np.sin(time)[:, None] * [3e-3, 1e-3]
     second = np.sin(delayed) * [3e-3, 1e-3]
     aligned = noise_parts([first, second], [np.zeros(2), late])
+
     assert np.abs(aligned["differing"]).max() < 1e-7
+
     # control: without the shift the repeated error differs
     unaligned = noise_parts([first, second], [np.zeros(2), np.zeros(2)])
     assert np.abs(unaligned["differing"]).max() > 1e-5

@@ -21,11 +21,15 @@ def test_the_noise_of_a_step_has_the_covariance_of_the_drawn_errors(rate):
         np.zeros(3), np.zeros(3), 1e-6, "1",
     )  # fmt: skip
     rows = step_noise([run]).set_index(["joint", "other", "steps"])
+
     assert "rests" not in rows.index.get_level_values("joint")
+
     covariance = rows["covariance"]
     for pair, expected in ((("a", "a"), 4e-6), (("a", "b"), 1e-6), (("b", "b"), 1e-6)):
         assert covariance[(*pair, "all")] == pytest.approx(expected, rel=0.06)
+
     # white noise knows of no earlier step, and its size is the same at any speed
     assert abs(rows.loc[("a", "a", "successive"), "correlation"]) < 0.03
+
     slow, fast = (covariance[("a", "a", half)] for half in ("slow", "fast"))
     assert slow == pytest.approx(fast, rel=0.1)

@@ -196,21 +196,27 @@ def test_a_figure_has_units_a_complete_legend_all_glyphs_and_the_same_bytes(
         for kind in ("svg", "png"):
             first, second = tmp_path / f"one.{kind}", tmp_path / f"two.{kind}"
             assert first.read_bytes() == second.read_bytes()
+
     assert "dc:date" not in (tmp_path / "one.svg").read_text()
+
     image = Image.open(tmp_path / "one.png")
     edge = np.asarray(image.convert("L"))[:, :2]
     assert (edge == 255).all()  # no label is cut
+
     shown = [axes for axes in figure.axes if axes.axison]
     assert bool(shown) == (name not in BARE)
     for axes in shown:
         # a strip's or a panel's quantity with its unit, but for counts
         for label in filter(None, (axes.get_xlabel(), axes.get_ylabel())):
             assert any(mark in label for mark in ("(", "number of", "frames", "take:"))
+
     entries = []
     for legend in [*figure.legends, *(axes.get_legend() for axes in shown)]:
         if legend is not None:
             entries += [text.get_text() for text in legend.get_texts()]
+
     assert len(entries) == len({*entries})
+
     labels = [line.get_label() for axes in shown for line in axes.lines]
     assert all(len(line.get_xdata()) for axes in shown for line in axes.lines)
     assert {label for label in labels if not label.startswith("_")} <= {*entries}
@@ -232,12 +238,15 @@ def test_figures_are_drawn_with_captions_or_left_out_by_name_and_all_or_none(
     draw_all(OUT, options, Compute(workers=1))
     printed = capsys.readouterr().out.splitlines()
     lines = {line for line in printed if "left out" in line}
+
     assert len(lines) == len(FIGURES) - len(drawable)
     assert "figures: filter_errors left out: the dataset has no depth camera" in lines
     assert {file.stem for file in OUT.iterdir()} == drawable | {"captions"}
+
     captions = json.loads((OUT / "captions.json").read_text())
     assert {*captions} == drawable
     assert captions["mean_error"]["sources"] == ["data/score/deviation.parquet"]
+
     before = {file: file.read_bytes() for file in OUT.iterdir()}
     broken = FIGURES["joint_std"]._replace(draw=lambda deviation: 1 / 0)
     monkeypatch.setattr(drawing, "figures_in", lambda: FIGURES | {"joint_std": broken})
@@ -307,12 +316,15 @@ def test_joint_std_and_mean_error_have_a_line_a_model_readable_beside_an_outlyin
                 line.get_ydata(),
                 by_source.loc[source, f"s:{joint}"],
             )
+
     wide, own = deviation.copy(), [f"s:{joint}" for joint in JOINTS]
     outlying = deviation["source"] == "wishart"
     wide.loc[outlying, own] *= 50
     free = motion.joint_std(wide, MODELS, JOINTS, "free_running", SIMULATED)
     (top,) = {axes.get_ylim()[1] for axes in free.axes}
+
     assert top == pytest.approx(1.05 * wide.loc[~outlying, own].max().max())
+
     panels = mean_error(deviation, ["gaussian", "additive"]).axes
     for axes, quantity in zip(panels, ("error", "bias"), strict=True):
         for line, model in zip(axes.lines, ["gaussian", "additive"], strict=True):
@@ -369,6 +381,7 @@ def test_filter_errors_has_a_row_per_model_with_one_take_its_bound_and_the_other
                 for line, sign in zip(of_color(axes, color), (1, -1), strict=True):
                     assert_allclose(line.get_ydata(), sign * bound)
             assert len(axes.lines) == 2 + 2 + 3  # two other takes
+
     assert len({axes.get_ylim() for axes in figure.axes}) == 1
     assert legend(figure)[-1] == "errors of the other takes"
     assert (
@@ -414,6 +427,7 @@ def test_densities_are_drawn_as_measured_and_modelled_on_one_range_and_one_colou
             )
             assert_array_equal(image.get_array(), density)
             images.append(image)
+
     assert {image.get_clim() for image in images} == {
         (0, tables["force_density"]["density"].max()),
     }
@@ -427,11 +441,14 @@ def test_the_schematic_names_all_that_the_paper_names_and_an_arc_spans_the_angle
     labels = {text.get_text() for text in axes.texts}
     symbols = (r"$r_{}$", r"$\underline{{T}}_{}$", r"$\boldsymbol{{T}}_{}$")
     symbols += (r"$\underline{{\theta}}_{}$", r"$\boldsymbol{{\theta}}_{}$")
+
     assert {symbol.format(i) for symbol in symbols for i in (1, 2, 3)} < labels
     assert {"$x$", "$y$", "$u$", "$v$"} < labels
+
     arcs = [patch for patch in axes.patches if isinstance(patch, Arc)]
     cables = [line for line in axes.lines if line.get_linestyle() in ("-", "--")]
     assert [line.get_linestyle() for line in cables] == ["-", "--"] * 3
+
     for arc, cable in zip(arcs, cables, strict=True):
         start, tip = cable.get_xydata()
         assert_array_equal(arc.get_center(), start)
@@ -451,10 +468,12 @@ def test_a_take_that_is_left_out_has_its_own_line_and_reason(tables):
     ]
     assert figure.axes[0].get_xlabel() == "x (m)"
     assert figure.axes[0].get_ylabel() == "z (m)"
+
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
     assert labels[0] == "takes that stay" and labels[-1] == "2 more, left out"
     assert labels[1] == "left out: training_002 (longest_gap 41 beyond 20)"
     assert len(labels) == 7
+
     shown = figure.axes[1].lines[1]
     rows = takes_table[takes_table["take"] == "training_002"]
     assert_array_equal(shown.get_ydata(), rows["q:arm_1"])

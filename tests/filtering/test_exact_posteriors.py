@@ -119,6 +119,7 @@ def test_with_a_linear_model_and_normal_noise_the_posterior_is_the_kalman_filter
     exact = kalman(FRAMES)
     assert all(run.resampled.any() for run in runs)
     assert np.all(distance(runs, *exact) < BAND)
+
     # control: motion noise half as large again
     runs = runs_of(AdditiveModel(1.5 * NOISE), LINEAR, STEPS, START, FRAMES, options)
     assert np.all(distance(runs, *exact) > 2 * BAND)
@@ -298,5 +299,6 @@ def test_the_filter_of_a_closed_loop_is_calibrated_and_the_open_loops_wanders(
 
     closed, covered = filtered(path.commands(share))
     assert np.all(closed < rms) and covered == pytest.approx(0.683, abs=coverage)
+
     opened, _ = filtered(open_loop(path.v))
     assert np.all(opened > np.maximum(closed, wandering))

@@ -62,6 +62,7 @@ def test_every_step_has_the_moments_of_the_joint_law_given_the_frames_so_far(n):
         expected, spread = direct(path, prior, frames, response, k)
         assert_allclose(mean[k], expected, rtol=1e-8)
         assert_allclose(covariance[k], spread, rtol=1e-6, atol=1e-12)
+
     # control: measurements without the response
     (without_response,), _ = linear.linear_filter(path, prior, [frames], DT)
     assert np.abs(without_response - mean)[1:].max() > 1e-3
@@ -100,6 +101,7 @@ def test_the_autocorrelated_law_is_the_one_that_takes_were_drawn_with(poses):
             np.cov(poses[:, k].T) - NOISE,
             rtol=1e-9,
         )
+
     expected = KEEP**lags * (1 - lags / STEPS)
     assert_allclose(correlation[lags], expected, atol=0.02)
     # control: the measurement taken for deviation
@@ -116,6 +118,7 @@ def test_the_autocorrelation_of_few_takes_is_not_biased_by_their_mean():
         poses = measured(takes, seed, noise, keep)
         first_lags.append(linear.autocorrelation(poses, noise)[1])
     expected = keep * (1 - 1 / STEPS)
+
     assert np.mean(first_lags) == pytest.approx(expected, rel=0.03)
 
 
@@ -138,6 +141,7 @@ def test_the_autocorrelated_filter_is_calibrated_and_without_measurements_the_tr
 
     means, covariances = filtered(NOISE)
     assert covariances.shape == (*true.shape, 2)
+
     error = means - true
     variances = np.diagonal(covariances, axis1=2, axis2=3)
     assert np.mean(np.abs(error) <= np.sqrt(variances)) == pytest.approx(
@@ -146,6 +150,7 @@ def test_the_autocorrelated_filter_is_calibrated_and_without_measurements_the_tr
     )
     assert np.mean(error**2) == pytest.approx(variances.mean(), rel=0.06)
     assert np.mean(error**2) < 0.4 * np.mean((poses.mean(axis=0) - true) ** 2)
+
     # control: frames of no information leave the training mean and covariance
     blind, spread = filtered(1e6 * NOISE)
     assert_allclose(blind[0], poses.mean(axis=0), atol=1e-3)
@@ -158,6 +163,7 @@ def test_baselines_predict_as_well_as_the_law_allows(keep):
     training = measured(300, 1, noise, keep)
     poses = measured(300, 2, noise, keep)
     predicted = linear.baseline_predictions(training, poses, noise)
+
     # variance less the part that the measured pose before tells
     gain = keep**2 * SPREAD @ np.linalg.solve(SPREAD + noise, SPREAD)
     for name, expected in (("none", SPREAD + noise), ("memory", SPREAD + noise - gain)):

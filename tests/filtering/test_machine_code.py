@@ -60,6 +60,7 @@ def test_levels_of_processors_and_numbers_of_threads_give_the_same_bits():
     below = "x86-64-v3" if newest else "x86-64-v2"
     bits, different = run("host", 2).split()
     bits_below = run(below, 1).split()
+
     # control: six filters, six results
     assert bits_below == [bits, different] and different == "6"
 
@@ -85,6 +86,7 @@ def test_the_loops_of_a_step_take_several_poses_at_once():
         "combinations": (rows.add_combination, block, 0, np.ones(9), 0, 1, 7, 64),
         "action": (kernel.act, 64.0, block, places, 3, 64),
     }
+
     assert [name for name, call in loops.items() if not wide(*call)] == []
 
     # control: poses that wait for each other are taken one by one

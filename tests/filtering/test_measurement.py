@@ -42,11 +42,13 @@ def test_a_frame_enters_at_the_step_during_which_it_was_taken():
     frame, step, share = measurements_at([0.004, 0.0151, 0.019, 0.0]).schedule(5, 0.01)
     assert (frame.tolist(), step.tolist()) == ([3, 0, 1, 2], [0, 1, 2, 2])
     assert_allclose(share, [1.0, 0.4, 0.51, 0.9])
+
     # those before the start and after the end of the motion do not enter
     frame, step, share = measurements_at([-0.02, -1e-4, 0.0, 0.05, 0.0501]).schedule(
         5,
         0.01,
     )
+
     assert (frame.tolist(), step.tolist(), share.tolist()) == (
         [2, 3],
         [0, 5],
@@ -91,8 +93,10 @@ def test_every_take_of_the_camera_goes_with_the_noise_that_was_estimated_without
     entries = [[1.0, 2.0, 3.0, 4.0], 0.1, 0.2, 5.0, 0.3, 6.0]
     noise = noise.assign(**dict(zip(pairs("r", ("a", "b", "c")), entries, strict=True)))
     first, second = measurements(angles, noise)
+
     assert (first.take, second.take) == ("a", "b")
     assert_array_equal(first.bias[:, 0], [0.1, 0.2])
+
     expected = [[2.0, 0.1, 0.2], [0.1, 5.0, 0.3], [0.2, 0.3, 6.0]]
     assert_array_equal(first.covariance[1], expected)
     # the frame of b that no other take has is left out
@@ -124,8 +128,10 @@ def test_bias_covariance_and_duration_of_encoder_errors_are_those_drawn(keep):
         np.tile(SPREAD, (STEPS, 1, 1)),
         atol=6e-7,
     )
+
     # the correlations of both signs of lag; a sum over 800 sequences has a standard error of 5 %
     assert noise.lasts / DT == pytest.approx((1 + keep) / (1 - keep), rel=0.15)
+
     # readings taken for independent tell as much of a constant as they know, however dense
     for places in (np.arange(STEPS), 4 * np.arange(STEPS // 4)):
         bias, covariance = noise.of_readings(DT * places)
@@ -134,7 +140,9 @@ def test_bias_covariance_and_duration_of_encoder_errors_are_those_drawn(keep):
         means = np.einsum("kij,tkj->ti", weights, errors[:, places] - bias)
         assert_allclose(np.cov(means.T), told, atol=0.25 * told.max())
     _, apart = noise.of_readings(np.array([0.0, 1.0, 2.0]))
+
     assert_array_equal(apart, noise.covariance[[0, 100, 200]])
+
     # errors of a shorter stretch are of their own size
     errors[:, 200:] *= 5
     for step, size in ((100, 1), (260, 25)):
@@ -151,6 +159,7 @@ def test_the_covariance_of_few_takes_is_not_biased_by_their_mean():
         errors = rng.multivariate_normal(zero, SPREAD, (4, 40))
         covariances.append(encoder_noise(errors, DT).covariance)
     mean = np.mean(covariances, axis=(0, 1))
+
     assert_allclose(mean, SPREAD, atol=0.05 * SPREAD.max())
 
 
@@ -197,6 +206,7 @@ def tables(tmp_path, monkeypatch):
 def test_the_takes_that_stay_are_measured_by_the_chosen_instrument(tables):
     by_encoders = measured_takes(DATASET)
     assert [take.take for take in by_encoders] == ["test_1", "test_2"]
+
     second = by_encoders[1]
     # every second reading: one a step of the motion
     assert (second.y == 2.0).all() and second.y.shape == (5, 7)

@@ -162,13 +162,16 @@ def test_a_law_without_compiled_code_is_filtered_by_its_samples(kind, share):
         )
         for law in (Sampled(MODELS[kind]), MODELS[kind])
     )
+
     assert greatest_difference(sampled, compiled) < 1e-11 and compiled.resampled.any()
+
     q = np.tile(PATH_START, (4, 1))
     v = np.full(3, 1e-3)
     by_samples, by_compiled_law = (
         draw_steps(law, ARM, q, v, RNG(3))[0]
         for law in (Sampled(MODELS[kind]), MODELS[kind])
     )
+
     assert_allclose(by_samples, by_compiled_law, atol=1e-12)
 
 
@@ -191,6 +194,7 @@ def test_blocks_of_any_filling_are_filtered(particles):
         roomy,
         filter_options(particles),
     )
+
     assert greatest_difference(compiled, plain) < 1e-12
 
 
@@ -201,9 +205,11 @@ def test_a_deviation_of_a_billionth_and_another_resampling_and_loop_are_noticed(
         ARM,
         filter_options(PARTICLES),
     )
+
     assert (
         greatest_difference(off, plain) > 1e-12 > greatest_difference(compiled, plain)
     )
+
     changes = (filter_options(PARTICLES, threshold=0.6), 0.0), (filter_options(), 0.4)
     for options, share in changes:
         changed, _ = both(MODELS["additive"], ARM, options, share)
@@ -274,6 +280,7 @@ def test_without_resampling_the_weights_degenerate_and_with_it_they_do_not():
     for scheme in ("none", "systematic"):
         posterior = filtered(DIFFUSING, FREE, STEPS, START, seen(t, y), scheme=scheme)
         ess[scheme] = posterior.ess[160:][posterior.measured[160:]]
+
     assert np.max(ess["none"]) < 10 and np.median(ess["systematic"]) > 200
 
 
@@ -300,6 +307,7 @@ def test_particles_that_leave_the_domain_or_are_no_numbers_end_the_filter_by_nam
         place = {"take": "test01", "step": step, "time": DT * step}
         assert caught.value.evidence == place
     nearly = filtered(EXACT, ELBOW, stretching(0.9), STILL, particles=5)
+
     assert nearly.outside.sum() == 0
 
 
@@ -314,6 +322,7 @@ def test_a_particle_outside_the_domain_loses_its_weight_and_is_moved_back():
     log_weights = np.array([np.log(0.4), np.log(0.3), np.log(0.3), -np.inf])
     limits = np.full(2, -2.0), np.full(2, 2.0)
     lost = from_python(keep_inside)(limits, before, moved, log_weights, np.empty(4))
+
     assert lost == 2  # the fourth had no weight
     assert np.array_equal(moved, np.where([True, False, False, False], q, before))
     assert log_weights[0] == np.log(0.4) and np.all(log_weights[1:] == -np.inf)
@@ -383,6 +392,7 @@ def test_counts_have_the_mean_and_the_variance_of_their_scheme_and_of_no_other(
     counts = np.array([np.bincount(chosen, minlength=count) for chosen in drawn])
     assert np.all(counts[:, weights == 0.0] == 0)
     assert off(counts, count * weights) < BAND
+
     for rival in DRAWING:
         variance = exact_variance(rival, weights)
         distance = off((counts - counts.mean(axis=0)) ** 2, variance)
@@ -394,10 +404,12 @@ def test_weights_at_the_ends_of_their_range(scheme):
     for sole in (0, 4, 9):
         chosen = chosen_by(scheme, np.eye(10)[sole], np.random.default_rng(8))
         assert np.all(chosen == sole)
+
     # weights that went through an exponential, as in the filter, are right only up to rounding
     equal = np.full(1000, np.nextafter(1 / 1000, 0.0))
     chosen = np.sort(chosen_by(scheme, equal, np.random.default_rng(6)))
     assert np.array_equal(chosen, np.arange(1000)) == (scheme != "multinomial")
+
     # rounding may bring a point up to the end, where no particle has weight
     ends = np.concatenate([[0.0], np.full(1000, 1 / 1000), [0.0, 0.0]])
     for seed in range(20):

@@ -102,8 +102,10 @@ def elsewhere(**environment: str) -> tuple[str, str]:
 def test_an_equal_stream_gives_equal_bytes_in_any_process_on_any_instruction_set():
     here = digest(2)
     assert here == digest(2) != digest(3)
+
     images, functions = elsewhere()
     assert images == here
+
     numpy_level = {"NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4 AVX512_ICL AVX512_SPR"}
     lacking = "-AVX2,-FMA,-FMA4,-AVX512F,-AVX512VL"
     glibc_level = {"GLIBC_TUNABLES": f"glibc.cpu.hwcaps={lacking}"}
@@ -112,6 +114,7 @@ def test_an_equal_stream_gives_equal_bytes_in_any_process_on_any_instruction_set
         images, functions = elsewhere(**environment)
         assert images == here
         all_functions.add(functions)
+
     # the libraries' own functions do follow the instruction set
     assert len(all_functions) > 1
 
@@ -121,6 +124,7 @@ def test_a_scene_that_cannot_be_seen_is_refused():
         prism(BOX[[0, 2, 1, 3]], -1.0, 1.0)
     with pytest.raises(ConfigError, match="is inside a solid"):
         cast(prism(BOX, -0.07, 0.07), np.zeros(1), np.zeros(1))
+
     # too near, and with the arm behind the camera
     for pose in ({"distance": 0.3}, {"yaw": np.pi / 2, "aim": (4.0, 0.17)}):
         with pytest.raises(ConfigError, match="wholly in the image"):
@@ -182,6 +186,7 @@ def test_lateral_noise_moves_an_edge_by_the_published_deviation(grazing: float):
     crossed = (image[:, 17:20] == 2000).mean(axis=0)
     sigma = 0.8 + 0.035 * grazing / (np.pi / 2 - grazing)
     stated = lateral_deviation(np.full(1, grazing, np.float32), options)
+
     assert stated == pytest.approx(sigma, rel=1e-5)
 
     def scores(deviation: float) -> np.ndarray:
@@ -200,8 +205,10 @@ def test_edges_lose_and_mix_their_pixels_at_the_stated_rates_and_nowhere_else():
     depth, angle = step()
     image = read_depth(depth, angle, UNBIASED, options, default_rng(4))
     edge = image[:, 19:21]
+
     # 4000 pixels: a rate of 0.3 has a standard error of 0.007
     assert (edge == 0).mean() == pytest.approx(0.3, abs=0.03)
+
     between = edge[(edge != 0) & (edge != 1000) & (edge != 2000)]
     assert between.size / edge.size == pytest.approx(0.2, abs=0.03)
     assert not between.size / edge.size == pytest.approx(0.3, abs=0.03)
@@ -209,6 +216,7 @@ def test_edges_lose_and_mix_their_pixels_at_the_stated_rates_and_nowhere_else():
         1500,
         abs=5 * 1000 / np.sqrt(12 * between.size),
     )
+
     image[:, 19:21] = np.rint(1000 * depth[:, 19:21])
     assert_array_equal(image, np.rint(1000 * depth))
 
@@ -220,6 +228,7 @@ def test_without_noise_the_image_is_the_exact_depth_in_whole_millimetres():
     )
     image = read_depth(depth, grazing, UNBIASED, CLEAN, default_rng(0))
     valid = (depth >= 0.5) & (depth <= 4.5) & (grazing <= CLEAN.grazing_limit)
+
     assert image.dtype == np.uint16
     assert image.shape == (424, 512)
     assert_array_equal(
@@ -236,13 +245,18 @@ def test_bias_shifts_depth_smoothly_by_one_draw_a_session():
     image = read_depth(depth, np.zeros_like(depth), bias, CLEAN, rng)
     shift = image[0] - 1e3 * depth[0]
     expected = 1e3 * bias[(1e3 * depth[0]).astype(int)]
+
     assert np.abs(shift - expected).max() <= 0.501
+
     waves = bias[:4230]  # nine periods
     assert np.abs(waves - np.mean(waves)).max() == pytest.approx(2e-3, rel=0.02)
+
     steepest = 1e-3 * 2e-3 * 2 * np.pi / 0.47
     assert np.abs(np.diff(bias)).max() < 1.01 * steepest
+
     offsets = []
     for seed in range(300):
         drawn = draw_bias(options, default_rng(seed))
         offsets.append(np.mean(drawn[:4230]))
+
     assert np.std(offsets) == pytest.approx(5e-3, rel=0.15)

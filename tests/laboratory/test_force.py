@@ -46,10 +46,12 @@ def test_slipping_has_the_moments_and_correlation_of_its_law_at_any_sampling_rat
     paths = slipping(np.full(PATHS, sd), robots, 40, rate, default_rng(29))
     skewness = -2 / np.sqrt(slip_rate * recovery)
     cubes = (paths / sd) ** 3
+
     for k in (0, 39):  # stationary from the first sample on
         assert across(paths[k], 0.0) < 4.5
         assert across(paths[k] ** 2, sd**2) < 4.5
         assert across(cubes[k], skewness) < 4.5
+
     correlation = np.exp(-1 / (rate * recovery))
     assert across(paths[20] * paths[21], sd**2 * correlation) < 4.5
     assert across(cubes[39], 0.0) > 9  # what a normal law would have
@@ -61,6 +63,7 @@ def test_wander_is_a_stationary_ornstein_uhlenbeck_process_at_any_sampling_rate(
     for k in (0, 39):
         assert across(paths[k], 0.0) < 4.5
         assert across(paths[k] ** 2, 0.08**2) < 4.5
+
     for lag in (1, 5):
         covariance = 0.08**2 * np.exp(-lag / (rate * 0.4))
         assert across(paths[10] * paths[10 + lag], covariance) < 4.5
@@ -73,6 +76,7 @@ def test_directions_spread_by_their_concentration_and_tensions_by_their_deviatio
     cables = pulled(np.full(robots, 30.0), np.full(robots, 1.0))
     record = record_force(cables, many, SILENT, 0.0, 40.0, default_rng(31))
     along = record.direction @ [np.cos(1.0), np.sin(1.0), 0.0]
+
     assert across(along.mean(axis=0), i1e(kappa) / i0e(kappa)) < 4.5
     assert across(((record.tension - 30.0) ** 2).mean(axis=0), 1.5**2) < 4.5
     # the small-angle law 1/κ
@@ -97,8 +101,10 @@ def test_a_silent_transducer_measures_the_cables_pulls_and_their_moments_about_t
             places = np.array(cables.attachment)
         torque = np.cross(places + SILENT.lever, pulls).sum(axis=1)
         assert_allclose(record.torque, torque, atol=1e-12)
+
     # the controls: in a plane nothing pulls out of it; tied to one point they turn it otherwise
     assert not silent(CABLES).force[:, 2].any()
+
     met = silent(pulled(TENSION, DIRECTION, IN_SPACE.elevation))
     assert_array_equal(met.force, record.force)
     assert np.abs(met.torque - record.torque).max() > 0.1
@@ -123,9 +129,11 @@ def test_directions_in_space_spread_by_their_concentration_alike_in_all_directio
     sideways = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
     upwards = np.cross(mean, sideways)
     resultant = 1 / np.tanh(kappa) - 1 / kappa
+
     assert across((e @ mean).mean(axis=0), resultant) < 4.5
     for axis in (sideways, upwards):
         assert across((e @ axis).mean(axis=0), 0.0) < 4.5
+
     sizes = [((e @ axis) ** 2).mean(axis=0) for axis in (sideways, upwards)]
     assert across(sizes[0] - sizes[1], 0.0) < 4.5
     # the control: in a plane of the same concentration cables keep nearer to their mean
@@ -158,6 +166,7 @@ def test_a_cable_never_pushes(rng):
         60.0,
         rng,
     )
+
     assert record.tension.min() == 0.0
 
 

@@ -56,6 +56,7 @@ def test_markers_without_noise_give_back_the_joint_angles() -> None:
         axis_z = Rotation.align_vectors(observed, body)[0].apply([0.0, 0.0, 1.0])
         assert abs(axis_z[1]) < 1e-9
         psi[n, j] = np.arctan2(axis_z[0], axis_z[2])
+
     assert_allclose(ARM.chain.joints_from_segments(psi), q, atol=1e-9)
 
 
@@ -66,11 +67,13 @@ def test_noise_and_errors_of_placement_have_the_stated_deviations():
     assert noise.std() == pytest.approx(2e-4, rel=0.01)
     assert not noise.std() == pytest.approx(2.1e-4, rel=0.01)
     assert abs((noise[1:] * noise[:-1]).mean()) < 4 * 2e-4**2 / np.sqrt(noise.size)
+
     # the error of placement is drawn once
     options, rng = MocapOptions(placement_std=1e-3), default_rng(3)
     errors = np.stack(
         [mocap.place_markers(TEMPLATE, options, rng) - TEMPLATE for _ in range(400)],
     )
+
     assert errors.std() == pytest.approx(1e-3, rel=0.03)
     assert errors.mean(axis=0) == pytest.approx(0.0, abs=4e-3 / 20)
 
@@ -88,6 +91,7 @@ def test_occlusions_cover_the_share_of_their_law():
     result = take(options, 40_000)
     missing = np.isnan(labelled(result))
     assert np.all(missing.all(axis=2) == missing.any(axis=2))
+
     share = missing[..., 0].mean()
     # 360 000 marker-frames in stretches of about 10 frames: one standard error is about 0.002
     assert abs(share - expected_share(0.02, 8)) < 0.006
@@ -100,9 +104,11 @@ def test_swaps_exchange_two_labels_of_one_link():
     observed = labelled(result).reshape(2000, 3, 3, 3)
     true = labelled(take(SILENT, 2000)).reshape(2000, 3, 3, 3)
     moved = np.any(observed != true, axis=3)
+
     assert set(np.unique(moved.sum(axis=2))) == {0, 2}
     assert moved.any(axis=2).sum() > 0
     assert_array_equal(np.sort(observed, axis=2), np.sort(true, axis=2))
+
     pairs = np.unique(moved[moved.any(axis=2)], axis=0)
     assert len(pairs) == 3
 
@@ -112,13 +118,16 @@ def test_lost_labels_reappear_as_unlabeled_columns():
     result = take(options, 3000)
     observed, true = labelled(result), labelled(take(SILENT, 3000))
     strays = {name: column for name, column in result.items() if name not in NAMES}
+
     assert list(strays) == [f"Unlabeled {1000 + i}" for i in range(len(strays))]
+
     for column in strays.values():
         at = np.flatnonzero(~np.isnan(column[:, 0]))
         assert_array_equal(at, np.arange(at[0], at[-1] + 1))
         (owner,) = np.flatnonzero(np.all(true[at] == column[at][:, None], axis=(0, 2)))
         assert np.isnan(observed[at, owner]).all()
         observed[at, owner] = column[at]
+
     # with the strays put back nothing is missing
     assert strays
     assert_array_equal(observed, true)
@@ -135,6 +144,7 @@ def test_a_hidden_marker_loses_no_label_and_begins_no_unlabeled_column():
     hidden = np.isnan(labelled(take(replace(options, lost_label_rate=0), 3000))[..., 0])
     strays = [column for name, column in result.items() if name not in NAMES]
     seen = np.stack([~np.isnan(column[:, 0]) for column in strays])
+
     assert hidden.any() and np.all(seen.any(axis=1))
     # a column is one stretch without a gap: it ends where the marker is hidden
     assert all(np.all(np.diff(np.flatnonzero(row)) == 1) for row in seen)
@@ -169,9 +179,11 @@ def test_the_body_of_a_link_is_carried_by_the_arm_as_built():
     nominal, (link,) = chain_of(LWR4), link_chains(LWR4, ["link_5"], "key").values()
     longer, joints = 1.1 * nominal.placements, len(link.lower)
     built = mocap.as_built(link, replace(nominal, placements=longer))
+
     # the link's frame is the drawing's
     expected = [
         *longer[:joints],
         link.placements[joints],
     ]
+
     assert_array_equal(built.placements, expected)

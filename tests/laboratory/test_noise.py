@@ -312,6 +312,7 @@ def test_the_table_states_every_causes_numbers_and_which_keep_their_rules(record
     numbers = all_numbers(recorded)
     counts = {name for name in STATED if name.startswith("number of ")}
     assert {*numbers} == {*STATED} - counts
+
     obeyed_rows = {name: [] for name in ("published values", "limits")}
     for name, value in numbers.items():
         row = STATED[name]
@@ -373,6 +374,7 @@ def test_what_excludes_a_cause_follows_from_the_numbers_of_the_table(cause):
         "standard deviation of a pose, the band of Fig. 5": (*band, "between")[0],
         "mean path of the takes": "the command" if number(mean_path) < 1.5 else "off",
     }
+
     assert {row: cells[cause] for row, cells in EXCLUDING.items()} == expected
 
 
@@ -398,13 +400,16 @@ def test_steps_know_of_each_other_and_the_models_steps_do_not(recorded):
     rng = default_rng(13)
     nominal = q[:, 1:] - noise
     moving = recorded.full_speed
+
     # successive steps: a wrong time is taken back, a sway lasts longer than a step
     correlation, band = later_noise(noise, moving, 1)
     # a short motion sees slow noise as a part of its mean
     if recorded.cause == "poses":
         correlation, band = later_noise(recorded.deviation[:, 1:], moving, 1)
+
     assert np.all(np.abs(correlation) > 0.3)
     assert {*np.sign(correlation)} == ({-1} if recorded.cause == "timing" else {1})
+
     for model in models:
         drawn = realize(model, ARM.chain, q, v, "one_step", rng)[0][:, 1:] - nominal
         correlation, band = later_noise(drawn, moving, 1)

@@ -101,17 +101,21 @@ def test_the_noise_left_in_a_loop_is_what_was_put_in_with_the_measurements(path)
         )
     noise = process_noise(chain, q, v)
     recorded = Recorded(chain, q[:, :-1], v, noise, JOINTS, np.eye(3))
+
     assert_allclose(recorded.poses, q, atol=1e-15)
+
     closed = closed_loop.closed_loop_steps(
         recorded,
         closed_loop.mean_path(recorded),
         share,
     )
+
     # the part common to all takes is the curvature of the mean path
     assert np.max(np.ptp(closed.noise, axis=0)) < 1e-5
     assert np.max(np.ptp(noise, axis=0)) > 1e-4
     assert not closed.v[:, :5].any() and closed.v[:, 5:].all()
     assert_allclose(closed.measurement, (1 + 0.6**2) / 2 * np.eye(3))
+
     # takes share the commands of an open loop alone
     takes = np.array([3, 3, 0])
     assert recorded.subset(takes).v is recorded.v
@@ -199,6 +203,7 @@ def test_its_interval_covers_the_truth_as_it_says_and_the_regressions_does_not(
         deviations.append((fit.share - 0.4) / fit.standard_error)
         naive.append((regressed(recorded) - 0.4) / fit.standard_error)
     bias, naive_bias = abs(np.mean(deviations)), np.mean(naive)
+
     assert np.sum(np.abs(deviations) < 1.96) >= 12 and bias < 1.0
     assert np.sum(np.abs(naive) < 1.96) < 12 and naive_bias - bias > 1.0
 
@@ -280,6 +285,7 @@ def test_a_share_without_a_covariance_has_no_likelihood_and_the_others_keep_thei
             np.array(shares),
         )
         alone = closed_loop.take_log_likelihoods(space, deviation, np.array(shares[:1]))
+
     assert np.all(np.isfinite(alone)) and np.array_equal(likelihoods[:1], alone)
     assert np.all(likelihoods[1] == -np.inf)
 
@@ -289,6 +295,7 @@ def test_a_single_take_and_an_unknown_measurement_noise_are_refused(path):
     options = MODELS["additive"][1]
     with pytest.raises(ModelDomainError, match="needs two takes"):
         closed_loop.fit_closed_loop(recorded.subset(np.array([3])), options, None)
+
     moving = np.any(recorded.v, axis=1)
     parts = {"q": recorded.q[:, moving], "noise": recorded.noise[:, moving]}
     never = replace(recorded, v=recorded.v[moving], known_measurement=None, **parts)
@@ -297,5 +304,6 @@ def test_a_single_take_and_an_unknown_measurement_noise_are_refused(path):
         {},
         {},
     )
+
     with pytest.raises(ModelDomainError, match="never rests"):
         closed_loop.fit_closed_loop(never, options, open_loop)

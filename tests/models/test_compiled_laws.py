@@ -68,7 +68,9 @@ def test_every_compiled_law_is_its_formula_in_numpy(model, name):
     ]
     condition = np.linalg.cond(arm.jacobian(q))
     sound = condition < 400
+
     assert sound.mean() > 0.98
+
     for v in np.array([[0.004, -0.003, 0.03], [-0.004, 0.0, 0.0], [0.0, 0.0, 0.0]]):
         compiled_rng, plain_rng = RNG(2), RNG(2)
         moved, clipped = draw_steps(model, arm, q, v, compiled_rng)
@@ -113,9 +115,11 @@ def test_draws_have_the_models_moments_and_by_numpy_the_law_of_the_compiled_step
     ours = model.sample(chain, q, step, RNG(1))
     compiled = draw_steps(model, chain, q, step, RNG(2))
     assert least_p_value(ours, compiled[0]) > 1e-5 and compiled[1] == 0
+
     # control: noise that is 10 % larger
     nominal = q + chain.nominal_step(q, step)
     assert least_p_value(nominal + 1.1 * (ours - nominal), compiled[0]) < 1e-6
+
     if model not in WIDE.values():
         moments = model.mean(chain, POSE, step), model.covariance(chain, POSE, step)
         for drawn in (ours, compiled[0]):
@@ -134,6 +138,7 @@ def test_at_rest_a_matrix_model_stays_and_every_other_has_its_floor(
     assert clipped == 0
     for moved in (drawn, model.sample(chain, poses, rest, RNG())):
         assert np.array_equal(moved, poses) != model.traits.noisy_at_rest
+
     if model.traits.noisy_at_rest:
         assert np.all(np.isfinite(model.log_density(chain, poses, rest, drawn)))
         return
@@ -141,6 +146,7 @@ def test_at_rest_a_matrix_model_stays_and_every_other_has_its_floor(
     assert not np.any(model.covariance(chain, poses, rest))
     with pytest.raises(ModelDomainError, match="measurement noise"):
         model.log_density(chain, poses, rest, drawn)
+
     noise = stats.multivariate_normal(cov=MEASUREMENT).logpdf(np.full(3, 1e-3))
     density = model.log_density(chain, poses, rest, poses + 1e-3, MEASUREMENT)
     assert_allclose(density, noise, rtol=1e-9)
@@ -158,6 +164,7 @@ def test_noise_depends_on_the_jacobian_where_the_law_says_so(model, chain, step)
     needed = (
         model.traits.needs_jacobian and model is not MATRIX["wishart qr_transposed"]
     )
+
     assert np.allclose(*covariances, rtol=1e-9, atol=0) != needed
 
 
@@ -244,5 +251,6 @@ def test_normal_models_steps_are_their_formula_in_numpy_whatever_the_size(n, m):
         expected, expected_clipped = plain_steps(model, chain, q, command, RNG(4))
         assert np.max(np.abs(moved - expected) / (1 + np.abs(expected - q))) < 1e-12
         assert clipped == expected_clipped == (150 if model is bounded else 0)
+
     with pytest.raises(ModelDomainError, match="run the stage fit"):
         NORMAL["additive"].law(random_arm(7, 6))

@@ -89,11 +89,13 @@ def test_known_dispersions_come_back_but_from_the_papers_estimator(
         by_moments.from_takes(rng.integers(200, size=200))["sigma_b"] for _ in range(50)
     ]
     error = np.std(resampled, ddof=1)
+
     assert error < 0.01 * sigma_b
     assert abs(by_moments.estimates["sigma_b"] - sigma_b) < min(
         4 * error,
         0.02 * sigma_b,
     )
+
     likely = estimate(data, wishart("likelihood", name)).estimates["sigma_b"]
     assert likely == pytest.approx(sigma_b, rel=0.02)
 
@@ -131,6 +133,7 @@ def test_the_moments_of_a_gaussian_model_and_of_the_measurement_sum_to_the_recor
         np.trace(covariance)
         for covariance in (mean_covariance(data.noise), data.measurement)
     )
+
     assert (
         np.trace(modelled) + measured == pytest.approx(total, rel=1e-9)
         and measured > total / 4
@@ -164,8 +167,10 @@ def test_the_bound_of_the_gaussian_model_is_found_where_the_noise_bends_with_it(
     u = 1.1 * float(norms.max())
     data = recorded(chain, poses, step, GaussianModel(0.1, u), takes=300)
     fitted = estimate(data, Gaussian("gaussian", estimator=estimator))
+
     assert fitted.diagnostics["u_unbounded"] == 0 and fitted.undetermined == ()
     assert fitted.estimates["u"] == pytest.approx(u, rel=0.1)
+
     level = 0.1 * np.sqrt(u**2 - np.mean(norms**2))
     assert fitted.estimates["noise_level"] == pytest.approx(level, rel=0.03)
 
@@ -181,16 +186,19 @@ def test_where_the_noise_follows_the_speed_alone_the_bound_is_unbounded(
     fitted = estimate(data, Gaussian("gaussian", estimator=estimator))
     assert fitted.diagnostics["u_unbounded"] == fitted.parameters["u_unbounded"] == 1
     assert fitted.undetermined == ("u", "alpha")
+
     level, parameters = fitted.determined["noise_level"], fitted.parameters
     assert [*fitted.determined] == ["noise_level"] and level == pytest.approx(
         2.0,
         rel=0.05,
     )
+
     # the exported model, of this level alone, has the fitted variance; α·u of the search has not
     models = fitted.model, build_model({"kind": "gaussian", "level": level})
     of_fit, exported = (
         np.trace(m.covariance(chain, data.q, data.v).mean((0, 1))) for m in models
     )
+
     assert exported == pytest.approx(of_fit, rel=0.01)
     assert parameters["alpha"] * parameters["u"] > 1.04 * level
 
@@ -204,6 +212,7 @@ def test_a_motion_at_rest_throughout_is_refused(chain, poses, step, kind, estima
     if kind is Wishart and estimator == "paper":  # B is the identity at rest
         assert estimate(still, options).estimates["sigma_b"] == 0
         return
+
     with pytest.raises(ModelDomainError, match="at rest at every step"):
         estimate(still, options)
 
@@ -224,6 +233,7 @@ def test_the_curve_over_the_weight_falls_through_the_moment_estimate(
         near = np.interp(np.log(ratio), np.log(curve["ratio"]), curve["sigma_b"])
         assert near == pytest.approx(fitted.estimates["sigma_b"], rel=0.15)
         assert curve["sigma_b"].iloc[-1] < 0.5 * curve["sigma_b"].iloc[0]
+
     # without a model no takes are drawn
     alone = diagnose(data, options, None, 1, rng)[1]["sigma_b_weights"]
     assert set(alone["source"]) == {"recorded"}
@@ -255,8 +265,10 @@ def test_the_papers_estimate_follows_the_bound_where_the_bound_holds_steps(
         values="sigma_b",
     )
     low, high = ratio_of_ends
+
     assert floors.shape == (6, 3)
     assert (floors.diff().iloc[1:] <= 1e-12).all(axis=None)
+
     fitted = floors.iloc[:, 1]
     assert low < fitted[0.01] / fitted[0.5] < high
     assert metrics["sigma_b_greatest_over_floors"] == fitted[0.01]
@@ -377,12 +389,15 @@ def test_the_standard_error_is_the_spread_over_independent_recordings(
         standard_error(recording(chain, poses, step, noise), rng)
         for noise in recordings
     ]
+
     assert abs(np.mean(errors) / spread - 1) < 0.15
+
     # control: steps drawn one by one, as if the steps of a take were independent
     single = [
         standard_error(recording(chain, poses, step, noise.reshape(-1, 1, 3)), rng)
         for noise in recordings
     ]
+
     assert np.mean(single) / spread < 0.65
 
 
@@ -413,6 +428,7 @@ def test_resampled_sums_give_the_estimate_of_the_resampled_takes(
     for takes in (np.arange(8), np.array([0, 0, 3, 5, 5, 5, 6, 7]), np.array([1, 2])):
         anew = estimate(data.subset(takes), options).estimates[name]
         assert fitted.from_takes(takes)[name] == pytest.approx(anew, rel=tolerance)
+
     # control: the last takes have another estimate than all
     assert abs(fitted.estimates[name] / anew - 1) > max(2e-3, tolerance)
 

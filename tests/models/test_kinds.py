@@ -60,6 +60,7 @@ def test_the_level_of_an_unbounded_gaussian_model_is_its_limit(chain, poses, ste
         variance(alpha=1e-6, u=2e6),
         rtol=1e-9,
     )
+
     # control: another level
     assert np.all(variance(level=2.1) > 1.05 * variance(level=2.0))
 
@@ -77,6 +78,7 @@ def test_a_closed_loop_corrects_its_share_of_the_way_to_the_target(
         model.command(poses, target, task_step=step),
         step + 0.25 * off,
     )
+
     opened = load(write_model(tmp_path / "open.json", "additive", chain))
     assert (
         opened.command(poses, target, task_step=step) == np.tile(step, (len(poses), 1))
@@ -91,6 +93,7 @@ def test_it_warns_once_by_name_beyond_what_was_fitted_and_not_within(tmp_path, c
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         model.mean(q, task_step=v)
+
     with pytest.warns(
         OutsideRanges,
         match=r"b: 2\.4 rad is outside the range 1\.071 to 2\.071",
@@ -101,6 +104,7 @@ def test_it_warns_once_by_name_beyond_what_was_fitted_and_not_within(tmp_path, c
         match=r"speed of phi: 5 rad/s is outside the range -4 to 4",
     ):
         model.step(q, task_step=v * 5, rng=np.random.default_rng(1))
+
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         model.covariance(bent, task_step=v * 5)

@@ -44,6 +44,7 @@ def test_the_noise_put_into_a_motion_comes_out_measured_minus_nominal(chain):
     q[:, 0] = [0.3, 1.6, -0.2]
     for k in range(6):
         q[:, k + 1] = q[:, k] + chain.inverse_jacobian(q[:, k]) @ v[k] + noise[:, k]
+
     assert_allclose(process_noise(chain, q, v), noise, atol=1e-15)
 
 
@@ -53,11 +54,13 @@ def test_the_measurement_noise_is_what_moves_at_rest():
     v = np.zeros((8, 3))
     v[3:6, 1] = 0.01
     noise[:, 3:6] *= 10
+
     assert_allclose(
         measurement_covariance(noise, v),
         np.diag([1.0, 4.0, 9.0]),
         atol=0.5,
     )
+
     # control: with the moving steps it would be far larger
     assert np.trace(takes_moments(noise)[1].mean(axis=0)) > 30 * 14 / 2
     with pytest.raises(ModelDomainError, match="never rests"):
@@ -95,14 +98,17 @@ def test_at_the_recorded_level_the_total_variance_is_the_recorded_one(name, size
         model = replace(model, decomposition=Decomposition("qr"))
     scaled = at_recorded_level(model, data)
     of_noise = float(np.trace(mean_covariance(data.noise)))
+
     assert model_trace(scaled, data) + np.trace(MEASUREMENT) == pytest.approx(
         of_noise,
         rel=1e-9,
     )
+
     # other parameters do not change, nor does the covariance over time of a normal model
     assert type(scaled) is type(model)
     for name in ("u", "decomposition"):
         assert getattr(scaled, name, None) == getattr(model, name, None)
+
     if not isinstance(model, WishartModel):
         at = data.chain, data.q, data.v
         ratio = model_trace(scaled, data) / model_trace(model, data)
@@ -111,11 +117,13 @@ def test_at_the_recorded_level_the_total_variance_is_the_recorded_one(name, size
             ratio * model.covariance(*at),
             rtol=1e-12,
         )
+
     # in a closed loop every take has its own commands
     closed = at_recorded_level(
         model,
         replace(data, v=np.tile(data.v, (len(data.q), 1, 1))),
     )
+
     assert model_trace(closed, data) == pytest.approx(
         model_trace(scaled, data),
         rel=1e-12,
@@ -173,16 +181,21 @@ def test_without_noise_single_steps_start_where_the_recording_was_and_a_free_run
     nominal = (
         q[:, :-1] + np.linalg.solve(chain.jacobian(q[:, :-1]), v[..., None])[..., 0]
     )
+
     assert_allclose(single[0][:, 1:], nominal, rtol=1e-10)
+
     at = q[:, 0]
     for k in range(8):
         at = at + np.linalg.solve(chain.jacobian(at), v[k][:, None])[..., 0]
         assert_allclose(run[0][:, k + 1], at, rtol=1e-10)
+
     assert single[1:] == run[1:] == (0, 0)
     assert np.array_equal(run[0][:, 0], q[:, 0]) and np.array_equal(q, recorded)
+
     # recorded poses that differ do not count as spread of single steps
     _, deviation = realized_moments(chain, q, v, "one_step", single[0])
     assert deviation.max() < 1e-12 < single[0].std(axis=0).min()
+
     # of a free run the angles are compared, whatever the recorded ones do meanwhile
     _, deviation = realized_moments(chain, q, v, "free_running", run[0])
     assert_allclose(deviation, run[0].std(axis=0, ddof=1))
@@ -199,6 +212,7 @@ def test_the_bias_of_a_step_is_the_mean_of_many_draws_and_zero_for_a_normal_law(
     bias = mean_bias(wishart, chain, q, v)
     drawn = realize(wishart, chain, q, v, "one_step", rng)[0][:, 1:]
     off = (drawn - q[:, :-1] - chain.nominal_step(q[:, :-1], v)).mean(axis=0)
+
     assert bias[0] == 0 < bias[1:].min()
     assert_allclose(np.linalg.norm(off, axis=-1), bias[1:], rtol=0.3)
     assert mean_bias(MODELS["gaussian"], chain, q, v).max() < 1e-12
@@ -215,8 +229,10 @@ def test_a_free_run_that_reaches_a_singular_pose_is_lost_and_counted(chain, pose
     v[0] = chain.jacobian(first) @ (straight - first)  # the others arrive elsewhere
     single, _, lost_single = realize(SILENT, chain, q, v, "one_step", rng)
     run, _, lost_run = realize(SILENT, chain, q, v, "free_running", rng)
+
     assert (lost_single, lost_run) == (0, 1)
     assert np.isfinite(single).all()
+
     lost = np.isnan(run).any(axis=-1)
     assert lost.sum(axis=1).tolist() == [3, 0, 0]
     assert lost[0].tolist() == [False, False, True, True, True]
@@ -237,7 +253,9 @@ def test_the_spread_stays_step_by_step_and_grows_with_the_root_of_time_running_f
     ]
     stated = STD * np.arange(1, steps + 1)[:, None] ** growth
     band = 4 / np.sqrt(2 * count)
+
     assert_allclose(spread, stated, rtol=band)
+
     # control: the other mode's law is far outside the band
     of_other_mode = STD * np.arange(1, steps + 1)[:, None] ** (0.5 - growth)
     assert np.abs(spread / of_other_mode - 1).max() > 5 * band

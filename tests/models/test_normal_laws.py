@@ -51,6 +51,7 @@ def test_the_log_density_is_scipys(model, measurement, chain, poses, step):
         scipys(NONE if measurement is None else measurement),
         1e-9,
     )
+
     # control: the other noise is another density
     unlike = scipys(MEASUREMENT if measurement is None else NONE)
     assert np.abs(result - unlike).min() > 1e-6
@@ -111,7 +112,9 @@ def test_shrinkage_is_nearer_to_the_truth_where_takes_are_few_and_vanishes_where
         assert 0 < intensity <= 1
         errors[0] += np.sum((shrunk - true) ** 2)
         errors[1] += np.sum((mean_covariance(noise) - true) ** 2)
+
     assert errors[0] < 0.6 * errors[1]
+
     _, intensity = shrunk_covariance(
         rng.multivariate_normal(np.zeros(3), true, (400, 10)),
     )
@@ -144,11 +147,13 @@ def test_a_wrong_scale_is_seen_and_a_problem_without_an_optimum_yields_no_number
 ):
     norms, right = np.array([13.6, 16.4]), convex.noise_scale
     assert convex.noise_covariance_gap(norms, 0.1, 18.0, 3, 3) < 1e-3
+
     monkeypatch.setattr(
         convex,
         "noise_scale",
         lambda *arguments: 1.05 * right(*arguments),
     )
+
     assert convex.noise_covariance_gap(norms[:1], 0.1, 18.0, 3, 3) > 0.04
     with pytest.raises(SolverError):
         solve_noise_covariance(19.0, 0.1, 18.0, 3, 3)
@@ -168,6 +173,7 @@ def test_independent_rows_make_the_step_isotropic_with_variance_v_sigma_v(step):
         @ step
     )
     covariance = np.cov(drawn.T) / (step @ sigma @ step)
+
     assert_allclose(covariance, np.eye(3), atol=0.02)
     assert np.abs(covariance - (step @ step) * sigma / (step @ sigma @ step)).max() > 1
 
@@ -201,6 +207,7 @@ def test_the_law_of_a_step_is_that_of_algorithm_2(chain, step):
     assert clipped == 0 and p_value(drawn) > 0.01 > 1e-4 > p_value(wrong)
     for j in range(3):
         assert stats.ks_2samp(drawn[:, j], matrices[:, j]).pvalue > 0.01
+
     covariance = model.covariance(chain, POSE, step)
     assert np.abs(np.cov(matrices.T) - covariance).max() < 0.04 * covariance[0, 0]
 
@@ -217,11 +224,13 @@ def test_the_noise_shrinks_as_the_pose_nears_the_bound_and_is_clipped_and_counte
     norms = frobenius(chain.inverse_jacobian(q))
     model = GaussianModel(0.1, float(norms[2]) + 0.1)
     variance = model.covariance(chain, q, step)[:, 0, 0]
+
     assert (
         np.all(np.diff(norms) > 0)
         and np.all(np.diff(variance) < 0)
         and variance[3] == 0.0
     )
+
     drawn, clipped = draw_steps(model, chain, q, step, default_rng(4))
     assert clipped == 1
     assert_allclose(drawn[3], model.mean(chain, q, step)[3], atol=1e-14)
@@ -264,8 +273,10 @@ def test_the_models_own_moments_return_its_parameters(alpha, extension):
     assert result.alpha == pytest.approx(alpha, rel=1e-3)
     assert result.u == pytest.approx(INVERSE_NORM.max() + extension, rel=1e-3)
     assert not result.at_end and not result.unbounded
+
     # β₁ weighs a constant: the mean of one step is the nominal one whatever the parameters
     assert result.objective == pytest.approx(0.5 * STEPS * np.sqrt(3) * 0.01, rel=1e-5)
+
     reweighted = fit(model_covariance(alpha, extension), beta1=0.9)
     assert reweighted.alpha == pytest.approx(result.alpha, rel=1e-3)
 
@@ -281,6 +292,7 @@ def test_alpha_is_the_best_for_each_extension():
         ).sum(axis=1)
         rivals = 0.5 * distance + 0.5 * STEPS * np.sqrt(3) * 0.01
         assert result.objectives[i] <= rivals.min() * (1 + 1e-12)
+
     assert result.objective <= result.objectives.min()
 
 

@@ -21,6 +21,7 @@ def test_the_fit_returns_known_variances_within_their_error(rest, growth, measur
     noise = std * rng.standard_normal(STEPS.shape)
     fitted_rest, fitted_growth = greatest_likelihood(noise, STEPS, measured)
     least = std.min() ** 2
+
     assert fitted_rest == pytest.approx(
         rest,
         abs=0.1 * (rest + measured) + 0.02 * least,
@@ -39,7 +40,9 @@ def test_the_covariance_depends_on_the_commanded_joint_step_alone(chain):
     commands = np.matvec(chain.jacobian(poses), steps)
     covariance = model.covariance(chain, poses, commands)
     expected = np.diag(1e-8 + np.array([0.1, 0.2, 0.3]) * 4e-6)
+
     assert_allclose(covariance, [expected, expected], rtol=1e-9)
+
     doubled = model.with_trace(chain, poses, commands, 2 * np.trace(expected))
     assert_allclose(doubled.growth, 2 * model.growth)
 

@@ -163,6 +163,7 @@ def test_a_point_at_a_joint_is_of_both_segments_and_poses_out_of_range_rank_behi
     point = nodes[1] + 0.02 * np.array([-0.6, 0.8])
     value = ranked(point[None], nodes, 0.05, 1.0, 0.25)
     assert value == pytest.approx(0.02 + 0.25 * (0.02 + 0.02), rel=1e-12)
+
     # poses outside the lengths rank behind by their violation
     longer = CHAIN.points(Q[0])
     longer[1] = longer[0] + (longer[1] - longer[0]) * 1.2
@@ -174,6 +175,7 @@ def test_a_point_at_a_joint_is_of_both_segments_and_poses_out_of_range_rank_behi
         1.0,
         0.3,
     )
+
     assert ranked(CLOUDS[0], longer, 0.05, 1.0, 0.3) == pytest.approx(plain, rel=1e-12)
     assert plain > INFEASIBLE + 0.02
 
@@ -208,6 +210,7 @@ def test_the_simplex_finds_what_scipys_finds_or_better(end) -> None:
             runs, last = RUNS[end], np.inf
         ours.append(fitted.objective[0])
         reference.append(minimum_of_scipy(value, start, arguments, runs, last))
+
     # ours has five starts in a first frame, SciPy's one
     assert np.all(np.array(ours) <= np.array(reference) + 2e-4)
     assert np.mean(ours) <= np.mean(reference)
@@ -231,10 +234,12 @@ def test_the_angles_are_as_good_as_a_filter_needs_and_the_lengths_stay_in_range(
 ):
     fitted = fit(CLOUDS, Q, options)
     assert np.all(np.sqrt(((fitted.q - Q) ** 2).mean(axis=0)) < [0.04, 0.06, 0.06])
+
     lengths = np.linalg.norm(np.diff(fitted.nodes, axis=1), axis=2)
     shortest, longest = limits().T
     assert np.all(lengths >= shortest - 1e-12) and np.all(lengths <= longest + 1e-12)
     assert np.isfinite(fitted.objective).all()
+
     again = fit(CLOUDS[:10], Q[:10], options)
     assert again.nodes.tobytes() == fitted.nodes[:10].tobytes()
 
@@ -246,6 +251,7 @@ def test_frames_with_too_few_points_are_gaps_counted_bridged_and_refused_in_a_ro
     fitted = fit(thinned, Q[:40])
     assert np.flatnonzero(np.isnan(fitted.q).any(axis=1)).tolist() == [0, 30, 31]
     assert np.abs(fitted.q[32] - Q[32]).max() < 0.2
+
     thinned = [c[:10] if 20 <= f < 24 else c for f, c in enumerate(CLOUDS[:40])]
     with pytest.raises(RecordingError, match=r"take-9.*frame 23"):
         fit(thinned, Q[:40], take="take-9")

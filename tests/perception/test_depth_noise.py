@@ -54,11 +54,14 @@ def test_a_take_has_no_say_in_its_own_noise():
     after.loc[changed, "t"] += 1.0
     noise, noise_after = (leave_one_out(table, window=2) for table in (before, after))
     of_take = rows_of_take(noise, "test_3")
+
     pd.testing.assert_frame_equal(of_take, rows_of_take(noise_after, "test_3"))
+
     # it is what the other takes alone would give
     without = rows_of_take(leave_one_out(before[~changed], window=2), "none")
     columns_of_noise = of_take.columns.drop("take")
     pd.testing.assert_frame_equal(of_take[columns_of_noise], without[columns_of_noise])
+
     # control: on every other take it has
     for take in ("test_0", "test_7", "none"):
         mean, mean_after = (
@@ -78,6 +81,7 @@ def test_it_is_the_sample_mean_and_the_pooled_covariance_of_the_takes_that_have_
     contracts.write(noise, "kinect_noise", tmp_path)
     noise = rows_of_take(noise, "none")
     samples = [rows[ERRORS].to_numpy() for _, rows in table.groupby("frame")]
+
     # each frame's own mean is taken off, however it changes over the motion
     freedom = np.array([len(of_frame) - 1 for of_frame in samples])
     covariances = np.array([np.cov(of_frame.T) for of_frame in samples])
@@ -109,8 +113,10 @@ def test_a_frames_error_is_against_the_motion_at_its_own_time_and_none_is_outsid
     seen = spread("q", JOINTS, (exposed[:, None] + 0.1) * slopes)
     angles = pd.DataFrame({"take": "test_1", "frame": range(5), "t": exposed} | seen)
     deviations = errors_of(angles, joints)
+
     assert deviations["frame"].tolist() == [1, 2, 3]
     assert_allclose(deviations[ERRORS], np.tile([0.1, 0.2, 0.3], (3, 1)))
+
     # control: at the times of other frames they are not
     later = errors_of(angles.assign(t=exposed + 0.005), joints)
     assert np.abs(later[ERRORS[2]] - 0.3).min() > 0.01

@@ -36,6 +36,7 @@ def test_exact_points_give_exact_angles():
     result = tracked(MEASURED)
     assert_allclose(result.q, motion(FRAMES), atol=1e-9)
     assert result.residual.max() < 1e-10 and not any(result.counts.values())
+
     # single markers on many links do as well
     single = {
         "shoulder": {"s": [0.05, 0.06, 0.0]},
@@ -51,6 +52,7 @@ def test_exact_points_give_exact_angles():
         single,
         posture=START.round(1).tolist(),
     )
+
     assert_allclose(result.q, motion(FRAMES), atol=1e-9)
 
 
@@ -92,6 +94,7 @@ def test_a_noisy_frame_is_solved_as_scipy_solves_it_through_pinocchio(plane):
             return points(UR5, MARKERS, angles[None])[0]
 
     assert_allclose(solver.carry(q[None])[0], carry(q), atol=1e-12)
+
     frame = carry(q) + NOISE * default_rng(1).standard_normal((9, 3))
     ends = dict.fromkeys(("xtol", "ftol", "gtol"), 1e-15)
 
@@ -102,16 +105,20 @@ def test_a_noisy_frame_is_solved_as_scipy_solves_it_through_pinocchio(plane):
     frames = solver.solve(frame[None], q[None] + 0.05)
     solution = type(frames)(*(array[0] for array in frames))
     assert_allclose(solution.q, reference.x, atol=2e-8)
+
     squares = (solution.distances**2).sum()
     assert squares == pytest.approx(2 * reference.cost, rel=1e-9)
+
     normal = reference.jac.T @ reference.jac
     assert_allclose(solution.normal, normal, rtol=0, atol=1e-5)
+
     # SciPy's derivatives limit it; the step that is left by central differences does not
     nudges = 1e-5 * np.eye(len(q))
     slopes = [
         (carry(solution.q + d) - carry(solution.q - d)).ravel() / 2e-5 for d in nudges
     ]
     left = np.linalg.lstsq(np.array(slopes).T, (frame - carry(solution.q)).ravel())[0]
+
     assert np.abs(left).max() < 1e-10
     # control: the exact angles are no minimum of the noisy points
     assert np.abs(solution.q - q).max() > 1e-5
@@ -123,12 +130,15 @@ def test_a_link_is_missed_where_the_rest_decides_and_a_gap_is_filled_where_it_do
     result = tracked(without_forearm)
     assert_allclose(result.q, motion(FRAMES), atol=1e-9)
     assert result.counts["missing"] == 90 and result.counts["interpolated"] == 0
+
     without_hand[30:40, HAND] = np.nan
     result = tracked(without_hand)
     assert result.counts["interpolated"] == 10
     assert np.isnan(result.residual[30:40]).all()
+
     # the motion is a straight line
     assert_allclose(result.q, motion(FRAMES), atol=1e-9)
+
     without_hand[30:55, HAND] = np.nan
     with pytest.raises(RecordingError, match="longer than 20 frames"):
         tracked(without_hand)
@@ -149,6 +159,7 @@ def test_a_body_that_slips_is_left_out_of_its_frames():
     result = tracked(slipped)
     assert_allclose(result.q, motion(FRAMES), atol=1e-9)
     assert result.counts["rejected"] == 30 and result.counts["interpolated"] == 0
+
     # of two bodies apart nobody knows which is right, and the hand is needed
     apart[40:50, HAND] += [0.03, -0.02, 0.01]
     assert tracked(apart).counts["interpolated"] == 10
@@ -162,6 +173,7 @@ def test_joints_that_no_point_shows_are_named():
         match="determine joint_3, joint_4, joint_5, joint_6:",
     ):
         tracked(measured[:, UPPER], upper)
+
     two = {link: MARKERS[link] for link in ("upper_arm", "forearm")}
     with pytest.raises(RecordingError, match="determine joint_4, joint_5, joint_6:"):
         tracked(measured[:, :6], two)
@@ -173,14 +185,18 @@ def test_postures_that_fit_alike_are_refused_until_one_is_named():
     observed = points(UR5, hand, q)
     with pytest.raises(RecordingError, match="8 postures of the arm fit"):
         tracked(observed, hand)
+
     result = tracked(observed, hand, posture=(START + 0.1).tolist())
     assert_allclose(result.q, q, atol=1e-8)
+
     # the shoulder of the LWR4 is spherical: what is beyond it fits two postures
     beyond = dict.fromkeys(("link_3", "link_5"), MARKERS["forearm"])
     beyond |= {"flange": MARKERS["flange"]}
     q = np.repeat([[0.3, 0.9, -0.3, -1.6, 0.4, 1.0, 0.2]], 3, axis=0)
+
     with pytest.raises(RecordingError, match="2 postures"):
         tracked(points(LWR4, beyond, q), beyond, LWR4)
+
     with_link_1 = {"link_1": {"x": [0.1, 0.0, 0.1]}} | beyond
     result = tracked(points(LWR4, with_link_1, q), with_link_1, LWR4)
     assert_allclose(result.q, q, atol=1e-9)
@@ -228,10 +244,12 @@ def test_without_noise_the_joint_angles_are_exact_where_a_link_is_hidden_too():
     assert_allclose(exact.q, MOTION, atol=1e-10)
     assert exact.residual.max() < 1e-10 and not any(exact.counts.values())
     assert exact.samples == positions.shape[0] * 9
+
     positions[40:90, 3:6] = np.nan
     hidden = of_plane(positions)
     assert_allclose(hidden.q, MOTION, atol=1e-10)
     assert hidden.counts["missing"] == 150 and not hidden.counts["interpolated"]
+
     # a base that is registered wrongly shows in the residual
     shifted = of_plane(np.add(recording(), [1e-3, 0.0, 0.0]))
     assert 1e-4 < np.median(shifted.residual) < 1e-3
@@ -245,6 +263,7 @@ def test_labels_swapped_within_and_between_links_are_put_right_and_counted():
     swapped[150:230, 5], swapped[150:230, 6] = clean[150:230, 6], clean[150:230, 5]
     swapped[:10, [6, 7, 8]] = clean[:10, [8, 6, 7]]
     repaired = of_plane(swapped)
+
     assert_allclose(repaired.q, reference.q, atol=1e-9)
     assert repaired.counts == {
         **reference.counts,
@@ -267,10 +286,12 @@ def test_short_gaps_are_filled_linearly_counted_and_have_no_residual():
     filled = of_plane(gap)
     share = (np.arange(50, 60) - 49)[:, None] / 11
     line = (1 - share) * MOTION[49] + share * MOTION[60]
+
     assert_allclose(filled.q[50:60], line, atol=1e-10)
     assert_allclose(filled.q[:3], np.tile(MOTION[3], (3, 1)), atol=1e-10)
     assert (filled.counts["interpolated"], filled.counts["held"]) == (10, 3)
     assert np.isnan(filled.residual).sum() == 13
+
     gap[60, 6:] = np.nan
     with pytest.raises(RecordingError, match=r"take-7.*50 to 60"):
         of_plane(gap, take="take-7")

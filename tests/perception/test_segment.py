@@ -95,6 +95,7 @@ def test_every_pixel_of_the_arm_and_no_other_is_found_where_it_is() -> None:
     truth = (PLACE + depth.reshape(-1, 1) * rays())[hit.ravel()][:, [0, 2]]
     assert len(points) > 500
     assert_allclose(points, truth, atol=1e-7)
+
     # control: distortion that is ignored moves the points
     moved = segmenter(camera=replace(CAMERA, distortion=()))(depth)
     assert np.mean(on_arm(moved)) < 0.999
@@ -106,12 +107,14 @@ def test_pixels_without_depth_and_alone_beside_the_arm_are_left_out() -> None:
     cut, lost = segmenter(), np.flatnonzero(hit)[::7]
     rows, columns = cut.window
     depth.ravel()[lost[::2]], depth.ravel()[lost[1::2]] = 0.0, np.nan
+
     # a flying pixel: at the depth of the arm, beside it
     beside = cv2.dilate(hit.astype(np.uint8), np.ones((7, 7))).astype(bool)
     corner = [rows.start, columns.start]
     free = tuple(np.argwhere(~beside[rows, columns])[0] + corner)
     ray = rays()[np.ravel_multi_index(free, SHAPE)]
     depth[free] = (FRONT - PLACE[1]) / ray[1]
+
     assert len(cut(depth)) == hit.sum() - len(lost)
 
 
@@ -120,6 +123,7 @@ def test_patches_base_and_points_beyond_the_stated_numbers_are_left_out() -> Non
     total, everything = int(hit.sum()), segmenter()(depth)
     assert len(segmenter(replace(CROP, min_pixels=total))(depth)) == total
     assert len(segmenter(replace(CROP, min_pixels=total + 1))(depth)) == 0
+
     # turntable and floor
     x, z = (everything - CHAIN.origin).T
     base = ((np.abs(x) <= 0.05) & (z <= 0.05)) | (everything[:, 1] <= 0.12)

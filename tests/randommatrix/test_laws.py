@@ -34,8 +34,10 @@ def test_the_maxent_law_has_the_mean_and_the_dispersion_it_was_asked_for(sigma_b
     n = 3
     d = wishart.degrees_of_freedom(sigma_b, n)
     assert d == pytest.approx((n + 1) / sigma_b**2, rel=1e-14)
+
     draws = maxent(d, n).rvs(40_000, random_state=8)
     assert largest_score(draws, np.eye(n)) < 4.5
+
     squared = ((draws - np.eye(n)) ** 2).sum(axis=(-1, -2)) / n
     assert largest_score(squared, np.array(sigma_b**2)) < 4.5
     assert largest_score(squared, np.array((1.1 * sigma_b) ** 2)) > 4.5
@@ -68,18 +70,22 @@ def test_of_two_laws_that_meet_the_constraints_the_wishart_law_has_the_greater_e
     d, wide = (wishart.degrees_of_freedom(factor * sigma_b, n) for factor in (1.0, 1.1))
     rival = inverse_wishart_of_the_same_constraints(d, n)
     of_other = rival.rvs(draws, random_state=rng)
+
     # the log density is a function of the constraints alone, so both laws have one expectation of
     # it: minus the entropy of the first
     of_own = maxent(d, n).rvs(draws, random_state=rng)
     log_density, cross = (
         maxent(d, n).logpdf(np.moveaxis(drawn, 0, -1)) for drawn in (of_own, of_other)
     )
+
     assert abs(log_density.mean() - cross.mean()) < 4.5 * np.sqrt(
         (log_density.var() + cross.var()) / draws,
     )
+
     # so the entropies differ by the divergence of the other law from this one
     divergence = rival.logpdf(np.moveaxis(of_other, 0, -1)) - cross
     assert divergence.mean() > 4.5 * divergence.std() / np.sqrt(draws)
+
     # control: a law of a wider dispersion, which does not meet the constraints, has more
     assert maxent(wide, n).entropy() > -log_density.mean() + 0.1
 
@@ -122,12 +128,14 @@ def test_chi_squares_are_numpys_and_so_are_the_normals_behind_them(
     freedom = np.array([degrees, 5.0])
     first, then = BUFFER.chi_square, BUFFER.normal
     from_python(draw_variates)(freedom, normals, block, first, then, 0, count, rng)
+
     assert np.isnan(block[:, count:]).all()
     for k, d in enumerate(freedom):
         assert_array_equal(
             block[first + k, :count],
             numpy_rng.chisquare(d, count),
         )
+
     rows = block[then : then + normals, :count]
     assert_array_equal(rows, numpy_rng.standard_normal((count, normals)).T)
     assert rng.random() == numpy_rng.random()

@@ -88,12 +88,15 @@ def test_a_true_model_passes_in_all_joints_and_constant_noise_fails_as_often_as_
     of_model = [tested(std) for _ in range(DRAWS)]
     constant = [tested(flat) for _ in range(DRAWS)]
     assert max(rows["limit"].max() for rows in of_model) <= HALF_EXPLAINED
+
     passed = [(rows["correlation"] >= rows["limit"]).all() for rows in of_model]
     error = np.sqrt(RECOGNISED * (1 - RECOGNISED) / DRAWS)
     assert np.mean(passed) >= RECOGNISED - 4 * error
+
     rejected = np.mean([rows["correlation"] < rows["limit"] for rows in constant])
     power = np.mean([rows["power"] for rows in of_model])
     assert rejected == pytest.approx(power, abs=0.15)
+
     # control: a fixed limit of √½ would fail the true model where nothing can be told
     if takes == 4 and variation == 0.05:
         assert power < POWER
@@ -127,6 +130,7 @@ def test_few_takes_with_heavy_tails_refute_no_true_model_and_vary_no_constant_no
         limits = variation_limits(draws, rng)
         varied.append((curves.std(axis=0) / curves.mean(axis=0) > limits[:, 1]).any())
     most = 1 - RECOGNISED + 3.5 * np.sqrt(RECOGNISED * (1 - RECOGNISED) / repeats)
+
     assert np.any(refuted, axis=1).mean() <= most
     assert np.mean(varied) <= most
     assert np.mean(rejected) > POWER
@@ -144,6 +148,7 @@ def test_noise_that_varies_is_above_its_limits_and_constant_noise_of_many_takes_
         reached = curves.std(axis=0) / curves.mean(axis=0)
         beyond.append(reached - variation_limits(noise, rng).T)
     constant, varying = beyond
+
     assert (constant < 0).all() and (varying > 0).all()
 
 
@@ -153,6 +158,7 @@ def test_steps_without_noise_leave_limits_and_a_joint_without_noise_has_none():
     # in the middle, after a loud start: the running sum of the variances rounds below zero there
     noise[:, STEPS // 3 : 2 * STEPS // 3, 0] = noise[..., 1] = 0.0
     limits = variation_limits(noise, rng)
+
     assert np.isfinite(limits[0]).all() and limits[0, 0] < limits[0, 1]
     assert np.isnan(limits[1]).all()
 
@@ -175,11 +181,13 @@ def test_errors_are_compared_at_one_level_and_the_true_model_has_the_least(level
     for name, variances in motion.items():
         modelled[name] = ModelledNoise(variances, MEASUREMENT, noise)
     errors, sizes = jackknifed_spreads(modelled, noise)
+
     assert jackknife_difference(errors["ramp"][:, 0] - errors["flat"][:, 0]).high < 0
     assert errors["ramp"][0, 0] < 0.2 < errors["flat"][0, 0] < 1
     # a model with one variance for all joints has the greater error in the joint with the least
     assert jackknife_difference(errors["even"][:, 0] - errors["even"][:, 1]).high < 0
     assert_allclose(errors["same"], errors["flat"])
+
     for of_joint in sizes["ramp"].T:
         wider = jackknife_difference(of_joint)
         assert wider.low < 0 < wider.high
@@ -192,7 +200,9 @@ def test_the_error_of_a_biased_mean_varies_more_and_an_order_by_chance_is_not_de
     plain = jackknifed_mean_error(noise)
     again = jackknifed_mean_error(noise_of(FLAT, TAKES, 8))
     biased = jackknifed_mean_error(noise + course)
+
     assert jackknife_difference(plain - biased).high < 0
+
     chance = jackknife_difference(plain - again)
     assert chance.low < 0 < chance.high
 
@@ -214,7 +224,9 @@ def test_the_interval_of_a_paired_difference_is_that_of_the_paired_t_test():
     expected = ttest_rel(a, b).confidence_interval(0.95)
     differences = paired_difference(a, b)
     numbers = ((a - b).mean(), expected.low, expected.high)
+
     assert differences[:3] == pytest.approx(numbers)
+
     for few in (3, 4, 12):  # the jackknife of a mean is the same
         paired = paired_difference(a[:few], b[:few])
         assert jackknife((a - b)[:few]) == pytest.approx(paired)
@@ -242,6 +254,7 @@ def test_intervals_cover_the_true_mean_as_often_as_they_say(interval, takes, rep
     middle, low, high = intervals.T
     share = np.mean((low <= 1) & (1 <= high))
     error = np.sqrt(0.95 * 0.05 / repeats)
+
     assert abs(share - 0.95) < 4 * error
     assert_allclose(middle, draws.mean(axis=1))
 
@@ -251,7 +264,9 @@ def test_one_further_value_lies_in_a_percentile_interval_as_often_as_it_says():
     further = draws[-1]
     low, high = percentile_interval(draws[:-1])
     inside = (low <= further) & (further <= high)
+
     assert inside.mean() == pytest.approx(0.95, abs=0.014)
+
     # the linear form would be too short
     low, high = np.quantile(draws[:39], (0.025, 0.975), axis=0)
     inside = (low <= further) & (further <= high)
@@ -261,13 +276,16 @@ def test_one_further_value_lies_in_a_percentile_interval_as_often_as_it_says():
 def test_an_interval_that_does_not_exist_is_a_gap():
     single = paired_difference(np.array([2.0]), np.array([0.5]))
     assert single.difference == 1.5 and np.isnan(single[1:]).all()
+
     for missing in (np.nan, -np.inf):
         scores = np.array([[1.0, missing], [0.0, missing]])
         assert np.isnan(paired_difference(*scores)).all()
     alone = resampled(np.ones(1), np.zeros(1), default_rng(3))
+
     assert np.isnan(alone.low) and alone.difference == -1
     assert np.isnan(jackknife(np.array([0.0, 1.0])).low)
     assert np.isfinite(jackknife(np.array([0.0, 1.0, 3.0]))).all()
+
     # a resampling of one take alone has no variance
     drawn = drawn_takes(2, default_rng(4))
     assert 0 < len(drawn) < REPLICATES

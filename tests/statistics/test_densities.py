@@ -53,11 +53,14 @@ def test_binning_agrees_with_direct_summation_also_on_a_grid_that_leaves_samples
     difference = (
         np.abs(kernel_density(samples, x, y, bandwidth) - direct).max() / direct.max()
     )
+
     assert difference < 1e-3
+
     # samples that are no numbers, or far off, count in N alone
     lost = np.array([[np.nan, 0.0], [np.inf, 5.0], [3.0, -1e300]])
     density = (count + 3) * kernel_density(np.vstack([samples, lost]), x, y, bandwidth)
     due = count * kernel_density(samples, x, y, bandwidth)
+
     assert_allclose(density, due, rtol=1e-12)
 
 
@@ -70,12 +73,14 @@ def test_the_bandwidth_of_a_normal_sample_is_the_normal_reference_and_outliers_l
         reference,
         rtol=0.03,
     )
+
     samples[:400] *= 1000
     assert_allclose(
         normal_reference_bandwidth(samples),
         reference,
         rtol=0.05,
     )
+
     # median 2, deviations 2 1 0 2 7: MAD 2
     column = np.array([0.0, 1.0, 2.0, 4.0, 9.0])
     for p in (1, 2, 3):
@@ -85,6 +90,7 @@ def test_the_bandwidth_of_a_normal_sample_is_the_normal_reference_and_outliers_l
             rule,
         )
     samples[:24_000, 1] = 5.0
+
     with pytest.raises(ModelDomainError, match="median absolute deviation"):
         normal_reference_bandwidth(samples)
 
@@ -163,12 +169,14 @@ def test_the_autocorrelation_time_is_that_of_the_slowest_component():
     rng = default_rng(67)
     slow, fast = record(200_000, DECAY, rng), record(200_000, 0.3, rng)
     assert autocorrelation_time(fast) == pytest.approx(1.3 / 0.7, rel=0.1)
+
     both = np.column_stack([fast[:, 0], slow[:, 0]])
     assert autocorrelation_time(both) == pytest.approx(19, rel=0.1)
     assert autocorrelation_time(rng.standard_normal((200_000, 2))) == pytest.approx(
         1,
         abs=0.05,
     )
+
     means = [
         record(4000, DECAY, rng).mean(axis=0) for rng in default_rng(68).spawn(1000)
     ]

@@ -21,6 +21,7 @@ def test_the_normal_log_score_is_the_log_density():
     stacked = COVARIANCE * np.arange(1.0, 21)[:, None, None]
     pairs = zip(errors, stacked, strict=True)
     expected = [multivariate_normal(np.zeros(3), c).logpdf(e) for e, c in pairs]
+
     assert_allclose(
         scores.normal_log_score(errors, stacked),
         expected,
@@ -36,6 +37,7 @@ def test_the_log_score_prefers_the_true_law_and_the_nees_is_chi_squared_under_it
     outcome = rng.standard_normal((2000, 3)) @ np.linalg.cholesky(COVARIANCE).T
     log = (scores.normal_log_score(outcome, s**2 * COVARIANCE) for s in (scale, 1))
     assert paired_difference(*log).high < 0
+
     law = chi2(3).cdf
     assert kstest(scores.nees(outcome, COVARIANCE), law).pvalue > 1e-3
     assert kstest(scores.nees(outcome, scale**2 * COVARIANCE), law).pvalue < 1e-9
@@ -48,6 +50,7 @@ def test_an_honest_posterior_covers_as_it_says_in_every_joint_and_a_narrow_one_d
     (honest, one), (narrow, two) = (
         scores.posterior_scores(error, c * covariance, JOINTS) for c in (1, 0.25)
     )
+
     assert one is two is None
     for joint, rms in zip(JOINTS, std, strict=True):
         assert honest[f"rms_error_{joint}_rad"].mean() == pytest.approx(rms, rel=0.02)
@@ -57,10 +60,12 @@ def test_an_honest_posterior_covers_as_it_says_in_every_joint_and_a_narrow_one_d
         )
         assert narrow[f"coverage_of_one_sigma_{joint}"].mean() < 0.42
     assert honest["nees"].mean() == pytest.approx(len(JOINTS), rel=0.05)
+
     table = scores.score_comparison(
         {"honest": honest, "narrow": narrow},
         "honest",
     ).set_index(["model", "score"])
+
     assert table.loc[("narrow", "log_score"), "high"] < 0
 
 

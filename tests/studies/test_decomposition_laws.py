@@ -79,6 +79,7 @@ def test_the_reading_that_made_the_numbers_is_the_most_likely_on_its_path(
         assert density[number, path] == density.max()
         likelihood = density.mean(axis=1)
         most_likely.append(likelihood[number] >= 0.99 * likelihood.max())
+
     assert np.mean(most_likely) >= 0.7
 
 
@@ -91,6 +92,7 @@ def test_the_likelihood_is_the_mean_of_normal_densities(stated):
     density = laws.densities(quantities, ("joint 1", "gaussian"), 2.0)
     at_zero = 1 / (2 * np.pi * np.log(2) ** 2)
     due = [at_zero, at_zero * np.exp(-0.5)]
+
     assert_allclose(density, np.tile(due, (9, 1)))
 
 
@@ -110,8 +112,10 @@ def test_every_path_keeps_the_limits_and_the_bound(arm, stated, paths, kind):
     q, step = paths[kind]
     assert q.shape == step.shape == (40, 320, 3)
     assert np.all(arm.within_limits(q))
+
     inverse = np.linalg.inv(arm.jacobian(q))
     assert np.linalg.norm(inverse, axis=(2, 3)).max() < stated.u
+
     speed = np.abs(step * 100 / arm.max_speed).max(axis=(1, 2))
     assert 0.19 < speed.min() and speed.max() < 1.13 and speed.std() > 0.1
     assert_allclose(np.diff(q, axis=1), step[:, :-1], atol=1e-12)
@@ -125,6 +129,7 @@ def test_lines_are_straight_and_loops_close(arm, paths, stated):
         off = np.cross(q - q[:, :1], middle[:, None]) / square[:, None, None]
         assert np.abs(off).max() < 1e-6
     q, step = paths["loop"]
+
     assert_allclose(q[:, -1] + step[:, -1], q[:, 0], atol=1e-9)
 
 

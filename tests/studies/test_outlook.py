@@ -63,7 +63,9 @@ def test_the_noise_of_the_pose_is_that_of_drawn_legs_through_newtons_method(name
     q, v, inverse = MOTION.q[k], MOTION.v[k], MOTION.inverse[k]
     whole = np.matvec(MOTION.inverse, MOTION.v)
     share = np.trace(legs, axis1=1, axis2=2).mean() / np.sum(whole**2, axis=1).mean()
+
     assert np.sqrt(share) == pytest.approx(OPTIONS.noise, rel=1e-9)
+
     if name == "additive":
         steps = inverse @ v + rng.multivariate_normal(np.zeros(6), legs[k], draws)
     elif name == "gaussian":
@@ -84,10 +86,13 @@ def test_the_noise_of_the_pose_is_that_of_drawn_legs_through_newtons_method(name
     share = k / (len(MOTION.q) - 1)
     turn = Rotation.from_rotvec(share * np.array(OPTIONS.turn[1])).as_matrix().ravel()
     pose = np.concatenate([POSES[0][:3] + share * (POSES[1] - POSES[0])[:3], turn])
+
     assert_allclose(legs_at(OPTIONS, pose)[0], q, atol=1e-12)
+
     drawn = displacement(pose, q + steps).var(axis=0)
     # a variance has a relative standard error of 0.026; the second order is a few percent
     assert_allclose(drawn, np.diag(covariances[k]), rtol=0.15)
+
     # the control: the noise of the legs is not that of the pose
     assert not np.allclose(np.diag(legs[k]), np.diag(covariances[k]), rtol=0.15)
 
@@ -98,6 +103,7 @@ def test_the_inverse_jacobian_is_that_of_finite_differences_of_the_legs():
     ahead, behind = (
         legs_at(OPTIONS, moved(poses, sign * steps))[0] for sign in (1, -1)
     )
+
     assert_allclose(
         legs_at(OPTIONS, pose)[1],
         (ahead - behind).T / (2 * h),
@@ -128,6 +134,7 @@ def test_what_is_no_robot_or_motion_is_refused_by_its_key(changes, key):
 def test_errors_fall_with_the_number_of_cables():
     # a cube's root mean square, half its side
     assert lever(BOUNDS) == pytest.approx(0.25)
+
     rows = [
         error_rows(BOUNDS, [3, 6, 12, 24], (200, 300), default_rng(n)).assign(
             repeat=n,
@@ -135,4 +142,5 @@ def test_errors_fall_with_the_number_of_cables():
         for n in range(2)
     ]
     slopes = slope_rows(pd.concat(rows))["slope"]
+
     assert np.all((slopes > -0.65) & (slopes < -0.35))

@@ -59,17 +59,20 @@ def test_a_step_is_the_inverse_jacobian_times_velocity_and_duration(arm):
         # the control: the printed constraint, without the duration
         step = q[k + 1] - q[k]
         assert np.linalg.norm(step - expected) > 0.9 * np.linalg.norm(expected)
+
     # half the duration of a step leaves a quarter of the distance from the path
     coarse = np.abs(task.chain.displacement(task.chain.pose(q), task.path)).max()
     finer = path_task(arm, 100)
     (fine,) = motions_from(finer, q[:1])
     off = np.abs(finer.chain.displacement(finer.chain.pose(fine), finer.path)).max()
+
     assert off == pytest.approx(coarse / 4, rel=0.1)
 
 
 def test_starts_of_a_square_arm_are_its_branches_and_of_others_lie_on_the_path():
     square = path_task("square", 10)
     assert len(start_poses(square, 64)) == 2
+
     for arm in ("planar", "seven"):
         task = path_task(arm, 10)
         starts = start_poses(task, 64)
@@ -99,12 +102,15 @@ def test_a_plan_keeps_its_limits_and_has_the_least_sum_of_all_starts(law):
     plan = least_uncertain(model, task, feasible_motions(task, 1024))
     assert task.chain.within_limits(plan).all()
     assert np.all(np.abs(np.diff(plan, axis=0)) * task.rate <= task.chain.max_speed)
+
     least = np.linalg.svd(task.chain.jacobian(plan), compute_uv=False)[:, -1]
     assert least.min() >= task.margin
+
     # the independent check: starts that the arm reaches from the path's own by self-motion
     starts = starts_by_self_motion(task, np.array(ARMS["planar"][1]))
     off = task.chain.displacement(task.chain.pose(starts), task.path[0])
     assert np.abs(off).max() < 1e-6
+
     motions = motions_from(task, starts)
     sums = summed_variance(model, task, motions[feasible(task, motions)])
     assert summed_variance(model, task, plan[None])[0] < sums.min() * 1.01
@@ -134,7 +140,9 @@ def test_takes_of_a_motion_are_those_that_the_laboratory_performs(bench):
     stream = rng.stream(1, "planning.session")
     session = open_session(bench.built, bench.dynamics, stream)
     take = perform(session, motion, bench.dynamics, rng.stream(1, "planning.take", 2))
+
     assert_array_equal(steps.q[2], take.motion_capture[:-1])
+
     # other motions have equal draws, training takes have others
     training = bench.recorded_steps(bench.recorded, "training")
     assert np.abs(training.q - steps.q).max() > 1e-4
@@ -173,6 +181,7 @@ def test_the_page_counts_plans_of_least_sum():
     predicted = predicted.assign(model="gaussian", **case)
     tables = {"planning": planning, "planning_predictions": predicted}
     facts = stage.facts(tables, OPTIONS)
+
     assert (facts["sure"], facts["pairs"]) == (1, 1)
     assert facts["medians"] == "0.333 (gaussian)"
     assert facts["cells"][0][2:] == [

@@ -75,9 +75,11 @@ def test_verdicts_are_those_of_the_law_that_is_true(common):
     for name, (levels, parts) in conditions.items():
         rows = grid.verdicts(grid.Condition("motion", 3, levels), **parts)
         verdict[name] = rows.groupby("claim")["verdict"].first()
+
     # the noise grows with the speed, which both matrix models and the speed law follow
     assert verdict["base"][claims[:2]].tolist() == [SPEED_LAW, "holds"]
     assert set(verdict["additive"][claims]) == {"fails"}
+
     # a model without noise stays within the limit of the mean error too: the rule has no power
     still = verdict["still"][["noise-is-dynamic", "mean-error"]].tolist()
     assert still == ["fails", "no evidence"]
@@ -91,6 +93,7 @@ def test_a_motion_through_a_singular_pose_is_no_evidence_and_loops_stand_beside_
     of_motion = {name: common[name] for name in ("laboratory", "case", "options")}
     assert grid.motion_evidence(straight, **of_motion).empty
     assert set(grid.verdicts(straight, **common)["verdict"]) == {"no evidence"}
+
     evidence = grid.motion_evidence(grid.Condition("motion", 3), **of_motion)
     loops = {*KINDS, *(f"{kind}_closed" for kind in KINDS)}
     compared = set(evidence.query("quantity == 'filter_log_score'")["model"])
@@ -111,6 +114,7 @@ def test_the_wrench_has_evidence_that_depends_on_the_seed():
     )
     first = grid.wrench_evidence(grid.Condition("wrench", 1), study)
     second = grid.wrench_evidence(grid.Condition("wrench", 2), study)
+
     assert {*first["configuration"]} == {"3", "20"}
     assert not first.equals(second)
 
@@ -126,6 +130,7 @@ def test_the_grid_has_each_level_alone_and_the_combinations_that_are_named():
         ("particles", "0.1"),
     ]
     assert [condition.seed for condition in small] == [1, 2] * 5
+
     large = grid.conditions(factors, [1], "motion", ["sway_std", "clearance"])
     assert [(condition.factor, condition.level) for condition in large[5:]] == [
         ("sway_std, clearance", "0, 2"),
@@ -141,12 +146,14 @@ def test_each_cause_of_the_noise_is_a_condition_at_its_sizes(common):
         ("cause", "poses × 1"),
     ]
     assert [condition.seed for condition in causes] == [1, 2] * 3
+
     deviations = []
     for condition in [grid.Condition("motion", 1), *causes[::2]]:
         laboratory = grid.laboratory_under(condition, common["laboratory"], {})
         poses, _ = perform(laboratory, {}, 1, "train", 8)
         deviations.append(steps(laboratory, poses).noise.std())
     base, sway, double, slow = deviations
+
     assert sway == base
     assert double > 1.5 * sway
     assert slow < 0.8 * sway
@@ -156,11 +163,14 @@ def test_every_decision_changes_the_case_and_names_what_it_changes(laboratory):
     base = replace(CASE, models={kind: MODELS[kind] for kind in KINDS}, closed=False)
     cases = grid.decision_cases(base, laboratory.chain.task, ("a", "b", "c"), 2)
     assert cases[0] == ("", "", base)
+
     by_place = {(factor, level): case for factor, level, case in cases[1:]}
     assert base not in by_place.values()
+
     control = by_place["decomposition", "QR of Jᵀ (control)"].models["wishart"]
     assert control.decomposition == "qr_transposed"
     assert by_place["particles", "6"].filter.particles == 6
+
     free = by_place["realisations", "free running"]
     assert free == replace(base, mode="free_running")
     assert grid.without_camera(free, base)
@@ -187,7 +197,9 @@ def test_a_clock_that_is_off_alike_goes_into_the_bias_and_one_that_is_not_widens
         noise[clock] = camera.noise[camera.noise["take"] == "none"]
     mean, variance = ["b:a", "b:b", "b:c"], ["r:a:a", "r:b:b", "r:c:c"]
     late = noise["a frame late"][mean] - noise["aligned"][mean]
+
     assert_allclose(late, np.tile(-speed * 0.03, (15, 1)), atol=1e-12)
+
     widened = noise["not aligned"][variance] - noise["aligned"][variance]
     assert_allclose(widened.mean(), speed**2 * offsets.var(), rtol=0.1)
 
@@ -214,11 +226,13 @@ def test_changes_tell_decisions_from_chance_and_count_other_seeds_as_chance():
     )
     rows = changes(table)
     changed = rows.loc[rows["changed"], ["grid", "factor", "claim"]]
+
     assert [*changed.itertuples(index=False, name=None)] == [
         ("decisions", "floor", "turns"),
         ("decisions", grid.CHANCE, "lucky"),
         ("motion", grid.CHANCE, "steady"),
     ]
+
     facts = stage.facts({"robustness": table}, options_of("robustness"))
     assert (facts["decisions"], facts["lucky"], facts["names"]) == (1, 2, "none")
 

@@ -50,6 +50,7 @@ def test_the_size_of_a_cause_scales_what_the_cause_sets(cause):
     options, shared = dynamics_type(cause)(), DynamicsOptions()
     twice = dynamics_of_cause(cause, 2.0)
     assert dynamics_of_cause(cause, 1.0) == options != twice
+
     for name in SIZES:
         size = getattr(options, name)
         factor = 1.0 if size == getattr(shared, name) else 2.0
@@ -64,9 +65,11 @@ def test_measured_poses_have_the_noise_of_the_motion_capture_times_its_factor(
     noise = measure_poses(poses, laboratory.pose_noise, factor, stream) - poses
     root = factor * np.linalg.cholesky(laboratory.pose_noise)
     squares = np.sum(np.linalg.solve(root, noise.reshape(-1, 3).T) ** 2, axis=1)
+
     # 1 in 1000 for each of three axes
     low, high = chi2.ppf([5e-4, 1 - 5e-4], noise.size // 3)
     assert np.all((low < squares) & (squares < high))
+
     # the control: another factor would be seen
     assert not np.any((low < squares * 1.2) & (squares * 1.2 < high))
 
@@ -80,12 +83,16 @@ def test_the_depth_cameras_noise_has_the_interpolated_moments_and_is_estimated_s
     )
     variance = 0.75 * 1e-4 + 0.25 * 4e-4
     error = 4 * np.sqrt(variance / len(draws))
+
     assert_allclose(draws.mean(axis=0), [0.015, 0.01, 0.0], atol=error)
+
     wide = 4 * variance * np.sqrt(2 / len(draws))
     assert_allclose(np.cov(draws.T), variance * np.eye(3), atol=wide)
+
     _, camera = observe(laboratory, STILL | {"motion_capture": 0.0}, 5, 2, 12)
     everywhere = camera.noise[camera.noise["take"] == "none"]
     share = everywhere["t"].to_numpy() / laboratory.motion.duration
     error = 4.5 * np.sqrt((1e-4 + share * 3e-4) / 12)
+
     assert np.all(np.abs(everywhere["b:a"] - 0.02 * (1 - share)) < error)
     assert np.all(np.abs(everywhere["b:b"] - 0.04 * share) < error)

@@ -47,10 +47,12 @@ def test_a_study_writes_its_answer_and_equal_bytes_with_any_number_of_workers(
     run(name)
     first = written()
     declared = {table for table in read_yaml(folder / "tables.yaml") if table[0] != "."}
+
     assert {Path(file).stem for file in first if file.endswith(".csv")} <= declared
     assert {f"reports/studies/{name}/{name}.{kind}" for kind in ("png", "svg")} < {
         *first,
     }
+
     text = first[f"reports/studies/{name}.md"].decode()
     question, *rest = text.partition("\n\n")[2].split("\n\n")
     assert (
@@ -61,6 +63,7 @@ def test_a_study_writes_its_answer_and_equal_bytes_with_any_number_of_workers(
     assert text.count(f"]({name}/{name}.png)\n\n**") == 1
     assert "| --- |" in text and "What would change" in text
     assert not re.search(r"\bnan\b|\{|\}", text)
+
     if name in WORKERS:
         config.COMPOSED.write_text(
             config.COMPOSED.read_text().replace("workers: 1", "workers: 2"),
@@ -85,6 +88,7 @@ def test_the_page_states_why_a_dataset_gives_no_answer(project, capsys):
     contracts.write(trajectory.assign(**{"v:x": 0.01}), "trajectory", folder)
     run("recovery")
     text = Path("reports/studies/recovery.md").read_text()
+
     assert "No answer for this dataset: " in text and reason in text
     assert reason in capsys.readouterr().out and set(written()) == {
         "reports/studies/recovery.md",
@@ -125,6 +129,7 @@ def test_the_answer_on_the_pose_follows_from_interval_and_power(tmp_path, monkey
     effects = pd.DataFrame(numbers, columns=["exponent", "low", "high", "power"])
     tables = pose_tables(tmp_path, monkeypatch, effects.assign(noise=pose.ALL))
     answers = [pose.YES, pose.FALLS, pose.NO, pose.UNKNOWN, pose.UNKNOWN]
+
     assert tables["pose"]["answer"].tolist() == answers
     assert {*answers} == {*pose.ANSWERS}
     assert [row.answer for row in pose.facts(tables, None)["norm"]] == answers
@@ -140,6 +145,7 @@ def test_of_repeated_motions_the_differing_noise_answers_and_the_repeated_stands
     tables = pose_tables(tmp_path, monkeypatch, effects)
     facts = pose.facts(tables, None)
     (row,) = facts["norm"]
+
     assert row.noise == pose.DIFFERING
     assert row.exponent == "+0.1 [-0.2, +0.6]"
     assert row.repeated == "+0.5 [-0.2, +0.6]"
@@ -206,7 +212,9 @@ def test_drawn_noise_has_the_covariance_of_its_law_and_of_the_measurement(record
     expected = model.covariance(chain, q, v) + thinned.measurement
     rms = np.sqrt(np.diagonal(expected.mean(axis=(0, 1))))
     drawn = np.sqrt(noise.var(axis=0).mean(axis=(0, 1)))
+
     assert_allclose(drawn, rms, rtol=0.03)
+
     # the nominal step is the project's: measured minus nominal has the bias of E[B⁻¹]
     due = chain.nominal_step(q, v) / 15  # d/(d − n − 1) − 1 at σ_B = .25
     bias = noise.mean(axis=0) - due
@@ -221,15 +229,19 @@ def test_a_row_has_bias_error_and_coverage_of_the_estimates():
     for first, second in zip(estimates, again, strict=True):
         pairs.append(({"a": first}, {"a": second}))
     row = recovery_row("a", 0.25, [None, *pairs, ({"b": 0.2}, {"b": 0.2})])
+
     assert row["lost"] == 2 and row["datasets"] == 4000
     assert row["mean"] == pytest.approx(0.26, abs=0.001) and row["mean_low"] > 0.25
     assert row["bootstrap_standard_error"] == pytest.approx(0.02, rel=0.03)
+
     # an interval of ±1.96 standard errors about an estimate that is half a standard error off
     assert row["coverage"] == pytest.approx(0.92, abs=0.015)
+
     lost = recovery_row("a", 0.25, [None, None])
     rows = [{"estimator": "paper"} | row, {"estimator": "moments"} | lost]
     table = pd.DataFrame(rows).assign(parameter="sigma_b")
     facts = stage.facts({"recovery": table}, options_of("recovery"))
+
     assert [*map(len, facts["estimators"].values())] == [1, 0]  # lost: no estimate
 
 

@@ -50,10 +50,12 @@ def test_a_record_of_the_model_itself_passes_the_test_and_one_of_less_steady_ten
         record = correlated(SYSTEM, sigma_s, 6000, rng)
         outcomes.append(force_test(record, SYSTEM, sigma_s, rng))
     outcomes = pd.DataFrame(outcomes)
+
     # a binomial of 30 draws with 0.05 exceeds it with probability 6e-4
     assert np.mean(outcomes["two_sample_p_value"] <= 0.05) <= 0.2
     assert outcomes["effective_samples"].mean() == pytest.approx(300, rel=0.15)
     assert outcomes["tested_samples"].between(75, 300).all()
+
     model = models.matrix_model(SYSTEM)
     share = model.sigma_s_factor() * sigma_s[0, 0] / model.covariance(sigma_s)[0, 0]
     assert outcomes["matrix_share_fx"][0] == pytest.approx(share)
@@ -65,6 +67,7 @@ def test_a_record_of_the_model_itself_passes_the_test_and_one_of_less_steady_ten
     for record, rng in zip(records, rngs, strict=True):
         outcome = force_test(record, SYSTEM, sigma_s, rng)
         p_values.append(outcome["two_sample_p_value"])
+
     assert np.mean(np.array(p_values) <= 0.05) >= 0.9
 
 
@@ -93,7 +96,9 @@ def test_the_divergence_is_the_mean_log_ratio_of_the_two_normal_densities():
     ratios = law.logpdf(drawn) - multivariate_normal(*nominal).logpdf(drawn)
     error = ratios.std() / np.sqrt(len(ratios))
     divergence = measured.divergence_from(nominal)
+
     assert divergence == pytest.approx(ratios.mean(), abs=4 * error)
+
     # control: the term of the log-determinant is far larger than the band
     ratio = np.linalg.solve(nominal.covariance, measured.covariance)
     assert abs(np.log(np.linalg.det(ratio))) / 2 > 100 * error
@@ -107,11 +112,13 @@ def test_rows_are_those_that_the_cables_give_and_moments_are_over_the_length():
     assert rows_of(planar) == ("fx", "fy", "mz")
     assert rows_of(met) == SIX[:3]
     assert rows_of(TOWED) == SIX
+
     wrenches = sample_wrench(TOWED, 50, default_rng(1))
     record = pd.DataFrame(wrenches, columns=SIX)
     measured = measured_wrenches(record, TOWED, LENGTH)
     assert_allclose(measured[:, :3], wrenches[:, :3])
     assert_allclose(LENGTH * measured[:, 3:], wrenches[:, 3:])
+
     moment = measured_wrenches(record, planar, LENGTH)[:, 2]
     assert_array_equal(moment, record["mz"] / LENGTH)
 
@@ -126,6 +133,7 @@ def test_six_rows_of_a_record_of_the_cables_have_the_moments_of_the_matrix_model
     }
     moments = force_moments("T3", wrenches, SIX).set_index("source")
     exact = np.diag(models.wrench_covariance(system))
+
     # of vMF(κ) cables pull 1/κ less than their tension
     band = 4.5 * np.sqrt(exact / 20_000) + 0.03
     for source in wrenches:
@@ -133,6 +141,7 @@ def test_six_rows_of_a_record_of_the_cables_have_the_moments_of_the_matrix_model
         assert_allclose(variances, exact, rtol=0.06)
         mean = moments.loc[source, list(SIX)].astype(float)
         assert np.all(np.abs(mean - system.jacobian() @ system.tension) < band)
+
     # the control: of other attachments the moments differ and the forces do not
     nearer = replace(system, attachment=0.5 * system.attachment)
     ratio = np.diag(models.wrench_covariance(nearer)) / exact

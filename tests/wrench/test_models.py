@@ -46,9 +46,11 @@ def test_the_mean_length_is_a_ratio_of_bessel_functions_in_the_plane_and_of_hype
     in_plane = mean_resultant_length(kappa, 2)
     in_space = mean_resultant_length(kappa, 3)
     assert_allclose(in_plane, i1(kappa) / i0(kappa), rtol=1e-13)
+
     closed = 1 / np.tanh(kappa) - 1 / kappa  # which loses digits as κ falls
     assert_allclose(in_space, closed, rtol=1e-13 / kappa.min())
     assert np.abs(in_space - in_plane).min() > 1e-4
+
     for p in (2, 3):
         lengths = mean_resultant_length(np.array([1e-8, 1e8]), p)
         assert_allclose(lengths, [1e-8 / p, 1 - (p - 1) / 2e8], rtol=1e-9)
@@ -87,6 +89,7 @@ def test_moments_of_one_cable_equal_those_integrated_over_its_direction(theta, k
     second = (tension**2 + sd**2) * np.array([[square, mixed], [mixed, 1 - square]])
     covariance = second - np.outer(mean, mean)
     cable = one_cable(tension, theta, sd, kappa)
+
     assert_allclose(wrench_mean(cable), mean, atol=1e-10)
     assert_allclose(wrench_covariance(cable), covariance, atol=1e-9)
 
@@ -107,7 +110,9 @@ def test_in_the_plane_the_variances_of_the_force_are_the_papers_formulas():
     yy = np.sum(a * np.sin(angle) ** 2 + b * np.cos(2 * angle))
     xy = np.sum(np.sin(2 * angle) * (a - 2 * b) / 2)
     papers = [[xx, xy], [xy, yy]]
+
     assert_allclose(wrench_covariance(WIDE), papers, rtol=1e-13)
+
     # the forces of cables with attachments apart are the same
     of_forces = wrench_covariance(APART)[:2, :2]
     assert_allclose(of_forces, papers, rtol=1e-13)
@@ -121,15 +126,18 @@ def test_simulated_wrenches_have_the_closed_forms_moments_and_the_small_angle_la
     samples = sample_wrench(system, 100_000, default_rng(1))
     mean, covariance = wrench_mean(system), wrench_covariance(system)
     assert samples.shape[1] == {"plane": 3, "space": 6}.get(place, system.dimension)
+
     error = np.sqrt(np.diag(covariance) / len(samples))
     assert np.abs((samples.mean(axis=0) - mean) / error).max() < BAND
     assert np.abs(covariance_z(samples, covariance)).max() < BAND
+
     # the control: the small-angle law
     maps, columns = system.maps(), system.jacobian()
     across = system.tension**2 / system.concentration
     along = system.tension_sd**2 - across
     small_angle = np.einsum("mip,m,mjp->ij", maps, across, maps)
     small_angle += (columns * along) @ columns.T
+
     assert np.abs(covariance_z(samples, small_angle)).max() > 5 * BAND
 
 
@@ -138,7 +146,9 @@ def test_concentrations_whose_bessel_functions_overflow_give_the_small_angle_law
     with np.errstate(over="ignore"):
         assert np.isinf(i0(kappa))
     length = mean_resultant_length(kappa, 2)
+
     assert length == pytest.approx(1 - 1 / (2 * kappa), abs=1 / kappa**2)
+
     variances = np.diag(wrench_covariance(one_cable(6.0, np.pi / 2, 2.0, kappa)))
     assert_allclose(variances[0], (36.0 + 4.0) / kappa, rtol=1e-4)
     assert_allclose(variances[1], 4.0, rtol=0.2)
@@ -184,8 +194,10 @@ def test_products_of_whole_random_matrices_have_the_closed_forms_moments():
     covariance = MODEL.covariance(SIGMA_S)
     error = np.sqrt(np.diag(covariance) / N)
     off = samples.mean(axis=0) - MODEL.jacobian @ MODEL.actuation
+
     assert np.abs(off / error).max() < BAND
     assert np.abs(covariance_z(samples, covariance)).max() < BAND
+
     # the control
     identity = replace(MODEL, psi=np.eye(3)).covariance(SIGMA_S)
     assert np.abs(covariance_z(samples, identity)).max() > 2 * BAND
@@ -197,6 +209,7 @@ def test_reduced_sampling_has_the_law_of_the_whole_product_and_a_normal_law_has_
     reduced = sample_wrenches(MODEL, SIGMA_S, N, rng)
     for direction in ([1.0, 0.0], [0.0, 1.0], [0.6, -0.8]):
         assert ks_2samp(whole @ direction, reduced @ direction).pvalue > 1e-3
+
     mean = MODEL.jacobian @ MODEL.actuation
     normal = rng.multivariate_normal(mean, MODEL.covariance(SIGMA_S), N)
     assert ks_2samp(whole[:, 0], normal[:, 0]).pvalue < 1e-6
@@ -212,12 +225,15 @@ def test_the_optimum_has_the_conditions_of_a_minimum_and_no_feasible_step_from_i
     mask = np.eye(2) if form == "diagonal" else np.ones((2, 2))
     target = unbounded_sigma_s(systems) * mask
     closed, held = optimal_sigma_s(unbounded_sigma_s(systems), form)
+
     # Karush-Kuhn-Tucker of min ‖Σ − M‖ over Σ ≥ 0, a convex problem
     multiplier, size = closed - target, np.abs(target).max()
     assert np.linalg.eigvalsh(closed).min() > -1e-12 * size
     assert np.linalg.eigvalsh(multiplier).min() > -1e-12 * size
+
     product = np.trace(closed @ multiplier, axis1=1, axis2=2)
     assert np.abs(product).max() < 1e-12 * size**2
+
     negative = np.sum(np.linalg.eigvalsh(target) < 0, axis=-1)
     assert_array_equal(held, negative)
     assert np.sum(held > 0) >= 10 and np.sum(held == 0) >= 10
@@ -240,13 +256,16 @@ def test_without_active_bounds_the_moments_are_the_parametric_ones_and_else_vari
     full, held = optimal_sigma_s(unbounded, "full")
     difference = model.covariance(full) - covariance
     free = held == 0
+
     assert 0.5 < np.mean(free) < 1
     assert_allclose(difference[free], 0.0, atol=1e-11)
     assert np.all(np.trace(difference[~free], axis1=-2, axis2=-1) > 0)
+
     diagonal, held = optimal_sigma_s(unbounded, "diagonal")
     difference = model.covariance(diagonal) - covariance
     variances = np.diagonal(difference, axis1=-2, axis2=-1)
     assert_allclose(variances[held == 0], 0.0, atol=1e-12)
+
     # without off-diagonal terms the covariance of the two components is that of the actuation alone
     assert np.abs(difference[..., 0, 1]).max() > 0.01
 
@@ -273,13 +292,16 @@ def test_the_columns_of_directions_are_independent_and_their_variances_go_with_1
     ):
         draws.append(vonmises_fisher(mean, concentration, seed=rng).rvs(20_000))
     directions = np.stack(draws, axis=1)
+
     # E[XᵀX] = tr(Σ_S)·Ψ_S, X = S − E[S] (Theorem 5), with tr Ψ_S = 4
     x = directions - directions.mean(axis=0)
     psi = np.einsum("kai,kbi->ab", x, x) / len(x)
     psi *= 4 / np.trace(psi)
+
     # a variance of 20 000 draws is known to 1 %, a correlation to 0.007
     due = 4 / kappa / np.sum(1 / kappa)
     assert_allclose(np.diag(psi), due, rtol=0.045)
+
     scale = np.sqrt(np.diag(psi))
     correlation = psi / np.outer(scale, scale)
     assert np.abs(correlation - np.eye(4)).max() < 0.032
@@ -291,6 +313,7 @@ def test_one_law_of_the_tensions_tells_a_trace_with_psi_times_sigma_but_neither_
     ratio = CABLES.sigma_s_factor() / exchanged.sigma_s_factor()
     due = CABLES.covariance(SIGMA_CABLES)
     of_exchanged = exchanged.covariance(ratio * SIGMA_CABLES)
+
     assert_allclose(of_exchanged, due, rtol=1e-12)
     # the control: with the same Σ_S
     assert np.abs(exchanged.covariance(SIGMA_CABLES) / due - 1).max() > 0.001
@@ -313,7 +336,9 @@ def test_several_known_tensions_tell_psi_and_sigma_but_for_one_factor():
     psi = np.zeros((4, 4))
     psi[i, j] = psi[j, i] = np.linalg.solve(psi_coefficients(tensions), traces)
     psi *= 4 / np.trace(psi)
+
     assert_allclose(psi, PSI, atol=1e-7)
+
     sigma_s = covariances[0] / (tensions[0] @ psi @ tensions[0])
     assert_allclose(sigma_s, SIGMA_CABLES, rtol=1e-7)
     # one fewer, or one alone in several sizes, leave Ψ open

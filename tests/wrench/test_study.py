@@ -57,9 +57,11 @@ def characteristics(system):
 def test_systems_stay_within_their_bounds_and_fill_them(bounds):
     system = draw_systems(bounds, 4000, 3, default_rng(12))
     assert system.direction.shape == (4000, 3, bounds.dimension)
+
     drawn = characteristics(system)
     stated = {name: ends for name, ends in vars(bounds).items() if ends is not None}
     assert drawn.keys() == stated.keys()
+
     for name, (low, high) in stated.items():
         margin = 0.01 * (high - low)
         least, greatest = drawn[name].min(), drawn[name].max()
@@ -112,10 +114,12 @@ def test_a_configuration_in_space_has_elevations_and_attachments_over_the_length
     options = force(configuration, length=0.2)
     system = nominal_system(options, configuration)
     assert_allclose(np.linalg.norm(system.direction, axis=1), 1)
+
     x, y, z = system.direction.T
     assert_allclose(np.arcsin(z), SPATIAL["elevation"])
     assert_allclose(np.arctan2(y, x), SPATIAL["direction"])
     assert_allclose(0.2 * system.attachment, SPATIAL["attachment"])
+
     bounds = configuration_bounds(options, configuration)
     assert bounds.elevation == [-0.5, 0.5]
     assert_allclose(bounds.attachment, [-0.5, 0.5])
@@ -126,9 +130,11 @@ def test_a_configuration_in_the_plane_has_neither():
     options = force(configuration)
     system = nominal_system(options, configuration)
     x, y = system.direction.T
+
     assert_allclose(np.arctan2(y, x), PLANAR["direction"])
     assert system.tension_sd.tolist() == [0.5, 0.6]
     assert system.attachment is None
+
     bounds = configuration_bounds(options, configuration)
     assert (bounds.dimension, bounds.attachment) == (2, None)
 
@@ -202,13 +208,16 @@ def test_with_its_own_bounds_alone_it_is_what_averages_over_systems_tend_to(
     expected = expected_sigma_s(WIDE, agents, default_rng(47))[form]
     assert estimate.clipped > 1000
     assert np.abs(z_scores(estimate, expected)).max() < 4
+
     # the standard error tends to the deviation of single systems over √systems
     error = np.diag(estimate.standard_error)
     deviations = error * np.sqrt(estimate.systems)
     assert_allclose(deviations, np.diag(expected.deviation), rtol=0.05)
+
     # controls: without the bound, and of wider directions
     without_bound = estimate.mean - expected_unbounded_sigma_s(WIDE, agents)
     assert np.max(np.diag(without_bound) / error) > 8
+
     wider = replace(WIDE, direction=(0.1, 0.8))
     of_wider = expected_sigma_s(wider, agents, default_rng(48))[form]
     moved = np.diag(estimate.mean - of_wider.mean)
@@ -231,7 +240,9 @@ def test_off_diagonal_terms_lower_the_error_of_the_covariance_and_less_so_with_f
     diagonal = errors["covariance_error_diagonal"]
     gain = diagonal - errors["covariance_error_full"]
     of_agents = gain.groupby(errors["agents"])
+
     assert (of_agents.mean() > 4 * of_agents.sem()).all()
+
     relative = of_agents.mean() / diagonal.groupby(errors["agents"]).mean()
     assert relative[20] > 2 * relative[3]
 
@@ -251,6 +262,7 @@ def test_the_error_falls_with_the_number_of_cables_in_every_repeat():
     _, _, spread = run_study(study_options(agents.tolist(), 5), rng)
     means = spread.pivot(index="repeat", columns="agents", values="mean").to_numpy()
     assert (np.diff(means, axis=1) < 0).all()
+
     # and with the root of their number, as the error of one covariance for every system does
     alike = []
     for m in agents:

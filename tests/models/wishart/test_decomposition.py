@@ -59,6 +59,7 @@ def test_the_factors_compose_to_the_nominal_step_and_broadcast(
         atol=1e-14,
     )
     assert_allclose(log_determinant, -np.linalg.slogdet(back)[1], atol=1e-9)
+
     steps = np.linspace(0.1, 1, 7)[:, None] * step
     a_each, back_each, _ = split(chain.jacobian(poses[3]), steps, decomposition)
     assert_allclose(

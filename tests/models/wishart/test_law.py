@@ -37,8 +37,10 @@ def test_the_reduced_law_is_that_of_algorithm_1(chain, step, decomposition, sigm
         step,
         rng,
     )
+
     assert least_p_value(drawn, matrices) > 0.01 / 8
     assert clipped == 0
+
     # control: a dispersion 5 % off is rejected
     wrong, _ = draw_steps(
         WishartModel(1.05 * sigma_b, decomposition),
@@ -47,6 +49,7 @@ def test_the_reduced_law_is_that_of_algorithm_1(chain, step, decomposition, sigm
         step,
         rng,
     )
+
     assert least_p_value(wrong, matrices) < 1e-4
 
 
@@ -65,11 +68,13 @@ def test_the_exact_moments_are_those_of_algorithm_1(chain, step, decomposition):
     mean = model.mean(chain, POSE, step)
     covariance = model.covariance(chain, POSE, step)
     error = np.sqrt(np.diag(covariance) / len(drawn))
+
     assert np.abs((drawn.mean(axis=0) - mean) / error).max() < 4
     assert (
         np.linalg.norm(np.cov(drawn.T) - covariance) / np.linalg.norm(covariance)
         < 0.025
     )
+
     # control: the nominal step is not the mean, it is 1.067 times as long
     nominal = POSE + chain.inverse_jacobian(POSE) @ step
     assert np.abs((drawn.mean(axis=0) - nominal) / error).max() > 12
@@ -83,7 +88,9 @@ def test_the_variances_of_a_step_are_those_of_the_inverse_wishart_law(sigma_b, m
     law = stats.invwishart(d, d * np.eye(m))
     variances = np.ravel(law.var())  # of the entries of B⁻¹, by rows
     along, across = step_variances(d, m)
+
     assert along == pytest.approx(variances[0], rel=1e-12)
+
     if m > 1:
         assert across == pytest.approx(variances[1], rel=1e-12)
 
@@ -230,11 +237,13 @@ def test_it_is_the_mean_of_normals_over_the_law_of_z_and_g(n, m):
         squared = np.einsum("zi,zgij,zj->zg", residual, precision, residual)
         normal = np.exp(-0.5 * squared) / np.sqrt(determinant)
         exact.append(np.log(weights @ normal @ weights / 4))
+
     assert_allclose(
         model.log_density(arm, q, v, q_next, noise),
         exact,
         atol=3e-4,
     )
+
     # control: another dispersion
     wider = WishartModel(1.02 * SIGMA_B, model.decomposition)
     assert np.abs(wider.log_density(arm, q, v, q_next, noise) - exact).max() > 1.5e-3
@@ -250,6 +259,7 @@ def test_without_measurement_it_integrates_to_one(n):
     q_next = wider.rvs(20_000)
     ratio = np.exp(model.log_density(arm, q, v, q_next) - wider.logpdf(q_next))
     error = ratio.std() / np.sqrt(len(ratio))
+
     assert error < 0.02 and abs(ratio.mean() - 1) < 4 * error
     # control: a share of 10 % less is seen
     assert abs(0.9 * ratio.mean() - 1) > 4 * error

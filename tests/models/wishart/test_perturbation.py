@@ -69,14 +69,18 @@ def test_the_perturbations_are_those_of_the_problem_as_printed(n, m, name):
     jacobians, v, a, back, noise = arm_problems(n, m, decomposition, 1.5)
     fits = fit_perturbations(noise, a, back, WEIGHTS, FLOOR)
     b_inverse = np.eye(m) + fits.s
+
     assert np.linalg.eigvalsh(b_inverse).min() > FLOOR - 1e-10
+
     for kind in (fits.bound, ~fits.bound):
         at = np.flatnonzero(kind)[:2]
         assert len(at) == 2
         printed = fits.objective[at], jacobians[at], v[at], noise[at]
         assert perturbation_gap(printed, decomposition, WEIGHTS, FLOOR) < 1e-5
     wrong = 1.01 * printed[0], *printed[1:]
+
     assert perturbation_gap(wrong, decomposition, WEIGHTS, FLOOR) > 0.009
+
     if name != "qr":  # only there J₁ = I
         return
     moved = np.flatnonzero(np.linalg.norm(fits.s, axis=(1, 2)) > 0.05)[:3]
@@ -86,6 +90,7 @@ def test_the_perturbations_are_those_of_the_problem_as_printed(n, m, name):
         band = 5e-3 * np.abs(b_inv).max()
         assert_allclose(b_inverse[i], b_inv, atol=band)
     difference = fits.s[moved[0]] - fits.s[moved[1]]
+
     assert np.abs(difference).max() > 0.02
 
 
@@ -96,6 +101,7 @@ def test_many_of_those_problems_are_held_back_by_the_bound(chain, poses, step):
         fit_perturbations(noise, a, back, weights(1e-3), floor)
         for floor in (0.1, 0.001)
     )
+
     assert fit.bound.sum() > 20
     assert np.all(looser.objective <= fit.objective * (1 + 1e-9))
     assert np.any(looser.objective[fit.bound] < fit.objective[fit.bound] * (1 - 1e-3))
@@ -106,10 +112,12 @@ def test_equal_weights_return_the_identity_for_every_step(chain, poses, step):
     """The paper's weights are not given: with α₁ = α₂ = ½ every fit is B = I, and σ̂_B = 0."""
     noise, a, back = scene(chain, poses, step, 0.006)
     assert not np.any(fit_perturbations(noise, a, back, (0.5, 0.5), 0.01).s)
+
     fits = (
         fit_perturbations(noise, a, back, weights(ratio), 0.01) for ratio in (0.3, 3e-3)
     )
     few, most = (fit_of_ratio.s.any(axis=(1, 2)).mean() for fit_of_ratio in fits)
+
     assert few < 0.1 < 0.9 < most
 
 
@@ -125,6 +133,7 @@ def test_an_exact_fit_inverts_the_model(chain, poses, step):
         np.matvec(fit_perturbations(deviation, a, back, weights(1e-9), 0.01).s, a)
         for deviation in (noise, -noise)
     )
+
     assert_allclose(a + image, a @ b_inv, atol=1e-12)
     assert np.linalg.norm(reverse - image) > np.linalg.norm(image)
 
@@ -162,6 +171,7 @@ def test_at_rest_nothing_is_perturbed_and_the_mean_over_time_counts_those_steps(
     squares = np.sum((b - np.eye(3)) ** 2, axis=(-2, -1)) / 3
     dispersions = np.sqrt(squares.mean(axis=0))
     result = fit_paper(data, PIVOTED_LU, FLOOR)
+
     assert not fits.s.reshape(100, -1, 3, 3)[:, :REST].any()
     assert not dispersions[:REST].any() and np.all(dispersions[REST:] > 0)
     assert_allclose(result.estimates["sigma_b"], dispersions.mean())
@@ -180,6 +190,7 @@ def test_noise_that_is_not_finite_and_a_motion_without_noise_at_rest_are_refused
     ) as refusal:
         fit_paper(data, PIVOTED_LU, FLOOR)
     assert refusal.value.evidence["index"] == 2 * (REST + MOVING) + REST
+
     data.noise[:, :REST] = 0.0
     for command in (0.0, 1e-4):  # noise at rest is zero; no step is at rest
         data.v[:REST] = command
@@ -286,6 +297,7 @@ def test_every_optimum_is_feasible_and_certified_by_its_dual(ratio, floor, size)
         rtol=1e-9,
         atol=1e-15,
     )
+
     least = np.linalg.eigvalsh(s)[:, 0] - (floor - 1)
     assert least.min() > -1e-10 and np.array_equal(least < 1e-9, bound)
     assert 30 < bound.sum() < 770
@@ -344,10 +356,12 @@ def test_a_minimum_that_was_not_reached_and_an_all_but_singular_arm_are_refused(
     matrices = {
         far: np.array([[[1.0, 1.0], [1.0, 1.0 + far]]]) for far in (1e-5, 1e-7, 1e-15)
     }
+
     assert fit(noise, e, matrices.pop(1e-5), 0.03, 0.2).objective[0] > 0
     for matrix in matrices.values():
         with pytest.raises(SolverError, match="not solved to optimality"):
             fit(noise, e, matrix, 0.03, 0.2)
+
     monkeypatch.setattr(perturbation, "STEPS", 2)
     with pytest.raises(SolverError, match="not solved to optimality") as refusal:
         fit(*problems(1, 1.0, 3, 3), 0.03, 0.2)
