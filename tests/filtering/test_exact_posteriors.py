@@ -1,5 +1,6 @@
-"""The particle filter against exact posteriors: the Kalman filter's, a direct integration over the
-joint's range, and Pinocchio's displacement of the tip; its worth in a closed loop.
+"""The particle filter against exact posteriors: of a linear law with and without a memory, a direct
+integration over the joint's range, and Pinocchio's displacement of the tip; its worth in a closed
+loop.
 """
 
 from dataclasses import dataclass, replace
@@ -7,6 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
+from loop_takes import takes_in_loop
 from numpy.random import default_rng
 from sample_options import filter_options
 from scipy.spatial.transform import Rotation
@@ -20,7 +22,6 @@ from pipeline.filtering.particle_filter import Posterior, Start, particle_filter
 from pipeline.filtering.sampling import SCHEMES
 from pipeline.models.additive.law import AdditiveModel
 from pipeline.models.closed_loop import MeanPath
-from pipeline.models.draws import draw_steps
 from pipeline.models.model import Commands, Traits, open_loop
 
 DT = 0.01
@@ -36,65 +37,43 @@ START = Start(
 )
 _K = np.arange(60)
 STEPS = 0.02 * np.stack([np.sin(0.1 * _K), np.cos(0.07 * _K), np.ones(60)], axis=1)
+GRID = len(STEPS) + 1
+MEAN_PATH = START.mean + np.vstack([np.zeros(3), np.cumsum(STEPS @ INVERSE.T, axis=0)])
 
 
 def measured_path(t: np.ndarray) -> Measurements:
     """Measurements of one path of the linear model, each frame with its own bias and covariance."""
     rng = default_rng(11)
-    moves = STEPS @ INVERSE.T + rng.multivariate_normal(np.zeros(3), NOISE, len(STEPS))
-    path = START.mean + np.cumsum(moves, axis=0)
-    grid = DT * np.arange(1, len(STEPS) + 1)
-    truth = np.stack([np.interp(t, grid, path[:, j]) for j in range(3)], axis=1)
+    noise = rng.multivariate_normal(np.zeros(3), NOISE, len(STEPS))
+    path = START.mean + np.cumsum(STEPS @ INVERSE.T + noise, axis=0)
+    grid = DT * np.arange(1, GRID)
+    truth = np.stack([np.interp(t, grid, joint) for joint in path.T], axis=1)
+
     bias = 0.05 * np.sin(np.outer(t, [3.0, 5.0, 7.0]))
-    root = 0.02 * (np.eye(3) + 0.3 * rng.standard_normal((len(t), 3, 3)))
-    noise = np.matvec(root, rng.standard_normal((len(t), 3)))
+    spread = rng.standard_normal((len(t), 3, 3))
+    root = 0.02 * (np.eye(3) + 0.3 * spread)
+    errors = np.matvec(root, rng.standard_normal((len(t), 3)))
     covariance = root @ np.swapaxes(root, 1, 2)
-    return Measurements("test01", t, truth + bias + noise, bias, covariance)
+    return Measurements("test01", t, truth + bias + errors, bias, covariance)
 
 
 FRAMES = measured_path(np.arange(18) / 30 + 0.004)
 BAND = 2.0  # root mean square over some hundred correlated deviations
 
 
-def kalman(measurements: Measurements) -> tuple[np.ndarray, np.ndarray]:
-    """Exact filtering means (M+1, 3) and covariances (M+1, 3, 3) of the linear model, on the pair
-    of poses that bound a step.
-    """
-    frames, due, shares = measurements.schedule(len(STEPS), DT)
-    mean = np.tile(START.mean, 2)
-    covariance = np.tile(START.covariance, (2, 2))
-    means, covariances = [], []
-    unbiased = measurements.y - measurements.bias
-    for k in range(len(STEPS) + 1):
-        if k > 0:
-            last = covariance[3:, 3:]
-            mean = np.concatenate([mean[3:], mean[3:] + INVERSE @ STEPS[k - 1]])
-            covariance = np.block([[last, last], [last, last + NOISE]])
-        for frame, share in zip(frames[due == k], shares[due == k], strict=True):
-            observation = np.hstack([(1 - share) * np.eye(3), share * np.eye(3)])
-            across = observation @ covariance
-            total = across @ observation.T + measurements.covariance[frame]
-            gain = np.linalg.solve(total, across).T
-            mean = mean + gain @ (unbiased[frame] - observation @ mean)
-            covariance = covariance - gain @ across
-        means.append(mean[3:])
-        covariances.append(covariance[3:, 3:])
-    return np.array(means), np.array(covariances)
-
-
 def distance(runs: list[Posterior], *exact_moments: np.ndarray) -> np.ndarray:
     """Root mean square deviation of the runs' average from the exact mean and covariance, in
     standard errors taken from the independent runs; about 1 where the filter is right.
     """
-    deviations = []
+    distances = []
     for name, exact in zip(("mean", "covariance"), exact_moments, strict=True):
         values = np.array([getattr(run, name) for run in runs])
         error = values.std(axis=0, ddof=1) / np.sqrt(len(runs))
-        difference = values.mean(axis=0) - exact
+        deviation = values.mean(axis=0) - exact
         varies = error > 1e-15
-        standardised = difference[varies] / error[varies]
-        deviations.append(np.sqrt(np.mean(standardised**2)))
-    return np.array(deviations)
+        scores = deviation[varies] / error[varies]
+        distances.append(np.sqrt(np.mean(scores**2)))
+    return np.array(distances)
 
 
 def runs_of(
@@ -110,19 +89,25 @@ def runs_of(
     return [particle_filter(*problem, default_rng(seed)) for seed in seeds]
 
 
+def exact_posterior(decay: float) -> tuple[np.ndarray, np.ndarray]:
+    """Mean (M+1, 3) and covariance (M+1, 3, 3) of the path of :class:`Remembering` given FRAMES;
+    the Kalman filter's if nothing is remembered.
+    """
+    (mean,), (covariance,) = linear_filter(MEAN_PATH, remembered(decay), [FRAMES], DT)
+    return mean, covariance
+
+
 @pytest.mark.parametrize("scheme", [name for name in SCHEMES if name != "none"])
 def test_with_a_linear_model_and_normal_noise_the_posterior_is_the_kalman_filters(
     scheme,
 ):
     options = filter_options(2000, scheme)
-    runs = runs_of(AdditiveModel(NOISE), LINEAR, STEPS, START, FRAMES, options)
-    exact = kalman(FRAMES)
-    assert all(run.resampled.any() for run in runs)
-    assert np.all(distance(runs, *exact) < BAND)
+    exact = exact_posterior(0.0)
 
+    assert np.all(distance(linear_runs(AdditiveModel(NOISE), options), *exact) < BAND)
     # control: motion noise half as large again
-    runs = runs_of(AdditiveModel(1.5 * NOISE), LINEAR, STEPS, START, FRAMES, options)
-    assert np.all(distance(runs, *exact) > 2 * BAND)
+    wide = linear_runs(AdditiveModel(1.5 * NOISE), options)
+    assert np.all(distance(wide, *exact) > 2 * BAND)
 
 
 @dataclass(frozen=True)
@@ -146,35 +131,33 @@ class Remembering:
         return q + chain.nominal_step(q, v) + change, change
 
 
+def linear_runs(model, options, seeds=range(16)) -> list[Posterior]:
+    """Runs of the filter on the arm of constant Jacobian, all of which resample."""
+    runs = runs_of(model, LINEAR, STEPS, START, FRAMES, options, seeds)
+    assert all(run.resampled.any() for run in runs)
+    return runs
+
+
 def remembered(decay: float) -> tuple[np.ndarray, np.ndarray]:
-    """Mean (M+1, 3) and covariance (M+1, 3, M+1, 3) of the path of :class:`Remembering`."""
-    grid = len(STEPS) + 1
-    mean = START.mean + np.vstack([np.zeros(3), np.cumsum(STEPS @ INVERSE.T, axis=0)])
+    """Covariance (M+1, 3, M+1, 3) of the path of :class:`Remembering`, whose mean is MEAN_PATH."""
     # response of pose k to the noise of step l: 1 + decay + … + decay^(k − l)
-    lags = np.arange(grid)[:, None] - np.arange(1, grid)
-    response = np.where(
-        lags >= 0,
-        (1 - decay ** (lags.clip(0) + 1.0)) / (1 - decay),
-        0.0,
-    )
+    lags = np.arange(GRID)[:, None] - np.arange(1, GRID)
+    sums = (1 - decay ** (lags.clip(0) + 1.0)) / (1 - decay)
+    response = np.where(lags >= 0, sums, 0.0)
     covariance = np.einsum("kl,ml,ij->kimj", response, response, NOISE)
-    return mean, covariance + START.covariance[:, None]
+    return covariance + START.covariance[:, None]
 
 
 def test_a_law_with_a_memory_has_the_exact_posterior_of_its_path():
-    exact = linear_filter(*remembered(0.7), [FRAMES], DT)
     options, seeds = filter_options(1000), range(8)
-    means, covariances = exact
+    exact = exact_posterior(0.7)
 
-    def distance_of(decay: float) -> np.ndarray:
-        model = Remembering(decay)
-        runs = runs_of(model, LINEAR, STEPS, START, FRAMES, options, seeds)
-        assert all(run.resampled.any() for run in runs)
-        return distance(runs, means[0], covariances[0])
-
-    assert np.all(distance_of(0.7) < BAND)
+    assert np.all(
+        distance(linear_runs(Remembering(0.7), options, seeds), *exact) < BAND
+    )
     # control: a law with another memory
-    assert np.all(distance_of(0.4) > 2 * BAND)
+    shorter = linear_runs(Remembering(0.4), options, seeds)
+    assert np.all(distance(shorter, *exact) > 2 * BAND)
 
 
 # one joint that turns the tip about the base, from PHASE on, and the tip's height as the task: its
@@ -197,33 +180,38 @@ def integrated(measurements: Measurements) -> tuple[np.ndarray, np.ndarray]:
     edges = np.linspace(*WALLS, 1401)
     q = (edges[1:] + edges[:-1]) / 2
     cell = q[1] - q[0]
-    frames, due, shares = measurements.schedule(len(FAST), DT)
-    density = norm.pdf(q, AT_WALL.mean[0], 0.03)
-    density /= density.sum() * cell
     after_step = q + FAST[0, 0] / np.cos(q + PHASE)
     kernel = norm.pdf(q, after_step[:, None], np.sqrt(VARIANCE))
+
+    frames, due, shares = measurements.schedule(len(FAST), DT)
+    density = norm.pdf(q, AT_WALL.mean[0], 0.03)
     means, variances = [], []
     for k in range(len(FAST) + 1):
-        joint = density[:, None] * kernel
+        density /= density.sum() * cell
+        joint = density[:, None] * kernel  # of the poses before and after the step
         if k == 0:
             joint = np.diag(density / cell)
         for frame, share in zip(frames[due == k], shares[due == k], strict=True):
-            pose = (1 - share) * q[:, None] + share * q[None, :]
+            pose = (1 - share) * q[:, None] + share * q
             joint *= norm.pdf(measurements.y[frame, 0], pose, 0.02)
-        density = joint.sum(axis=0) * cell
-        density /= density.sum() * cell
-        means.append((density @ q) * cell)
-        variances.append((density @ (q - means[-1]) ** 2) * cell)
+
+        density = joint.sum(axis=0)
+        weights = density / density.sum()
+        mean = weights @ q
+        means.append(mean)
+        variances.append(weights @ (q - mean) ** 2)
     return np.array(means), np.array(variances)
 
 
 @pytest.fixture(scope="module")
 def walled_runs() -> list[Posterior]:
+    identity, turn = np.eye(3), Rotation.from_euler("z", PHASE).as_matrix()
+    placements = np.array([[*turn.ravel(), 0, 0, 0], [*identity.ravel(), 1.0, 0, 0]])
+    lower, upper = np.array(WALLS)[:, None]
+    turning = np.zeros(1, dtype=bool)
+    arm = SerialChain(("y",), 1.0, placements, turning, lower, upper, np.ones(1))
     model = AdditiveModel(np.array([[VARIANCE]]))
-    phase = Rotation.from_euler("z", PHASE).as_matrix().ravel()
-    placements = np.array([[*phase, 0, 0, 0], [*np.eye(3).ravel(), 1.0, 0, 0]])
-    ends = *np.array(WALLS)[:, None], np.ones(1)
-    arm = SerialChain(("y",), 1.0, placements, np.zeros(1, dtype=bool), *ends)
+
     runs = runs_of(model, arm, FAST, AT_WALL, WALL_FRAMES, filter_options(8000))
     scalar_runs = []
     for run in runs:
@@ -249,6 +237,19 @@ def test_the_integration_tells_frames_within_a_step_from_frames_moved_to_its_end
 DEVIATION = np.array([0.004, 0.006, 0.009])  # rad, that a loop of any share leaves
 
 
+SENSOR = 0.01  # rad, standard deviation of a measured joint angle of the loop
+LOOP_STEPS = 90
+
+
+def measured_takes(takes: np.ndarray, rng) -> list[Measurements]:
+    """Measurements of ``takes`` (T, M + 1, 3) after every third step."""
+    k = np.arange(3, LOOP_STEPS + 1, 3)
+    y = takes[:, k] + SENSOR * rng.standard_normal((len(takes), len(k), 3))
+    zero = np.zeros((len(k), 3))
+    noise = np.tile(SENSOR**2 * np.eye(3), (len(k), 1, 1))
+    return [Measurements("take", DT * k, angles, zero, noise) for angles in y]
+
+
 @pytest.mark.parametrize(
     "share, rms, coverage, wandering",
     [(0.03, 0.9, 0.08, 0.0), (0.9, 1.02, 0.03, 1.2)],
@@ -264,38 +265,27 @@ def test_the_filter_of_a_closed_loop_is_calibrated_and_the_open_loops_wanders(
     decays within a step with 0.9.
     """
     rng = default_rng(3)
-    steps = 90
-    count = 30
-    sensor = 0.01
-    progress = np.linspace(0.0, 1.0, steps + 1)[:, None]
+    progress = np.linspace(0.0, 1.0, LOOP_STEPS + 1)[:, None]
     poses = np.array([0.4, 1.7, -0.3]) + progress * np.array([0.5, 0.4, -0.6])
     path = MeanPath(chain, poses)
-    start = Start(poses[0], np.diag(DEVIATION**2))
     model = AdditiveModel(np.diag((1 - (1 - share) ** 2) * DEVIATION**2))
-    takes = np.empty((count, steps + 1, 3))
-    takes[:, 0] = poses[0] + DEVIATION * rng.standard_normal((count, 3))
-    for k in range(steps):  # corrected by NumPy
-        off = chain.displacement(chain.pose(takes[:, k]), chain.pose(poses[k]))
-        v = path.v[k] + share * off
-        takes[:, k + 1] = draw_steps(model, chain, takes[:, k], v, rng)[0]
-    k = np.arange(3, steps + 1, 3)
-    noise = np.tile(sensor**2 * np.eye(3), (len(k), 1, 1))
-    zero = np.zeros((len(k), 3))
-    y = takes[:, k] + sensor * rng.standard_normal((count, len(k), 3))
-    measured = [Measurements("take", DT * k, angles, zero, noise) for angles in y]
+    first = poses[0] + DEVIATION * rng.standard_normal((30, 3))
+    takes = takes_in_loop(model, path, share, first, rng)
+    measured = measured_takes(takes, rng)
+    of_mean = np.mean((takes - poses) ** 2, axis=(0, 1))
+    start = Start(poses[0], np.diag(DEVIATION**2))
 
     def filtered(commands: Commands) -> tuple[np.ndarray, np.ndarray]:
-        options, arguments = filter_options(400), (model, chain, commands, DT, start)
-        means, variances = [], []
-        for take in measured:
-            posterior = particle_filter(*arguments, take, options, rng)
-            means.append(posterior.mean)
-            variances.append(np.diagonal(posterior.covariance, axis1=1, axis2=2))
-        error = np.stack(means) - takes
-        squared = np.mean(error**2, axis=(0, 1))
-        of_mean = np.mean((takes - poses) ** 2, axis=(0, 1))
-        covered = np.mean(np.abs(error) <= np.sqrt(variances))
-        return np.sqrt(squared / of_mean), covered
+        """Relative rms error of each joint, and share of errors within one σ."""
+        problem = model, chain, commands, DT, start
+        runs = [
+            particle_filter(*problem, y, filter_options(400), rng) for y in measured
+        ]
+        error = np.stack([run.mean for run in runs]) - takes
+        covariances = np.stack([run.covariance for run in runs])
+        std = np.sqrt(np.diagonal(covariances, axis1=2, axis2=3))
+        relative = np.sqrt(np.mean(error**2, axis=(0, 1)) / of_mean)
+        return relative, np.mean(np.abs(error) <= std)
 
     closed, covered = filtered(path.commands(share))
     assert np.all(closed < rms) and covered == pytest.approx(0.683, abs=coverage)

@@ -7,7 +7,7 @@ import pytest
 from numpy.random import default_rng
 from numpy.testing import assert_allclose
 from scipy.linalg import block_diag
-from scipy.signal import lfilter
+from sequences import correlated
 
 from pipeline.core.errors import ModelDomainError
 from pipeline.filtering import linear
@@ -19,14 +19,16 @@ DT = 0.01
 def drawn(grid: int, n: int, times: list[float], seed: int):
     """A path, a prior (grid, n, grid, n), the measurements at ``times`` and a response."""
     rng = default_rng(seed)
-    count = len(times)
     root = 0.01 * rng.standard_normal((grid * n, grid * n))
     prior = (root @ root.T).reshape(grid, n, grid, n)
+
+    count = len(times)
     noise_root = 0.02 * rng.standard_normal((count, n, n))
     y, bias = rng.standard_normal((2, count, n))
     covariance = noise_root @ noise_root.swapaxes(1, 2)
     covariance += 1e-4 * np.eye(n)
     frames = Measurements("a", np.array(times), y, bias, covariance)
+
     response = np.eye(n) + 0.3 * rng.standard_normal((n, n))
     path = rng.standard_normal((grid, n))
     return path, prior, frames, response
@@ -35,21 +37,19 @@ def drawn(grid: int, n: int, times: list[float], seed: int):
 def direct(path, prior, frames, response, k: int) -> tuple[np.ndarray, np.ndarray]:
     """Mean and covariance of the pose at step k from the joint law of poses and frames."""
     grid, n = path.shape
-    full = prior.reshape(grid * n, grid * n)
     so_far = (frames.t >= 0) & (frames.t <= k * DT + 1e-12)
+    steps = frames.t[so_far, None] / DT
+    weights = np.maximum(0, 1 - np.abs(np.arange(grid) - steps))  # of a polygon
     unbiased = frames.y - frames.bias
-    observations, innovations = [np.empty((0, grid * n))], [np.empty(0)]
-    for t, y in zip(frames.t[so_far], unbiased[so_far], strict=True):
-        distance = np.abs(np.arange(grid) - t / DT)
-        weights = np.maximum(0, 1 - distance)  # of a polygon
-        observations.append(np.kron(weights, response))
-        innovations.append(y - weights @ path)
-    observation = np.vstack(observations)
+    innovations = unbiased[so_far] - weights @ path
+
+    full = prior.reshape(grid * n, grid * n)
+    observation = np.kron(weights, response)
     noise = block_diag(*frames.covariance[so_far])
     total = observation @ full @ observation.T + noise
-    across = observation @ full[:, k * n : (k + 1) * n]
+    across = observation @ prior[:, :, k].reshape(grid * n, n)
     gain = np.linalg.solve(total, across).T
-    mean = path[k] + gain @ np.concatenate(innovations)
+    mean = path[k] + gain @ innovations.ravel()
     return mean, prior[k, :, k] - gain @ across
 
 
@@ -78,10 +78,8 @@ NOISE = np.array([[2.0, -0.5], [-0.5, 1.0]]) * 1e-5
 def measured(takes: int, seed: int, noise=NOISE, keep: float = KEEP) -> np.ndarray:
     """(takes, STEPS, 2) rad of a first-order law about a path, measured with ``noise``."""
     rng = default_rng(seed)
-    root = np.linalg.cholesky(SPREAD)
-    fresh = rng.standard_normal((takes, STEPS, 2)) @ root.T
-    fresh[:, 1:] *= np.sqrt(1 - keep**2)
-    deviations = lfilter([1.0], [1.0, -keep], fresh, axis=1)
+    draws = rng.standard_normal((takes, STEPS, 2)) @ np.linalg.cholesky(SPREAD).T
+    deviations = correlated(draws, keep, axis=1)
     errors = rng.multivariate_normal(np.zeros(2), noise, (takes, STEPS))
     path = np.linspace(0, 1, STEPS)
     return path[:, None] + deviations + errors
@@ -95,19 +93,16 @@ def poses() -> np.ndarray:
 def test_the_autocorrelated_law_is_the_one_that_takes_were_drawn_with(poses):
     roots, lags = linear.deviation_roots(poses, NOISE), np.arange(1, 8)
     correlation = linear.autocorrelation(poses, NOISE)
-    for k in (0, 50, 119):
-        assert_allclose(
-            roots[k] @ roots[k],
-            np.cov(poses[:, k].T) - NOISE,
-            rtol=1e-9,
-        )
 
+    for k in (0, 50, 119):
+        expected = np.cov(poses[:, k].T) - NOISE
+        assert_allclose(roots[k] @ roots[k], expected, rtol=1e-9)
     expected = KEEP**lags * (1 - lags / STEPS)
     assert_allclose(correlation[lags], expected, atol=0.02)
+
     # control: the measurement taken for deviation
-    assert np.all(
-        linear.autocorrelation(poses, 0 * NOISE)[lags] < correlation[lags] - 0.005,
-    )
+    with_noise = linear.autocorrelation(poses, 0 * NOISE)
+    assert np.all(with_noise[lags] < correlation[lags] - 0.005)
 
 
 def test_the_autocorrelation_of_few_takes_is_not_biased_by_their_mean():
@@ -127,29 +122,27 @@ def test_the_autocorrelated_filter_is_calibrated_and_without_measurements_the_tr
 ):
     true = measured(100, 6, 0 * NOISE)
     k = np.arange(0, STEPS, 3)
+    zero = np.zeros((len(k), 2))
     rng = default_rng(5)
 
-    def filtered(noise):
+    def filtered(noise: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         errors = rng.multivariate_normal(np.zeros(2), noise, (len(true), len(k)))
-        zero = np.zeros((len(k), 2))
         covariance = np.tile(noise, (len(k), 1, 1))
-        frames = [
-            Measurements("take", DT * k, y, zero, covariance)
-            for y in true[:, k] + errors
-        ]
+        frames = []
+        for y in true[:, k] + errors:
+            frames.append(Measurements("take", DT * k, y, zero, covariance))
         return linear.autocorrelated_filter(poses, NOISE, frames, DT)
 
     means, covariances = filtered(NOISE)
-    assert covariances.shape == (*true.shape, 2)
-
     error = means - true
     variances = np.diagonal(covariances, axis1=2, axis2=3)
-    assert np.mean(np.abs(error) <= np.sqrt(variances)) == pytest.approx(
-        0.683,
-        abs=0.02,
-    )
-    assert np.mean(error**2) == pytest.approx(variances.mean(), rel=0.06)
-    assert np.mean(error**2) < 0.4 * np.mean((poses.mean(axis=0) - true) ** 2)
+    inside = np.abs(error) <= np.sqrt(variances)
+    square = np.mean(error**2)
+
+    assert covariances.shape == (*true.shape, 2)
+    assert np.mean(inside) == pytest.approx(0.683, abs=0.02)
+    assert square == pytest.approx(variances.mean(), rel=0.06)
+    assert square < 0.4 * np.mean((poses.mean(axis=0) - true) ** 2)
 
     # control: frames of no information leave the training mean and covariance
     blind, spread = filtered(1e6 * NOISE)
@@ -162,12 +155,15 @@ def test_baselines_predict_as_well_as_the_law_allows(keep):
     noise = 4e-6 * np.eye(2)
     training = measured(300, 1, noise, keep)
     poses = measured(300, 2, noise, keep)
+    recorded = SPREAD + noise
+    # variance less the part that the measured pose before tells
+    gain = keep**2 * SPREAD @ np.linalg.solve(recorded, SPREAD)
+
     predicted = linear.baseline_predictions(training, poses, noise)
 
-    # variance less the part that the measured pose before tells
-    gain = keep**2 * SPREAD @ np.linalg.solve(SPREAD + noise, SPREAD)
-    for name, expected in (("none", SPREAD + noise), ("memory", SPREAD + noise - gain)):
+    for name, covariance in (("none", recorded), ("memory", recorded - gain)):
         errors, covariances = predicted[name]
-        assert np.mean(errors**2) == pytest.approx(np.trace(expected) / 2, rel=0.12)
+        total = np.trace(covariance)
+        assert np.mean(errors**2) == pytest.approx(total / 2, rel=0.12)
         told = np.trace(covariances.mean(axis=0))
-        assert told == pytest.approx(np.trace(expected), rel=0.12)
+        assert told == pytest.approx(total, rel=0.12)

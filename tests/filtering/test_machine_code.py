@@ -28,13 +28,13 @@ from test_particle_filter import *
 
 def bits(decomposition, share):
     law = WishartModel(0.25, READINGS[decomposition])
-    posterior = on_the_scene(particle_filter, law, ARM, filter_options(1003), share, RNG(5))
+    posterior = on_the_scene(particle_filter, law, ARM, filter_options(1003), share, default_rng(5))
     assert posterior.resampled.any() and (share or posterior.outside.any())
     return posterior.mean.tobytes() + posterior.covariance.tobytes() + posterior.ess.tobytes()
 
-every = [(name, share) for name in ("pivoted_lu", "qr_transposed", "qr") for share in (0.0, 0.3)]
+cases = [(name, share) for name in ("pivoted_lu", "qr_transposed", "qr") for share in (0.0, 0.3)]
 with ThreadPoolExecutor(int(sys.argv[1])) as pool:
-    results = list(pool.map(lambda each: bits(*each), every))
+    results = list(pool.map(lambda case: bits(*case), cases))
 print(hashlib.sha256(b"".join(results)).hexdigest(), len({*results}))
 """
 

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from numpy.random import default_rng
 from numpy.testing import assert_allclose, assert_array_equal
-from scipy.signal import lfilter
+from sequences import correlated
 from space_arms import LWR4
 
 from pipeline.core import contracts
@@ -27,33 +27,43 @@ from pipeline.filtering.measurement import (
 def measurements_at(t, **changed) -> Measurements:
     """Measurements of three joints at the times ``t`` in s, with some arrays ``changed``."""
     rng = default_rng(3)
-    count = len(t)
-    root = 0.05 * rng.standard_normal((count, 3, 3))
+    root = 0.05 * rng.standard_normal((len(t), 3, 3))
     arrays = {
-        "y": rng.standard_normal((count, 3)),
-        "bias": 0.1 * rng.standard_normal((count, 3)),
+        "y": rng.standard_normal((len(t), 3)),
+        "bias": 0.1 * rng.standard_normal((len(t), 3)),
         "covariance": root @ np.swapaxes(root, 1, 2) + 1e-4 * np.eye(3),
     }
-    arrays |= changed
-    return Measurements("test07", np.array(t, dtype=float), **arrays)
+    times = np.array(t, dtype=float)
+    return Measurements("test07", times, **(arrays | changed))
 
 
-def test_a_frame_enters_at_the_step_during_which_it_was_taken():
-    frame, step, share = measurements_at([0.004, 0.0151, 0.019, 0.0]).schedule(5, 0.01)
-    assert (frame.tolist(), step.tolist()) == ([3, 0, 1, 2], [0, 1, 2, 2])
-    assert_allclose(share, [1.0, 0.4, 0.51, 0.9])
+@pytest.mark.parametrize(
+    ("times", "frames", "steps", "shares"),
+    [
+        (
+            [0.004, 0.0151, 0.019, 0.0],
+            [3, 0, 1, 2],
+            [0, 1, 2, 2],
+            [1.0, 0.4, 0.51, 0.9],
+        ),
+        # those before the start and after the end of the motion do not enter
+        ([-0.02, -1e-4, 0.0, 0.05, 0.0501], [2, 3], [0, 5], [1.0, 1.0]),
+    ],
+)
+def test_a_frame_enters_at_the_step_during_which_it_was_taken(
+    times,
+    frames,
+    steps,
+    shares,
+):
+    frame, step, share = measurements_at(times).schedule(5, 0.01)
 
-    # those before the start and after the end of the motion do not enter
-    frame, step, share = measurements_at([-0.02, -1e-4, 0.0, 0.05, 0.0501]).schedule(
-        5,
-        0.01,
-    )
+    assert frame.tolist() == frames
+    assert step.tolist() == steps
+    assert_allclose(share, shares)
 
-    assert (frame.tolist(), step.tolist(), share.tolist()) == (
-        [2, 3],
-        [0, 5],
-        [1.0, 1.0],
-    )
+
+def test_without_frames_none_enters_a_step():
     assert measurements_at([]).frames(5, 0.01).first.tolist() == [0] * 7
 
 
@@ -61,11 +71,9 @@ def test_a_frame_on_the_grid_enters_at_that_very_step_whatever_the_rounding_of_i
     t, steps = np.arange(321) / 100, np.arange(321)
     for times in (t, steps * 0.01, np.nextafter(t, 9.0), np.nextafter(t, -9.0)):
         frame, step, share = measurements_at(times).schedule(320, 0.01)
-        assert (
-            np.array_equal(frame, steps)
-            and np.array_equal(step, steps)
-            and np.all(share == 1)
-        )
+        assert_array_equal(frame, steps)
+        assert_array_equal(step, steps)
+        assert np.all(share == 1)
 
 
 @pytest.mark.parametrize(
@@ -81,22 +89,25 @@ def test_a_covariance_that_is_not_positive_definite_is_refused_with_its_frame(
     assert caught.value.evidence == {"take": "test07", "frame": 1}
 
 
+def camera_rows(takes: list[str], frames: list[int], **columns) -> pd.DataFrame:
+    """Rows of a table of the depth camera."""
+    return pd.DataFrame({"take": takes, "frame": frames} | columns)
+
+
 def test_every_take_of_the_camera_goes_with_the_noise_that_was_estimated_without_it():
-    angles = pd.DataFrame(
-        {"take": ["b", "b", "a", "a"], "frame": [1, 2, 1, 2], "t": [1, 2, 1, 2]},
-    )
-    angles = angles.assign(**{"q:a": 1.0, "q:b": 2.0, "q:c": 3.0})
-    noise = pd.DataFrame(
-        {"take": ["a", "a", "b", "none"], "frame": [1, 2, 1, 1], "t": 0.1},
-    )
-    noise = noise.assign(**{"b:a": [0.1, 0.2, 0.3, 0.4], "b:b": 0.0, "b:c": 0.0})
+    q = {"q:a": 1.0, "q:b": 2.0, "q:c": 3.0}
+    frames = [1, 2, 1, 2]
+    angles = camera_rows(["b", "b", "a", "a"], frames, t=frames, **q)
     entries = [[1.0, 2.0, 3.0, 4.0], 0.1, 0.2, 5.0, 0.3, 6.0]
-    noise = noise.assign(**dict(zip(pairs("r", ("a", "b", "c")), entries, strict=True)))
+    covariances = dict(zip(pairs("r", ("a", "b", "c")), entries, strict=True))
+    biases = {"b:a": [0.1, 0.2, 0.3, 0.4], "b:b": 0.0, "b:c": 0.0}
+    takes = ["a", "a", "b", "none"]
+    noise = camera_rows(takes, [1, 2, 1, 1], t=0.1, **biases, **covariances)
+
     first, second = measurements(angles, noise)
 
     assert (first.take, second.take) == ("a", "b")
     assert_array_equal(first.bias[:, 0], [0.1, 0.2])
-
     expected = [[2.0, 0.1, 0.2], [0.1, 5.0, 0.3], [0.2, 0.3, 6.0]]
     assert_array_equal(first.covariance[1], expected)
     # the frame of b that no other take has is left out
@@ -110,11 +121,8 @@ BIAS = 1e-2 * np.linspace(-1, 1, STEPS)
 
 def encoder_errors(keep: float) -> np.ndarray:
     """(TAKES, STEPS, 2) rad errors of which a share ``keep`` is left after a step, about a bias."""
-    rng = default_rng(1)
-    root = np.linalg.cholesky(SPREAD)
-    fresh = rng.standard_normal((TAKES, STEPS, 2)) @ root.T
-    fresh[:, 1:] *= np.sqrt(1 - keep**2)
-    errors = lfilter([1.0], [1.0, -keep], fresh, axis=1)
+    draws = default_rng(1).standard_normal((TAKES, STEPS, 2))
+    errors = correlated(draws @ np.linalg.cholesky(SPREAD).T, keep, axis=1)
     return errors + BIAS[:, None]
 
 
@@ -122,32 +130,15 @@ def encoder_errors(keep: float) -> np.ndarray:
 def test_bias_covariance_and_duration_of_encoder_errors_are_those_drawn(keep):
     errors = encoder_errors(keep)
     noise = encoder_noise(errors, DT)
-    assert_allclose(noise.bias[:, 0], BIAS, atol=5e-4)
-    assert_allclose(
-        noise.covariance,
-        np.tile(SPREAD, (STEPS, 1, 1)),
-        atol=6e-7,
-    )
 
+    assert_allclose(noise.bias[:, 0], BIAS, atol=5e-4)
+    for covariance in noise.covariance:
+        assert_allclose(covariance, SPREAD, atol=6e-7)
     # the correlations of both signs of lag; a sum over 800 sequences has a standard error of 5 %
     assert noise.lasts / DT == pytest.approx((1 + keep) / (1 - keep), rel=0.15)
 
-    # readings taken for independent tell as much of a constant as they know, however dense
-    for places in (np.arange(STEPS), 4 * np.arange(STEPS // 4)):
-        bias, covariance = noise.of_readings(DT * places)
-        told = np.linalg.inv(np.linalg.inv(covariance).sum(axis=0))
-        weights = told @ np.linalg.inv(covariance)
-        means = np.einsum("kij,tkj->ti", weights, errors[:, places] - bias)
-        assert_allclose(np.cov(means.T), told, atol=0.25 * told.max())
     _, apart = noise.of_readings(np.array([0.0, 1.0, 2.0]))
-
     assert_array_equal(apart, noise.covariance[[0, 100, 200]])
-
-    # errors of a shorter stretch are of their own size
-    errors[:, 200:] *= 5
-    for step, size in ((100, 1), (260, 25)):
-        covariance = encoder_noise(errors - errors.mean(axis=0), DT).covariance[step]
-        assert_allclose(covariance, size * SPREAD, atol=size * 8e-7)
 
 
 def test_the_covariance_of_few_takes_is_not_biased_by_their_mean():
@@ -173,34 +164,57 @@ DATASET = Dataset(
 )
 
 
+@pytest.mark.parametrize("keep", [0.0, 0.8])
+@pytest.mark.parametrize("every", [1, 4])
+def test_readings_taken_for_independent_tell_as_much_of_a_constant_as_they_know(
+    keep,
+    every,
+):
+    """However dense the readings are."""
+    errors = encoder_errors(keep)
+    places = np.arange(0, STEPS, every)
+    bias, covariance = encoder_noise(errors, DT).of_readings(DT * places)
+
+    information = np.linalg.inv(covariance)
+    told = np.linalg.inv(information.sum(axis=0))
+    means = np.einsum("kij,tkj->ti", told @ information, errors[:, places] - bias)
+
+    assert_allclose(np.cov(means.T), told, atol=0.25 * told.max())
+
+
+def test_errors_of_a_shorter_stretch_are_of_their_own_size():
+    errors = encoder_errors(0.0)
+    errors[:, 200:] *= 5
+    noise = encoder_noise(errors - errors.mean(axis=0), DT)
+
+    for step, size in ((100, 1), (260, 25)):
+        assert_allclose(noise.covariance[step], size * SPREAD, atol=size * 8e-7)
+
+
 @pytest.fixture
 def tables(tmp_path, monkeypatch):
     """Two test takes, a third that track left out, and thirty training ones."""
     monkeypatch.chdir(tmp_path)
-    MOTION.mkdir(parents=True), TRACK.mkdir(parents=True)
-    tests = ("test_1", "test_2", "test_3")
-    parts = {f"train_{number}": "training" for number in range(1, 31)} | dict.fromkeys(
-        tests,
-        "test",
-    )
-    k = np.arange(5)
-    t = np.arange(9) / 200
+    k, t = np.arange(5), np.arange(9) / 200
+    pose = spread("q", LWR4.joints, np.full((5, 7), 0.3))
+    parts = {f"train_{number}": "training" for number in range(1, 31)}
+    parts |= dict.fromkeys(("test_1", "test_2", "test_3"), "test")
     rng = default_rng(1)
     joints, read = [], []
-    for take, part_of_take in parts.items():
-        frame = pd.DataFrame({"take": take, "part": part_of_take, "k": k, "t": k / 100})
-        q = spread("q", LWR4.joints, np.full((5, 7), 0.3))
-        joints += [] if take == "test_3" else [frame.assign(**q, residual=0.0)]
-        # errors of which the first joint's is off by 0.02 rad all the same
-        y = 0.3 + 2e-3 * rng.standard_normal((9, 7)) + [0.02, 0, 0, 0, 0, 0, 0]
-        y = np.full((9, 7), float(take[-1])) if part_of_take == "test" else y
-        frame = pd.DataFrame({"take": take, "part": part_of_take, "t": t})
-        read.append(frame.assign(**spread("q", LWR4.joints, y)))
-    for name, tables_of_takes, folder in (
-        ("joints", joints, TRACK),
-        ("encoders", read, MOTION),
-    ):
-        contracts.write(pd.concat(tables_of_takes, ignore_index=True), name, folder)
+    for take, part in parts.items():
+        named = {"take": take, "part": part}
+        if take != "test_3":
+            joints.append(pd.DataFrame(named | {"k": k, "t": k / 100} | pose))
+        # the first joint's errors are off by 0.02 rad all the same
+        y = 0.3 + 2e-3 * rng.standard_normal((9, 7)) + 0.02 * np.eye(7)[0]
+        if part == "test":
+            y = np.full((9, 7), float(take[-1]))
+        read.append(pd.DataFrame(named | {"t": t} | spread("q", LWR4.joints, y)))
+
+    MOTION.mkdir(parents=True)
+    TRACK.mkdir(parents=True)
+    contracts.write(pd.concat(joints).assign(residual=0.0), "joints", TRACK)
+    contracts.write(pd.concat(read), "encoders", MOTION)
 
 
 def test_the_takes_that_stay_are_measured_by_the_chosen_instrument(tables):

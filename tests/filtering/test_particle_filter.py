@@ -8,7 +8,8 @@ from typing import ClassVar
 import numpy as np
 import pytest
 from compiled_calls import chosen_by, from_python
-from numpy.testing import assert_allclose
+from numpy.random import default_rng
+from numpy.testing import assert_allclose, assert_array_equal
 from numpy_filter import plain_filter
 from numpy_laws import plain_steps
 from printed_algorithms import READINGS
@@ -30,16 +31,13 @@ from pipeline.models.wishart.law import WishartModel
 
 DT = 0.01
 COVARIANCE = 1e-5 * np.array([[3.0, -2.0, 1.0], [-2.0, 4.0, -1.5], [1.0, -1.5, 9.0]])
+WISHART = {f"wishart {name}": WishartModel(0.25, READINGS[name]) for name in READINGS}
 MODELS = {
     "additive": AdditiveModel(COVARIANCE),
-    **{
-        f"wishart {name}": WishartModel(0.25, reading)
-        for name, reading in READINGS.items()
-    },
+    **WISHART,
     "wishart pivoted_lu, wide": WishartModel(1.2, READINGS["pivoted_lu"]),
     "gaussian": GaussianModel(0.05, 15.5),
 }
-RNG = np.random.default_rng
 PATH_START = np.array([1.1, -1.6, 1.8])
 PARTICLES = 3 * WIDTH + 77
 # links askew and senses mixed, the limits so near that some particles leave them
@@ -63,18 +61,20 @@ def scene(arm: PlanarChain, steps: int = 60) -> tuple[np.ndarray, Start, Measure
     """Commands that rest, move and rest; a start and measurements about the path, of which some lie
     within steps and some outside.
     """
-    rng = np.random.default_rng(3)
+    rng = default_rng(3)
     path = scene_path(steps)
     v = np.matvec(arm.jacobian(path[:-1]), np.diff(path, axis=0))
+    of_start = np.array([[20.0, 3.0, 0.0], [3.0, 30.0, -5.0], [0.0, -5.0, 20.0]])
+    start = Start(PATH_START, 1e-4 * of_start)
+
     t = np.arange(-0.02, DT * steps + 0.04, 1 / 30)
-    root = 0.02 * (np.eye(3) + 0.3 * rng.standard_normal((len(t), 3, 3)))
+    spread = rng.standard_normal((len(t), 3, 3))
+    root = 0.02 * (np.eye(3) + 0.3 * spread)
     bias = 0.01 * rng.standard_normal((len(t), 3))
     noise = np.matvec(root, rng.standard_normal((len(t), 3)))
     y = interpolated(t, path) + bias + noise
     covariance = root @ np.swapaxes(root, 1, 2)
-    observed = Measurements("test01", t, y, bias, covariance)
-    of_start = np.array([[20.0, 3.0, 0.0], [3.0, 30.0, -5.0], [0.0, -5.0, 20.0]])
-    return v, Start(PATH_START, 1e-4 * of_start), observed
+    return v, start, Measurements("test01", t, y, bias, covariance)
 
 
 def interpolated(t: np.ndarray, path: np.ndarray) -> np.ndarray:
@@ -85,18 +85,17 @@ def interpolated(t: np.ndarray, path: np.ndarray) -> np.ndarray:
 
 def greatest_difference(posterior: Posterior, reference: Posterior) -> float:
     """Over all fields, of logarithms and counts as a share; infinite where a decision differs."""
-    greatest = 0.0
+    differences = [0.0]
     for field in fields(Posterior):
         values = np.asarray(getattr(posterior, field.name))
         expected = np.asarray(getattr(reference, field.name))
         if values.dtype.kind == "f":
-            moment = field.name in ("mean", "covariance")
-            scale = 1.0 if moment else np.abs(expected) + 1.0
-            difference = np.abs(values - expected) / scale
-            greatest = max(greatest, float(difference.max()))
+            is_moment = field.name in ("mean", "covariance")
+            scale = 1.0 if is_moment else np.abs(expected) + 1.0
+            differences.append(np.max(np.abs(values - expected) / scale))
         elif not np.array_equal(values, expected):
-            return np.inf
-    return greatest
+            differences.append(np.inf)
+    return max(differences)
 
 
 def on_the_scene(run, model, arm, options: Filter, share: float, stream) -> Posterior:
@@ -112,9 +111,9 @@ def both(
     options: Filter,
     share: float = 0.0,
 ) -> tuple[Posterior, Posterior]:
-    """Compiled and plain."""
-    rng, plain_rng = RNG(5), RNG(5)
+    """Compiled and plain posterior, from streams that end alike."""
     case = model, arm, options, share
+    rng, plain_rng = default_rng(5), default_rng(5)
     compiled = on_the_scene(particle_filter, *case, rng)
     plain = on_the_scene(plain_filter, *case, plain_rng)
     assert rng.bit_generator.state == plain_rng.bit_generator.state
@@ -148,31 +147,15 @@ class Sampled:
         return plain_steps(self.law, chain, q, v, rng)[0]
 
 
-@pytest.mark.parametrize("share", [0.0, 0.4], ids=["open", "closed"])
-@pytest.mark.parametrize("kind", ["additive", "wishart qr"])
-def test_a_law_without_compiled_code_is_filtered_by_its_samples(kind, share):
-    sampled, compiled = (
-        on_the_scene(
-            particle_filter,
-            law,
-            ARM,
-            filter_options(PARTICLES),
-            share,
-            RNG(5),
-        )
-        for law in (Sampled(MODELS[kind]), MODELS[kind])
-    )
+ROOMY = replace(ARM, lower=ARM.lower - 2.0, upper=ARM.upper + 2.0)
+FILLINGS = [1, 2, WIDTH - 1, WIDTH, WIDTH + 1]  # particles, of blocks of WIDTH
 
-    assert greatest_difference(sampled, compiled) < 1e-11 and compiled.resampled.any()
 
-    q = np.tile(PATH_START, (4, 1))
-    v = np.full(3, 1e-3)
-    by_samples, by_compiled_law = (
-        draw_steps(law, ARM, q, v, RNG(3))[0]
-        for law in (Sampled(MODELS[kind]), MODELS[kind])
-    )
-
-    assert_allclose(by_samples, by_compiled_law, atol=1e-12)
+@pytest.mark.parametrize("particles", FILLINGS)
+def test_blocks_of_any_filling_are_filtered(particles):
+    options = filter_options(particles)
+    compiled, plain = both(MODELS["wishart pivoted_lu"], ROOMY, options)
+    assert greatest_difference(compiled, plain) < 1e-12
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
@@ -180,40 +163,55 @@ def test_a_law_without_compiled_code_is_filtered_by_its_samples(kind, share):
 def test_the_compiled_filter_is_the_plain_one_for_every_scheme(scheme, threshold):
     options = filter_options(PARTICLES, scheme, threshold)
     compiled, plain = both(MODELS["wishart pivoted_lu"], ARM, options)
-    assert greatest_difference(compiled, plain) < 1e-12
-    due = (plain.ess < threshold * PARTICLES) & (scheme != "none")
-    assert np.array_equal(plain.resampled, due)
-    assert due.any() == (scheme != "none" and threshold > 0)
-
-
-@pytest.mark.parametrize("particles", [1, 2, WIDTH - 1, WIDTH, WIDTH + 1])
-def test_blocks_of_any_filling_are_filtered(particles):
-    roomy = replace(ARM, lower=ARM.lower - 2.0, upper=ARM.upper + 2.0)
-    compiled, plain = both(
-        MODELS["wishart pivoted_lu"],
-        roomy,
-        filter_options(particles),
-    )
+    resamples = scheme != "none"
+    due = (plain.ess < threshold * PARTICLES) & resamples
 
     assert greatest_difference(compiled, plain) < 1e-12
+    assert_array_equal(plain.resampled, due)
+    assert due.any() == (resamples and threshold > 0)
 
 
-def test_a_deviation_of_a_billionth_and_another_resampling_and_loop_are_noticed():
-    compiled, plain = both(MODELS["additive"], ARM, filter_options(PARTICLES))
-    off, _ = both(
-        AdditiveModel((1 + 1e-9) * COVARIANCE),
-        ARM,
+@pytest.mark.parametrize("share", [0.0, 0.4], ids=["open", "closed"])
+@pytest.mark.parametrize("kind", ["additive", "wishart qr"])
+def test_a_law_without_compiled_code_is_filtered_by_its_samples(kind, share):
+    compiled = MODELS[kind]
+    laws = compiled, Sampled(compiled)
+    options = filter_options(PARTICLES)
+    q, v = np.tile(PATH_START, (4, 1)), np.full(3, 1e-3)
+
+    posteriors, steps = [], []
+    for law in laws:
+        case = law, ARM, options, share, default_rng(5)
+        posteriors.append(on_the_scene(particle_filter, *case))
+        steps.append(draw_steps(law, ARM, q, v, default_rng(3))[0])
+
+    assert greatest_difference(*posteriors) < 1e-11
+    assert posteriors[0].resampled.any()
+    assert_allclose(*steps, atol=1e-12)
+
+
+CHANGES = {  # model, options and share of the loop that differ, and the least difference
+    "a covariance off by a billionth": (
+        1 + 1e-9,
         filter_options(PARTICLES),
-    )
+        0.0,
+        1e-12,
+    ),
+    "more resampling": (1.0, filter_options(PARTICLES, threshold=0.6), 0.0, 1e-3),
+    "a closed loop": (1.0, filter_options(PARTICLES), 0.4, 1e-3),
+}
 
-    assert (
-        greatest_difference(off, plain) > 1e-12 > greatest_difference(compiled, plain)
-    )
 
-    changes = (filter_options(PARTICLES, threshold=0.6), 0.0), (filter_options(), 0.4)
-    for options, share in changes:
-        changed, _ = both(MODELS["additive"], ARM, options, share)
-        assert greatest_difference(changed, plain) > 1e-3
+@pytest.mark.parametrize("change", CHANGES)
+def test_a_deviation_of_a_billionth_and_another_resampling_and_loop_are_noticed(change):
+    factor, options, share, least = CHANGES[change]
+    case = MODELS["additive"], ARM, filter_options(PARTICLES), 0.0
+    plain = on_the_scene(plain_filter, *case, default_rng(5))
+
+    other = AdditiveModel(factor * COVARIANCE), ARM, options, share
+    changed = on_the_scene(particle_filter, *other, default_rng(5))
+
+    assert greatest_difference(changed, plain) > least
 
 
 # an arm whose joints are its task, J = I, its limits out of the way
@@ -238,33 +236,17 @@ EXACT = AdditiveModel(np.zeros((3, 3)))
 STEPS = np.tile([0.01, -0.005, 0.0], (320, 1))
 
 
-def seen(t, y, bias: float = 0.0, std: float = 0.02) -> Measurements:
+def seen(t, y, std: float = 0.02) -> Measurements:
     covariance = np.tile(std**2 * np.eye(3), (len(t), 1, 1))
-    return Measurements(
-        "test01",
-        np.array(t),
-        y,
-        np.full((len(t), 3), bias),
-        covariance,
-    )
+    return Measurements("test01", np.array(t), y, np.zeros((len(t), 3)), covariance)
 
 
 UNSEEN = seen([], np.empty((0, 3)))
 
 
 def filtered(model, chain, steps, start, measurements=UNSEEN, **options) -> Posterior:
-    commands, rng = open_loop(steps), np.random.default_rng(1)
-    options = filter_options(**options)
-    return particle_filter(
-        model,
-        chain,
-        commands,
-        DT,
-        start,
-        measurements,
-        options,
-        rng,
-    )
+    problem = model, chain, open_loop(steps), DT, start, measurements
+    return particle_filter(*problem, filter_options(**options), default_rng(1))
 
 
 def along(t: np.ndarray, steps: np.ndarray) -> np.ndarray:
@@ -274,40 +256,53 @@ def along(t: np.ndarray, steps: np.ndarray) -> np.ndarray:
 
 def test_without_resampling_the_weights_degenerate_and_with_it_they_do_not():
     t = np.arange(0.0, 3.2, 1 / 30)
-    noise = np.random.default_rng(11).standard_normal((len(t), 3))
-    y = along(t, STEPS) + 0.02 * noise
+    y = along(t, STEPS) + 0.02 * default_rng(11).standard_normal((len(t), 3))
+
     ess = {}
     for scheme in ("none", "systematic"):
         posterior = filtered(DIFFUSING, FREE, STEPS, START, seen(t, y), scheme=scheme)
         ess[scheme] = posterior.ess[160:][posterior.measured[160:]]
 
-    assert np.max(ess["none"]) < 10 and np.median(ess["systematic"]) > 200
+    assert np.max(ess["none"]) < 10
+    assert np.median(ess["systematic"]) > 200
 
 
-def test_particles_that_leave_the_domain_or_are_no_numbers_end_the_filter_by_name():
-    # the elbow stretches at q2 = −π/2, which the third step reaches with share 1; the fourth step
-    # starts from there
-    def stretching(share: float) -> np.ndarray:
-        move = share * (-np.pi / 2 - STILL.mean[1]) / 3
-        path = STILL.mean + np.outer(np.arange(4), [0.0, move, 0.0])
-        v = np.matvec(ELBOW.jacobian(path[:-1]), np.diff(path, axis=0))
-        return np.vstack([v, v[-1:]])
+def stretching(share: float) -> np.ndarray:
+    """Steps (4, 3) of which the third brings ELBOW by ``share`` to its stretched pose, q2 = −π/2,
+    and the fourth starts there.
+    """
+    way = share * (-np.pi / 2 - STILL.mean[1])
+    path = STILL.mean + np.outer(np.arange(4), [0.0, way / 3, 0.0])
+    v = np.matvec(ELBOW.jacobian(path[:-1]), np.diff(path, axis=0))
+    return np.vstack([v, v[-1:]])
 
-    narrow = replace(FREE, upper=np.array([0.335, 50.0, 50.0]))
-    for arm, steps, step in (
-        (narrow, STEPS[:9], 4),
-        (FREE, np.full((3, 3), np.nan), 1),
-        (ELBOW, stretching(1.0), 4),
-    ):
-        with pytest.raises(
-            DegenerateFilterError,
-            match="every particle has left",
-        ) as caught:
-            filtered(EXACT, arm, steps, STILL, particles=20)
-        place = {"take": "test01", "step": step, "time": DT * step}
-        assert caught.value.evidence == place
+
+NARROW = replace(FREE, upper=np.array([0.335, 50.0, 50.0]))
+
+
+@pytest.mark.parametrize(
+    ("arm", "steps", "last"),
+    [
+        pytest.param(NARROW, STEPS[:9], 4, id="limit"),
+        pytest.param(FREE, np.full((3, 3), np.nan), 1, id="not a number"),
+        pytest.param(ELBOW, stretching(1.0), 4, id="singular"),
+    ],
+)
+def test_particles_that_leave_the_domain_or_are_no_numbers_end_the_filter_by_name(
+    arm,
+    steps,
+    last,
+):
+    with pytest.raises(
+        DegenerateFilterError, match="every particle has left"
+    ) as caught:
+        filtered(EXACT, arm, steps, STILL, particles=20)
+    place = {"take": "test01", "step": last, "time": DT * last}
+    assert caught.value.evidence == place
+
+
+def test_particles_that_nearly_reach_a_singular_pose_stay():
     nearly = filtered(EXACT, ELBOW, stretching(0.9), STILL, particles=5)
-
     assert nearly.outside.sum() == 0
 
 
@@ -318,14 +313,17 @@ def test_a_particle_outside_the_domain_loses_its_weight_and_is_moved_back():
     q[0, 1] = 9.0
     q[1, 2] = np.nan
     q[:, 3] = -9.0
-    moved = q.copy()
-    log_weights = np.array([np.log(0.4), np.log(0.3), np.log(0.3), -np.inf])
+    log_weights = np.log([0.4, 0.3, 0.3, 1.0])
+    log_weights[3] = -np.inf
     limits = np.full(2, -2.0), np.full(2, 2.0)
+
+    moved = q.copy()
     lost = from_python(keep_inside)(limits, before, moved, log_weights, np.empty(4))
 
     assert lost == 2  # the fourth had no weight
-    assert np.array_equal(moved, np.where([True, False, False, False], q, before))
-    assert log_weights[0] == np.log(0.4) and np.all(log_weights[1:] == -np.inf)
+    assert_array_equal(moved[:, 0], q[:, 0])
+    assert_array_equal(moved[:, 1:], before[:, 1:])
+    assert_array_equal(log_weights, [np.log(0.4), -np.inf, -np.inf, -np.inf])
 
 
 @pytest.mark.parametrize(
@@ -359,7 +357,7 @@ BAND = 4.5  # standard errors; twelve weights of two schemes stay inside with pr
 
 @pytest.fixture(scope="module")
 def weights() -> np.ndarray:
-    drawn = np.random.default_rng(7).dirichlet(np.full(12, 0.7))
+    drawn = default_rng(7).dirichlet(np.full(12, 0.7))
     drawn[3] = 0.0
     return drawn / drawn.sum()
 
@@ -387,31 +385,31 @@ def test_counts_have_the_mean_and_the_variance_of_their_scheme_and_of_no_other(
     name,
     weights,
 ):
-    rng, count = np.random.default_rng(1), len(weights)
+    rng, count = default_rng(1), len(weights)
     drawn = [chosen_by(name, weights, rng) for _ in range(REPEATS)]
     counts = np.array([np.bincount(chosen, minlength=count) for chosen in drawn])
+
     assert np.all(counts[:, weights == 0.0] == 0)
     assert off(counts, count * weights) < BAND
-
+    squares = (counts - counts.mean(axis=0)) ** 2
     for rival in DRAWING:
-        variance = exact_variance(rival, weights)
-        distance = off((counts - counts.mean(axis=0)) ** 2, variance)
+        distance = off(squares, exact_variance(rival, weights))
         assert (distance < BAND) == (rival == name)
 
 
 @pytest.mark.parametrize("scheme", DRAWING)
 def test_weights_at_the_ends_of_their_range(scheme):
     for sole in (0, 4, 9):
-        chosen = chosen_by(scheme, np.eye(10)[sole], np.random.default_rng(8))
+        chosen = chosen_by(scheme, np.eye(10)[sole], default_rng(8))
         assert np.all(chosen == sole)
 
     # weights that went through an exponential, as in the filter, are right only up to rounding
     equal = np.full(1000, np.nextafter(1 / 1000, 0.0))
-    chosen = np.sort(chosen_by(scheme, equal, np.random.default_rng(6)))
+    chosen = np.sort(chosen_by(scheme, equal, default_rng(6)))
     assert np.array_equal(chosen, np.arange(1000)) == (scheme != "multinomial")
 
     # rounding may bring a point up to the end, where no particle has weight
     ends = np.concatenate([[0.0], np.full(1000, 1 / 1000), [0.0, 0.0]])
     for seed in range(20):
-        chosen = chosen_by(scheme, ends, np.random.default_rng(seed))
+        chosen = chosen_by(scheme, ends, default_rng(seed))
         assert chosen.min() >= 1 and chosen.max() <= 1000
