@@ -44,9 +44,8 @@ NO_ENVIRONMENT = (
     "the project's environment is missing here: create it with `make env`, activate it with "
     "`. .venv/bin/activate`"
 )
-TRACE = (
-    "PIPELINE_TRACEBACK"  # environment variable that prints the traceback of an error
-)
+# environment variable that prints the traceback of an error
+TRACE = "PIPELINE_TRACEBACK"
 # but for tab and line end; with the marks that turn the direction of a line
 CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
 OUT_OF_MEMORY = (

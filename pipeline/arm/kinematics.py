@@ -41,9 +41,8 @@ class ArmConstants(NamedTuple):
     rows: ndarray  # (m,) task rows: 0 to 2 are velocity, 3 to 5 angular velocity
     units: ndarray  # (m,) factor of a row: 1, or a length in m for an angular row
     reach: float  # m, by which rows of velocity are divided to be without unit
-    least: (
-        float  # least singular value, at a regular pose, of the Jacobian without units
-    )
+    # least singular value, at a regular pose, of the Jacobian without units
+    least: float
 
 
 def link_constants(placements: ndarray) -> tuple[ndarray, ndarray, float]:

@@ -30,9 +30,8 @@ class Arm:
 
     chain: PlanarChain
     rotation: ndarray  # (3, 3) axes of the plane in the base frame, in columns
-    translation: (
-        ndarray  # (3,) origin of the plane in the base frame, m; O1 lies in y = 0
-    )
+    # (3,) origin of the plane in the base frame, m; O1 lies in y = 0
+    translation: ndarray
 
     def to_plane(self, points: ndarray) -> ndarray:
         """(..., 3) coordinates in the plane's frame of ``points`` (..., 3) in the base frame, m."""
@@ -140,9 +139,8 @@ class Layout:
     points: ndarray  # (n, 3) a point of each axis, m
     rotation: ndarray  # (3, 3) of the tip
     position: ndarray  # (3,) of the tip, m
-    limits: (
-        ndarray  # (3, n) lower, upper (rad or m), speed (per s); infinite without one
-    )
+    # (3, n) lower, upper (rad or m), speed (per s); infinite without one
+    limits: ndarray
 
     def in_frame(self, rotation: ndarray, translation: ndarray) -> "Layout":
         """Layout in the frame at ``translation``, m, with the columns of ``rotation`` as axes."""

@@ -12,12 +12,10 @@ from pipeline.core.errors import RecordingError
 
 TURN = 2 * np.pi  # rad
 ALIKE = 0.1  # rad, greatest distance on the circle at which two angles count as equal
-MOST_TURNS = (
-    4  # turns, greatest angle of an arm's joint; greater angles have another unit
-)
-BESIDE = (
-    5  # rows before and after a jump that show the speed, and in which a spike ends
-)
+# turns, greatest angle of an arm's joint; greater angles have another unit
+MOST_TURNS = 4
+# rows before and after a jump that show the speed, and in which a spike ends
+BESIDE = 5
 SIDES = np.array([(0, 0), (1, 1), (0, 0)])  # sides of the rows, behind another axis
 FASTEST = 3.0  # greatest speed during a jump over the speed beside it
 TURN_NOISE = 0.02  # rad, greatest noise of a measured angle at a jump

@@ -53,18 +53,15 @@ STAND_INS = (
 class Reading:
     """Greatest size, reading time and memory of one recording file; errors name the bound."""
 
-    file_mib: Bound = (
-        64  # of a file that is read whole; bags and archives are read in parts
-    )
-    part_mib: Bound = (
-        64  # of a part that is unpacked at once: a frame, an array, a chunk of a bag
-    )
+    # of a file that is read whole; bags and archives are read in parts
+    file_mib: Bound = 64
+    # of a part that is unpacked at once: a frame, an array, a chunk of a bag
+    part_mib: Bound = 64
     markers: Bound = 2000  # of a take
     joints: Bound = 1000  # of a URDF
     seconds: Annotated[float, Field(gt=0)] = 60.0  # of a call in a separate process
-    memory_mib: Bound = (
-        2048  # of a call in a separate process, in addition to the program's
-    )
+    # of a call in a separate process, in addition to the program's
+    memory_mib: Bound = 2048
 
 
 _in_force: ContextVar[Reading] = ContextVar("reading", default=Reading())  # noqa: B039 (frozen)

@@ -15,9 +15,8 @@ BOUNDS = {
     # its sine and exponential differ in the last bits from the C library's
     "NUMBA_DISABLE_INTEL_SVML": "1",
 }
-PROCESSOR = (
-    "PIPELINE_PROCESSOR"  # environment variable: "any" leaves the instruction set open
-)
+# environment variable: "any" leaves the instruction set open
+PROCESSOR = "PIPELINE_PROCESSOR"
 FLAGS = Path("/proc/cpuinfo")
 NOT_EQUAL = (
     f"this processor has no AVX2 and FMA, or {PROCESSOR} is set: numbers may differ in the last "

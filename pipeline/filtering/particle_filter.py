@@ -47,9 +47,8 @@ class Posterior:
     ess: ndarray  # (M+1,) effective sample size
     resampled: ndarray  # (M+1,) bool: the step ended in resampling
     clipped: ndarray  # (M+1,) int: particles whose noise covariance the model clipped
-    outside: (
-        ndarray  # (M+1,) int: particles that left D_q; at k = 0 rejected first poses
-    )
+    # (M+1,) int: particles that left D_q; at k = 0 rejected first poses
+    outside: ndarray
     measured: ndarray  # (M+1,) bool: at least one measurement entered
     left_out: int  # measurements before the start or after the end of the motion
 

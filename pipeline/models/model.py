@@ -40,9 +40,8 @@ class Traits(NamedTuple):
     """Properties of a law, for the filter, the export and the tests."""
 
     noisy_at_rest: bool  # the pose is random after a step without a command
-    needs_jacobian: (
-        bool  # the noise depends on J(q), not only on the commanded joint step
-    )
+    # the noise depends on J(q), not only on the commanded joint step
+    needs_jacobian: bool
     # its ``law(chain)`` returns a Law; otherwise the filter calls ``sample``
     compiled: bool = True
     memory: bool = False  # it has the methods ``first_memory`` and ``advance``

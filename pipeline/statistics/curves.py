@@ -22,9 +22,8 @@ from scipy.special import ndtr, ndtri
 from pipeline.statistics.takes import REPLICATES, jackknife_counts, lag_one_correlation
 
 RECOGNISED = 0.975  # share of draws of a true model that pass in all joints
-POWER = (
-    0.8  # least share of draws of constant noise that a test must reject to be evidence
-)
+# least share of draws of constant noise that a test must reject to be evidence
+POWER = 0.8
 HALF_EXPLAINED = 0.5**0.5
 WINDOWS = 8  # of a motion, over which a running mean is taken
 VARYING = 0.25  # variation over time of a curve that looks constant
@@ -40,9 +39,8 @@ class ModelledNoise:
 
     motion: ndarray  # (M, n) rad², mean over the takes of the variance of a step
     measurement: ndarray  # (n,) rad², variances of the measurement noise
-    error: (
-        ndarray  # (takes, M, n) rad, the model's mean next pose minus the measured one
-    )
+    # (takes, M, n) rad, the model's mean next pose minus the measured one
+    error: ndarray
 
     @property
     def std(self) -> ndarray:

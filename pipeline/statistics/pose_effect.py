@@ -19,9 +19,8 @@ from scipy.special import ndtri
 from pipeline.statistics.curves import POWER
 from pipeline.statistics.takes import Difference, jackknife_counts, jackknife_difference
 
-NORM = (
-    "norm of the inverse Jacobian"  # name of a pose quantity in the table pose_effect
-)
+# name of a pose quantity in the table pose_effect
+NORM = "norm of the inverse Jacobian"
 ALL, DIFFERING, REPEATED = "all", "differing", "repeated"  # parts of the noise
 WINDOW = 10  # steps
 BLOCKS = 8  # of a single motion

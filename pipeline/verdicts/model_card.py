@@ -38,9 +38,8 @@ from pipeline.verdicts.wording import (
 )
 
 SLOW = 0.1  # share of the greatest joint speed below which a joint counts as slow
-FEW_TAKES = (
-    10  # number of takes below which no interval from resampled takes is printed
-)
+# number of takes below which no interval from resampled takes is printed
+FEW_TAKES = 10
 UNDETERMINED = 2.0  # factor between the fits without each motion of a number that is not determined
 RANGES = ["quantity", "name", "unit", "least", "greatest"]
 # kinds of samples of joint_scores that the card compares, and what they are

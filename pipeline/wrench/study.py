@@ -17,22 +17,19 @@ from pipeline.core.options.analysis import Wrench
 from pipeline.wrench import models
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(96)
-SHARE_TOLERANCE = (
-    1e-9  # absolute tolerance of the integral h, which lies between 0 and 1
-)
+# absolute tolerance of the integral h, which lies between 0 and 1
+SHARE_TOLERANCE = 1e-9
 SCRAMBLES = 16
-LOG2_POINTS = (
-    12  # binary logarithm of the points in each scramble of the Sobol sequence
-)
+# binary logarithm of the points in each scramble of the Sobol sequence
+LOG2_POINTS = 12
 
 
 class SigmaS(NamedTuple):
     """Σ_S averaged over drawn systems, or its expectation over the systems within bounds."""
 
     mean: ndarray  # (n, n)
-    standard_error: (
-        ndarray  # (n, n) of the mean, or of the expectation over the scrambles
-    )
+    # (n, n) of the mean, or of the expectation over the scrambles
+    standard_error: ndarray
     deviation: ndarray  # (n, n) standard deviation of each entry over the systems
     systems: int = 0
     clipped: int = 0  # number of eigenvalues that the bound Σ_S ≥ 0 sets to 0

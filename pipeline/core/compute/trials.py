@@ -65,9 +65,8 @@ def _results(
         yield from results_of_cluster(function, trials, compute, label)
         return
     workers = compute.workers or len(os.sched_getaffinity(0))
-    pace = (
-        0.0  # s per trial: first trial without loading, then the mean of later trials
-    )
+    # s per trial: first trial without loading, then the mean of later trials
+    pace = 0.0
     for done, trial in enumerate(trials):
         begin = time.perf_counter()
         result = call_pickled(function, pickle.dumps(trial))

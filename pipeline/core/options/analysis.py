@@ -28,9 +28,8 @@ class ArticulationSection:
     minimum_points: Count  # a frame with fewer points of the arm is a gap
     max_gap: Whole  # greatest number of consecutive gaps
     end_point: Literal["commanded", "fitted"]  # end of the tool's segment
-    noise_window: (
-        Whole  # frames on either side that estimate the covariance of the Kinect noise
-    )
+    # frames on either side that estimate the covariance of the Kinect noise
+    noise_window: Whole
 
 
 @options()
@@ -75,12 +74,10 @@ class Scale:
 class Dask:
     """A Dask cluster."""
 
-    address: str | None = (
-        None  # of a running scheduler; null: each stage starts a local cluster
-    )
-    timeout: Positive = (
-        60.0  # s without scheduler or workers after which the stage stops
-    )
+    # of a running scheduler; null: each stage starts a local cluster
+    address: str | None = None
+    # s without scheduler or workers after which the stage stops
+    timeout: Positive = 60.0
 
 
 @options()

@@ -61,9 +61,8 @@ class Workspace:
     column_half_width: float  # greatest |x − x(O1)| of the turntable
     column_top: float  # greatest z − z(O1) of the turntable
     floor: float  # z of the surface that carries the arm
-    min_pixels: (
-        int  # least pixels of a connected patch of the arm, or points of a cloud
-    )
+    # least pixels of a connected patch of the arm, or points of a cloud
+    min_pixels: int
     max_points: int  # points that a frame is thinned to
 
 
@@ -72,18 +71,15 @@ class Depth:
     """Takes of a depth camera: folders of indexed or numbered images or clouds, or ROS bags."""
 
     takes: str  # glob of the takes' folders or bags
-    index: str | None = (
-        None  # index file in each folder; null for numbered frames and bags
-    )
+    # index file in each folder; null for numbered frames and bags
+    index: str | None = None
     frames: str | None = None  # glob of the numbered frames in each folder
     topic: str | None = None  # of the images or clouds, in a bag with several
     camera_info: str | None = None  # topic of the intrinsics, in a bag with several
-    intrinsics: str | None = (
-        None  # file of the images' calibration; null for clouds and bags
-    )
-    camera_matrix: str | None = (
-        None  # its key in that file, if unusual or one of several
-    )
+    # file of the images' calibration; null for clouds and bags
+    intrinsics: str | None = None
+    # its key in that file, if unusual or one of several
+    camera_matrix: str | None = None
     distortion: str | None = None  # its key in that file, if unusual or one of several
     width: Count | None = None  # px, of the images; null for clouds
     height: Count | None = None  # px
@@ -94,9 +90,8 @@ class Depth:
     scale_key: str | None = None  # name of a factor in the description of each TIFF
     disparity: Bounds | None = None  # a and b of depth = a/(b - disparity), m
     rate: Positive  # 1/s
-    start: float | None = (
-        None  # s, camera's clock when motion capture starts; null: first frame
-    )
+    # s, camera's clock when motion capture starts; null: first frame
+    start: float | None = None
     # s, motion capture's clock minus the camera's clock since its start; null: estimated
     clock_offset: float | None = None
     camera: Pose  # pose of the frame x right, y down, z forward (or clouds' frame) in the base
@@ -138,9 +133,8 @@ class JointLogSection:
     time: Column | None = 0
     # for uneven times: rows are at the rate, or at their logged times; null: an error
     clock: Literal["rows", "times"] | None = None
-    separator: str | None = (
-        None  # comma, semicolon, tab, or a blank for any number; null: detected
-    )
+    # comma, semicolon, tab, or a blank for any number; null: detected
+    separator: str | None = None
     decimal: str | None = None  # point or comma; null: detected
     angle_unit: AngleUnit = AngleUnit.rad  # also of the speeds
     time_unit: TimeUnit = TimeUnit.s
@@ -148,9 +142,8 @@ class JointLogSection:
     target_factor: FiniteFloat | list[FiniteFloat] = 1.0
     # s, lead of the command on the measured angles' clock: a number, or a number per movement
     target_delay: FiniteFloat | dict[str, FiniteFloat] = 0.0
-    mismatch: Positive = (
-        0.05  # greatest 0.9 quantile of a joint's tracking error over its motion
-    )
+    # greatest 0.9 quantile of a joint's tracking error over its motion
+    mismatch: Positive = 0.05
     start: list[float]  # rad, commanded angles of robot.joints before the motion
     end: list[float]  # rad, commanded angles of robot.joints after the motion
     rest: Whole  # steps at rest before and after, of motion.steps; 0: no rest
@@ -198,9 +191,8 @@ class Encoders:
 class ForceLog:
     """Format of the force logs; null where the files state it."""
 
-    format: str = (
-        "daqft"  # daqft, netft (ATI's programs), bag, table, or one of formats/force
-    )
+    # daqft, netft (ATI's programs), bag, table, or one of formats/force
+    format: str = "daqft"
     columns: dict[ForceSignal, Column] = field(default_factory=dict)
     separator: str | None = None  # comma, semicolon, tab, or a blank for any number
     decimal: str | None = None  # point or comma
@@ -208,16 +200,13 @@ class ForceLog:
     torque_unit: str | None = None
     time_unit: str | None = None
     rate: Positive | None = None  # Hz
-    counts: bool | None = (
-        None  # whether a Net F/T log has counts (true) or units (false)
-    )
+    # whether a Net F/T log has counts (true) or units (false)
+    counts: bool | None = None
     topic: str | None = None  # of a bag with more than one WrenchStamped
-    calibration: str | None = (
-        None  # transducer's .cal file, relative to the recordings' folder
-    )
-    full_scale: list[Positive] | None = (
-        None  # N, then N·m; null: the calibration's ratings
-    )
+    # transducer's .cal file, relative to the recordings' folder
+    calibration: str | None = None
+    # N, then N·m; null: the calibration's ratings
+    full_scale: list[Positive] | None = None
     frozen_after: Positive = 0.5  # s, identical samples for longer count as frozen
     # greatest share of saturated samples, and of frozen ones, in a record
     max_faulty: Annotated[float, Field(ge=0, lt=1)] = 0.01
@@ -276,9 +265,8 @@ class Force:
     configurations: dict[str, Arrangement]
     # m, point about which moments are taken, in the transducer's frame
     point: Triple = field(default_factory=lambda: [0.0, 0.0, 0.0])
-    length: Positive = (
-        1.0  # m by which moments are divided where they are compared with forces
-    )
+    # m by which moments are divided where they are compared with forces
+    length: Positive = 1.0
     log: ForceLog = field(default_factory=ForceLog)
 
 
@@ -287,20 +275,17 @@ class Robot:
     urdf: str  # path from the project's root
     # the moving joints, base to tip, as the URDF names them
     joints: Annotated[list[str], Field(min_length=1)]
-    tool: str | None = (
-        None  # URDF frame of the tip; null: the only last link beyond the joints
-    )
+    # URDF frame of the tip; null: the only last link beyond the joints
+    tool: str | None = None
     base: str | None = None  # URDF link in whose axes the task is; null: the root
     # rad or m: fixed positions of other joints; 0 if absent
     locked: dict[str, float] = field(default_factory=dict)
-    plane: bool = (
-        False  # whether the task is in the plane of parallel joints, else in space
-    )
+    # whether the task is in the plane of parallel joints, else in space
+    plane: bool = False
     # rows of x, z, phi in a plane, else of x, y, z, rx, ry, rz; null: all
     task: list[str] | None = None
-    length: Positive = (
-        1.0  # m by which radians of the task are multiplied, to have one unit
-    )
+    # m by which radians of the task are multiplied, to have one unit
+    length: Positive = 1.0
 
     @model_validator(mode="after")
     def _task_of_the_joints(self) -> Self:
@@ -343,20 +328,17 @@ class Limits:
     """
 
     missing_share: Limit = None  # of the samples of the labelled markers
-    longest_gap: Whole | None = (
-        None  # frames in a row without joint angles, up to mocap.max_gap
-    )
+    # frames in a row without joint angles, up to mocap.max_gap
+    longest_gap: Whole | None = None
     relabelled_share: Limit = None  # of the samples of the labelled markers
     residual_rms: Limit = None  # m, of the rigid-body fits
     dropped_share: Limit = None  # of the depth frames
     clock_offset_standard_error: Limit = None  # s, where the offset is estimated
     clock_drift: Limit = None  # s/s, where the offset is estimated
-    lag_beside_others: Limit = (
-        0.03  # s, behind the median take: 7 times the laboratory's greatest
-    )
-    camera_residual_share: Limit = (
-        0.75  # own take over others: ≤ 0.7 sound, ≥ 0.78 of another
-    )
+    # s, behind the median take: 7 times the laboratory's greatest
+    lag_beside_others: Limit = 0.03
+    # own take over others: ≤ 0.7 sound, ≥ 0.78 of another
+    camera_residual_share: Limit = 0.75
     # robust standard deviations from the median take: ≤ 5 if sound
     disturbance: Limit = 6.0
     # distance of takes that are equal within the noise to the next take, in noise: ≤ 1.2 if sound
@@ -376,9 +358,8 @@ class About:
 @options()
 class Dataset:
     name: str
-    recordings: (
-        str  # folder of the raw files: in the project, beside it (../NAME) or absolute
-    )
+    # folder of the raw files: in the project, beside it (../NAME) or absolute
+    recordings: str
     # null where only forces were recorded, or logs without repetitions
     robot: Robot | None
     motion: Motion | None  # null where only forces were recorded
@@ -392,9 +373,8 @@ class Dataset:
     measurement: Literal["depth", "encoders"] = "depth"
     limits: Limits = field(default_factory=Limits)
     reading: Reading = field(default_factory=Reading)
-    laboratory: Any = (
-        None  # synthetic laboratory that records this dataset; typed by its package
-    )
+    # synthetic laboratory that records this dataset; typed by its package
+    laboratory: Any = None
 
     @model_validator(mode="after")
     def _instruments_of_the_robot(self) -> Self:

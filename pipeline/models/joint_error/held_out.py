@@ -41,9 +41,8 @@ UNKNOWN_LAG = "lag unknown"  # MOVING, at the mean lag of the other runs
 HORIZON_NAMES = ("one sample", *(f"{duration:g} s" for duration in HORIZONS[1:]))
 DRAWN = 400  # about the number of drawn samples of a run
 LEAST_VARIANCE = 1e-300  # rad², of errors that never change
-DIGITS = (
-    6  # significant digits of a score; the standard error of a block is in the third
-)
+# significant digits of a score; the standard error of a block is in the third
+DIGITS = 6
 Row = dict[str, object]
 MapTrials = Callable[[Callable, Sequence], Iterable]
 

@@ -17,9 +17,8 @@ from pipeline.models.model import MotionModel
 
 NEWTON_STEPS = 40
 LONGEST_STEP = 0.5  # rad, longest step of Newton's method
-TOLERANCE = (
-    1e-11  # m, distance from the first pose of the path at which a start is on it
-)
+# m, distance from the first pose of the path at which a start is on it
+TOLERANCE = 1e-11
 SAME_START = 6  # decimals in rad to which equal starts agree
 BATCH = 1024  # poses whose matrices fit the processor's cache
 

@@ -45,9 +45,8 @@ FACTOR = 2.0  # greatest factor between predicted and measured standard deviatio
 ENOUGH = 20  # least number of test takes for a comparison without training takes
 # false positive rate: half of it for the whole take, half for the greatest difference of a span
 LEVEL = 0.05
-MOST_CHANCE = (
-    0.25  # greatest false positive rate; with a greater one nothing can be shown
-)
+# greatest false positive rate; with a greater one nothing can be shown
+MOST_CHANCE = 0.25
 FEWEST = round(2 / MOST_CHANCE) - 1  # least number of takes to compare with
 SPANS = 10  # number of parts of the motion that are compared
 
