@@ -119,6 +119,17 @@ def test_the_page_shows_plain_text_and_the_figure_itself(one_page):
         assert image.convert("RGB").getpixel((5, 5)) == (0, 128, 128)
 
 
+def test_an_interval_and_an_exponent_stay_on_one_line_in_texts_only(reports):
+    text = (
+        "# R\n\nBy -4.1e-05 [1.5, 2e-3], not 7.\n\n![Of 2e-3 rad](figures/drawn.png)\n"
+    )
+    (reports / "card.md").write_text(text)
+    tree = parsed(page("", [reports / "card.md"], reports))
+    whole = [span.text for span in tree.iter("span")]
+    assert whole == ["-4.1e-05", "[1.5, 2e-3]"]
+    assert tree.find(".//img").get("alt") == "Of 2e-3 rad"
+
+
 @pytest.mark.parametrize("name", ["figures/drawn.png", "card.md"])
 @pytest.mark.parametrize("damaged", [True, False])
 def test_a_damaged_and_a_missing_file_are_named(reports, name, damaged):

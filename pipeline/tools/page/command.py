@@ -50,6 +50,8 @@ CARDS = re.compile(r"(?:<h3 .*?(?=<h[1-3] |\Z))+", re.DOTALL)
 ONE_CARD = r'<div class="card">\n\g<0></div>\n'
 CARD_GROUP = '<div class="cards">\n{}</div>\n'
 FIGURE = re.compile(r'(<p [^>]*class="figure"[^>]*><img [^>]*>)\s+(.+?)</p>', re.DOTALL)
+# an interval or a number with an exponent in a text, which stays on one line
+NUMBER = re.compile(r"(?<=[\s;>(])(?:\[-?\d[^][<>]*\]|-?\d[\d.]*e-\d+)(?=[^<>]*<)")
 DEPTH = 2  # levels of headings in the table of contents, of a page that is not folded
 Heading = tuple[int, str, str]  # level (1: title), anchor and text
 
@@ -146,6 +148,7 @@ def _arranged(html: str, file: Path) -> str:
     html = html.replace("</table>", "</table>\n</div>")
     html = html.replace("&lt;br&gt;", "<br>")  # line ends in a table's cells
     html = ANCHOR.sub(rf'\2<span id="{file.stem}--\1"></span>', html)
+    html = NUMBER.sub(r'<span class="number">\g<0></span>', html)
     html = FIGURE.sub(r"\1</p>\n<p>\2</p>", html)
     if file.stem in FOLDED:
         return FOLDS.sub(FOLD, html)
