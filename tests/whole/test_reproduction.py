@@ -207,7 +207,9 @@ def test_dvc_shows_the_summary_and_the_figures_without_a_network(copy):
     assert "reports/youbot/summary.json" in shown[""]["data"]
     succeeds("dvc", "plots", "show", "-o", "plots-page", cwd=copy)
     page = (copy / "plots-page/index.html").read_text()
-    assert "joint_std" in page
+    figures = re.findall(r"<img[^>]*figures_(\w+)\.", page)
+    drawn = {file.stem for file in (copy / "reports/youbot/figures").iterdir()}
+    assert sorted(figures) == sorted(drawn) and "joint_std" in drawn
     assert "http" not in re.sub(r"http://www\.w3\.org/\S+", "", page)
 
 
