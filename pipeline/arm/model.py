@@ -1,11 +1,9 @@
-"""Planar and spatial arms from URDF files; the only module that imports Pinocchio."""
+"""Planar and spatial chains of the arms in URDF files."""
 
 from collections.abc import Iterable, Sequence
-from copy import deepcopy
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
@@ -18,7 +16,8 @@ from pipeline.core.errors import ConfigError
 from pipeline.core.options.dataset import Robot
 
 SAMPLES = 64  # poses at which the rows of the task are tested
-LINK = "link "  # prefix of the names of links in Pinocchio
+# prefix of the names of links in a reduced model, whose joints may have the same names
+LINK = "link "
 # greatest sine of the angle between an axis and the plane's normal
 PLANAR_TOLERANCE = 1e-6
 SHORTEST_LINK = 1e-3  # m, of a planar chain
@@ -51,7 +50,7 @@ def chain_of(robot: Robot) -> Chain:
     task = tuple(robot.task or (PLANE if robot.plane else SPACE))
     if robot.plane:
         layout = layout.in_frame(*_plane_of(layout))
-        if task == PLANE and robot.length == 1.0 and layout.has_closed_form:
+        if task == PLANE and robot.length == 1.0 and layout.is_planar_arm:
             return _planar(layout)
     chain = layout.serial(task, float(robot.length))
     _require_movable(chain, layout.file)
@@ -85,7 +84,7 @@ def link_chains(robot: Robot, links: Iterable[str], key: str) -> dict[str, Seria
     """
     tree, chains = read_urdf(Path(robot.urdf)), {}
     for link in links:
-        above = [joint.name for joint in tree.above(tree.link(link, key))]
+        above = tree.above(tree.link(link, key))
         joints = [name for name in robot.joints if name in above]
         if not joints:
             raise ConfigError(
@@ -102,7 +101,7 @@ def arm_of(robot: Robot) -> Arm:
     :func:`describe`, and if the joints are not three parallel revolute joints with limits.
     """
     layout = layout_of(robot)
-    if not layout.has_closed_form:
+    if not layout.is_planar_arm:
         message = f"robot.joints: {layout.names} must be three revolute joints"
         raise ConfigError(f"{message} with limits", file=layout.file)
     place = _plane_of(layout)
@@ -115,7 +114,7 @@ def planar_tools(tree: Tree, joints: list[str]) -> list[str]:
     """
     tools, fault = [], ConfigError("robot.joints: not one chain", file=tree.file)
     for end in tree.ends:
-        if [joint.name for joint in tree.above(end) if joint.name in joints] != joints:
+        if [name for name in tree.above(end) if name in joints] != joints:
             continue
         try:
             layout = layout_of(Robot(str(tree.file), joints, end, plane=True), tree)
@@ -178,22 +177,10 @@ class Layout:
         )
 
     @property
-    def has_closed_form(self) -> bool:
+    def is_planar_arm(self) -> bool:
         """True for three revolute joints with limits."""
         limited = bool(np.isfinite(self.limits[:2]).all())
         return limited and len(self.names) == 3 and not self.sliding.any()
-
-
-@lru_cache(maxsize=1)
-def _whole_model(tree: Tree) -> pin.Model:
-    """Model of all joints in a URDF."""
-    root = deepcopy(tree.root)
-    # Pinocchio allows no joint and link of the same name
-    for key, elements in (("name", "link"), ("link", "joint/*")):
-        for element in root.findall(elements):
-            if key in element.attrib:
-                element.set(key, LINK + element.get(key))
-    return pin.buildModelFromXML(ElementTree.tostring(root, encoding="unicode"))
 
 
 @lru_cache(maxsize=1)
@@ -205,7 +192,10 @@ def _reduced_model(
     """Model of the joints ``names`` with all other joints fixed, at zero or where they are
     ``held``, and its placements and Jacobian at zero angles: one for all tips of these joints.
     """
-    full = _whole_model(tree)
+    full = tree.model.copy()
+    for frame in full.frames:
+        if frame.type == pin.FrameType.BODY:
+            frame.name = LINK + frame.name
     step = np.zeros(full.nv)
     for name, value in held:
         step[full.joints[full.getJointId(name)].idx_v] = value
@@ -220,21 +210,13 @@ def _reduced_model(
 
 def layout_of(robot: Robot, tree: Tree | None = None) -> Layout:
     """Layout of the arm in the base frame; all other joints of the URDF, its ``tree`` if read, are
-    fixed. Raises ConfigError as :func:`describe`, for a URDF that Pinocchio cannot read, and for an
-    axis that is no unit vector.
+    fixed. Raises ConfigError as :func:`describe`, and for an axis that is not a unit vector.
     """
-    tree, joints, base, tip, held = describe(robot, tree)
-    names = [joint.name for joint in joints]
-    try:
-        model, data = _reduced_model(tree, tuple(names), tuple(held.items()))
-    except (ValueError, RuntimeError, IndexError) as error:
-        reason = " ".join(str(error).split())[:200]
-        message = f"robot.urdf: Pinocchio cannot read it ({reason})"
-        raise ConfigError(
-            f"{message}; check it with check_urdf",
-            file=tree.file,
-        ) from None
+    tree, base, tip, held = describe(robot, tree)
+    names = robot.joints
+    model, data = _reduced_model(tree, tuple(names), tuple(held.items()))
     jacobian = data.J.reshape(6, -1)  # a single column is a vector in Pinocchio
+    joints = [tree.joints[name] for name in names]
     sliding = np.array([joint.kind == "prismatic" for joint in joints])
     # a joint's column of the Jacobian is its axis in the root's frame
     axes = np.where(sliding, jacobian[:3], jacobian[3:]).T

@@ -1,13 +1,21 @@
-"""Tree of links and joints of a URDF file, and the configured arm in the tree."""
+"""Robot of a URDF file as Pinocchio's model, and the configured arm in the robot.
+
+Links, joints, their placements and limits are Pinocchio's. The XML is read for what Pinocchio does
+not give: a file's size, syntax errors with their line, entities, macros of xacro, joints without
+limits in an error, and the couplings of joints (mimic), which the model leaves out.
+"""
 
 import math
-from collections import Counter
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import NamedTuple
 from xml.etree import ElementTree
+
+import pinocchio as pin
 
 from pipeline.core.bounds import read_whole, require
 from pipeline.core.errors import ConfigError
@@ -24,71 +32,110 @@ NO_LIMITS = (
     "the joint {} has no limits; give it <limit lower upper velocity effort>, or the type "
     "continuous"
 )
+UNCONNECTED = "{} of its {} links are below the root: connect all links by joints"
 
 
 class Joint(NamedTuple):
-    """A joint between the links ``parent`` and ``child``."""
+    """Joint of a URDF with its limits, which are infinite where the file states none."""
 
     name: str
-    kind: str
-    parent: str
-    child: str
-    lower: float  # rad or m; infinite for a continuous joint
-    upper: float
-    # as in the URDF: lower, upper (rad or m), velocity, effort
-    limits: dict[str, float]
-    # joint to which it is coupled (mimic): multiplier·q + offset
-    follows: str | None = None
-    multiplier: float = 1.0
-    offset: float = 0.0
+    kind: str  # as in the URDF
+    lower: float = -math.inf  # rad or m
+    upper: float = math.inf
+    speed: float = math.inf  # rad/s or m/s
+
+
+class Coupling(NamedTuple):
+    """Joint ``follows`` to which a joint is coupled: multiplier·q + offset."""
+
+    follows: str
+    multiplier: float
+    offset: float  # rad or m
 
 
 @dataclass(frozen=True, eq=False)
 class Tree:
-    """Links of a robot, and its joints by name, in the order of the file."""
+    """Links and joints of a URDF file."""
 
     file: Path
-    root: ElementTree.Element
-    links: list[str]
-    joints: dict[str, Joint]
+    name: str  # of the robot
+    model: pin.Model  # of all joints, without couplings
+    couplings: dict[str, Coupling]  # by coupled joint of one coordinate
+
+    @cached_property
+    def bodies(self) -> dict[str, pin.Frame]:
+        """Links in Pinocchio's order: link → frame."""
+        bodies = {}
+        for frame in self.model.frames:
+            if frame.type == pin.FrameType.BODY:
+                bodies[frame.name] = frame
+        return bodies
+
+    @cached_property
+    def children(self) -> dict[str, str]:
+        """Joint → link that the joint moves or holds."""
+        children = {}
+        for link, frame in self.bodies.items():
+            joint = self.model.frames[frame.parentFrame]
+            if joint.name != "universe":
+                children[joint.name] = link
+        return children
+
+    @cached_property
+    def joints(self) -> dict[str, Joint]:
+        """Joints by name, in Pinocchio's order."""
+        joints = {}
+        for name in self.children:
+            movable = self.model.existJointName(name)
+            joints[name] = self._movable(name) if movable else Joint(name, "fixed")
+        return joints
+
+    def _movable(self, name: str) -> Joint:
+        """Return the joint ``name`` of Pinocchio's model."""
+        model = self.model
+        joint = model.joints[model.getJointId(name)]
+        if joint.nv > 1:
+            return Joint(name, "planar" if joint.nv == 3 else "floating")
+        speed = float(model.upperVelocityLimit[joint.idx_v])
+        if joint.nq == 2:  # cosine and sine
+            return Joint(name, "continuous", speed=speed)
+        sliding = joint.shortname().startswith("JointModelP")
+        return Joint(
+            name,
+            kind="prismatic" if sliding else "revolute",
+            lower=float(model.lowerPositionLimit[joint.idx_q]),
+            upper=float(model.upperPositionLimit[joint.idx_q]),
+            speed=speed,
+        )
 
     @cached_property
     def ends(self) -> list[str]:
         """Links without child joints."""
-        followed = {joint.parent for joint in self.joints.values()}
-        return [link for link in self.links if link not in followed]
+        inner = set()
+        for frame in self.bodies.values():
+            joint = self.model.frames[frame.parentFrame]
+            inner.add(self.model.frames[joint.parentFrame].name)
+        return [link for link in self.bodies if link not in inner]
 
-    @cached_property
-    def by_child(self) -> dict[str, Joint]:
-        """Link → joint that moves it."""
-        return {joint.child: joint for joint in self.joints.values()}
-
-    def above(self, link: str) -> list[Joint]:
-        """Joints from the root to ``link``."""
-        result: list[Joint] = []
-        while link in self.by_child:
-            result.append(self.by_child[link])
-            link = result[-1].parent
-        return result[::-1]
+    def above(self, link: str) -> list[str]:
+        """Movable joints from the root to ``link``."""
+        path = self.model.supports[self.bodies[link].parentJoint]
+        return [self.model.names[i] for i in path if i > 0]
 
     def link(self, name: str, key: str) -> str:
         """Link ``name``, or the link that a joint ``name`` moves; else ConfigError for ``key``."""
-        if name not in self.links and name not in self.joints:
+        if name in self.bodies:
+            return name
+        if name not in self.children:
             raise ConfigError(f"{key}: no frame {name!r} in the URDF", file=self.file)
-        return name if name in self.links else self.joints[name].child
+        return self.children[name]
 
 
 def read_urdf(file: Path) -> Tree:
     """Return the tree in ``file``; raises ConfigError if it is not a URDF file."""
     file = Path(file)
     try:
-        content = read_whole(file)
-        if b"<!ENTITY" in content.replace(b"\0", b""):  # zeros of UTF-16
-            raise ValueError(ENTITIES)
-        root = ElementTree.fromstring(content)
-        if not _has_macros(root):
-            return _tree(file, root)
-        message, line = XACRO.format(file.name), None
+        return _tree(file, _root(file))
     except OSError as error:
         reason, line = error.strerror, None
         message = f"cannot be read ({reason}); state its path from the project's root"
@@ -96,92 +143,82 @@ def read_urdf(file: Path) -> Tree:
         message, line = f"this is not a URDF file ({error.msg})", error.position[0]
         if "unbound prefix" in error.msg:
             message = XACRO.format(file.name)
-    except (LookupError, ValueError) as error:  # of an encoding or a number
+    except (LookupError, ValueError) as error:  # of an encoding or the content
         message, line = f"this is not a URDF file ({error})", None
     raise ConfigError(f"robot.urdf: {message}", file=file, line=line) from None
 
 
-def _has_macros(root: ElementTree.Element) -> bool:
-    """Return whether xacro has not yet replaced its macros and variables."""
+def _root(file: Path) -> ElementTree.Element:
+    """Return the root element of ``file``; raises ValueError where it has entities or macros."""
+    content = read_whole(file)
+    if b"<!ENTITY" in content.replace(b"\0", b""):  # zeros of UTF-16
+        raise ValueError(ENTITIES)
+    root = ElementTree.fromstring(content)
     words = [element.tag for element in root.iter()]
     for element in root.findall("joint/*"):
         words += element.attrib.values()
-    return any("xacro" in word or "$" in word for word in words)
+    if any("xacro" in word or "$" in word for word in words):
+        raise ValueError(XACRO.format(file.name))
+    return root
 
 
 def _tree(file: Path, root: ElementTree.Element) -> Tree:
     """Return the tree below ``root``; raises ValueError where it is not one tree."""
-    elements = root.findall("joint")
-    require("joints", len(elements), "joints", file)
-    joints = [_joint(element) for element in elements]
-    links = [link.get("name", "") for link in root.findall("link")]
-    _require_tree(links, joints)
-    return Tree(file, root, links, {joint.name: joint for joint in joints})
+    joints = root.findall("joint")
+    require("joints", len(joints), "joints", file)
+    for joint in joints:
+        limit = joint.find("limit")
+        stated = set() if limit is None else limit.keys()
+        if joint.get("type") in LIMITED and not {"velocity", "effort"} <= {*stated}:
+            raise ValueError(NO_LIMITS.format(joint.get("name")))
+    model = _model_of(ElementTree.tostring(root, encoding="unicode"))
+    tree = Tree(file, root.get("name", ""), model, _couplings(joints))
+    links = len(root.findall("link"))
+    if len(tree.bodies) != links:
+        raise ValueError(UNCONNECTED.format(len(tree.bodies), links))
+    return tree
 
 
-def _require_tree(links: list[str], joints: list[Joint]) -> None:
-    """Raise ValueError where the ``joints`` do not make one tree of all ``links``."""
-    children = [joint.child for joint in joints]
-    fault = ""
-    for names in (links, [joint.name for joint in joints], children):
-        repeated = [name for name, count in Counter(names).items() if count > 1]
-        if repeated:
-            fault = f"the name {repeated[0]!r} occurs twice, or the link has two joints above it"
-            break
-    ends = {joint.parent for joint in joints} | {*children}
-    missing = sorted(ends - {*links})
-    roots = [link for link in links if link not in children]
-    if not fault and missing:
-        fault = f"joints name the link {missing[0]!r}, which the file lacks"
-    elif not fault and links and len(roots) != 1:
-        fault = (
-            f"{len(roots)} root links ({', '.join(roots[:5])}), where a tree has one"
-        )
-    elif not fault and len(links) > len(joints) + 1:
-        fault = "links form a loop"
-    if fault:
-        raise ValueError(f"{fault}: connect all links by joints")
+def _model_of(text: str) -> pin.Model:
+    """Return Pinocchio's model of the URDF ``text``; raises ValueError with the first message of
+    the URDF parser, which prints its messages on standard error.
+    """
+    with TemporaryFile() as messages:
+        standard_error = os.dup(2)
+        os.dup2(messages.fileno(), 2)
+        try:
+            return pin.buildModelFromXML(text)
+        except (ValueError, RuntimeError) as error:
+            reason = str(error)
+        finally:
+            os.dup2(standard_error, 2)
+            os.close(standard_error)
+        messages.seek(0)
+        first = messages.readline().decode(errors="replace")
+    reason = first.removeprefix("Error:").strip().rstrip(".") or reason
+    raise ValueError(f"{reason[:300]}; correct it: check_urdf shows the same fault")
 
 
-def _joint(element: ElementTree.Element) -> Joint:
-    name, kind = element.get("name", ""), element.get("type", "")
-    attributes = {child.tag: child.attrib for child in element}
-    mimic = attributes.get("mimic", {})
-    try:
-        limits = {
-            key: float(value) for key, value in attributes.get("limit", {}).items()
-        }
-        multiplier = float(mimic.get("multiplier", "1"))
-        offset = float(mimic.get("offset", "0"))
-        if any(map(math.isnan, (*limits.values(), multiplier, offset))):
-            raise ValueError("nan is no number")
-    except ValueError as error:
-        raise ValueError(f"limit or mimic of the joint {name}: {error}") from None
-    if kind in LIMITED and not {"velocity", "effort"} <= {*limits}:
-        raise ValueError(NO_LIMITS.format(name))
-    lower, upper = limits.get("lower", 0.0), limits.get("upper", 0.0)
-    if kind == "continuous":
-        lower, upper = -math.inf, math.inf
-    return Joint(
-        name=name,
-        kind=kind,
-        parent=attributes.get("parent", {}).get("link", ""),
-        child=attributes.get("child", {}).get("link", ""),
-        lower=lower,
-        upper=upper,
-        limits=limits,
+def _couplings(joints: list[ElementTree.Element]) -> dict[str, Coupling]:
+    """Return the couplings of ``joints``, which Pinocchio has accepted, by the coupled joint."""
+    couplings = {}
+    for joint in joints:
+        mimic = joint.find("mimic")
         # some fixed joints have a mimic element
-        follows=mimic.get("joint") if kind in SINGLE else None,
-        multiplier=multiplier,
-        offset=offset,
-    )
+        if mimic is None or joint.get("type") not in SINGLE:
+            continue
+        couplings[joint.get("name", "")] = Coupling(
+            follows=mimic.get("joint", ""),
+            multiplier=float(mimic.get("multiplier", "1")),
+            offset=float(mimic.get("offset", "0")),
+        )
+    return couplings
 
 
 class Description(NamedTuple):
     """An arm in the tree of a URDF."""
 
     tree: Tree
-    joints: list[Joint]  # base to tip
     base: str | None  # link; None for the root
     tip: str  # link
     # coordinates of joints outside the arm, rad or m; 0 if absent
@@ -194,24 +231,22 @@ def describe(robot: Robot, tree: Tree | None = None) -> Description:
     and if joints, tip and base do not form a chain of joints with one coordinate each.
     """
     tree = tree or read_urdf(Path(robot.urdf))
-    joints = tree.joints
     _require_joints(tree, robot)
     tip = _tip(tree, robot)
     base = None if robot.base is None else tree.link(robot.base, "robot.base")
     for fault in _arm_faults(tree, robot, base, tip):
         raise ConfigError(f"robot.{fault}", file=tree.file)
     held = {}
-    for joint in joints.values():
-        if joint.follows is not None:
-            followed = robot.locked.get(joint.follows, 0.0)
-            held[joint.name] = joint.multiplier * followed + joint.offset
-    chain = [joints[name] for name in robot.joints]
-    return Description(tree, chain, base, tip, held | robot.locked)
+    for name, coupling in tree.couplings.items():
+        followed = robot.locked.get(coupling.follows, 0.0)
+        held[name] = coupling.multiplier * followed + coupling.offset
+    return Description(tree, base, tip, held | robot.locked)
 
 
 def _require_joints(tree: Tree, robot: Robot) -> None:
     """Raise ConfigError for a name in the options that is no joint of one coordinate."""
-    movable = sorted(n for n, joint in tree.joints.items() if joint.kind in SINGLE)
+    joints = tree.joints.values()
+    movable = sorted(joint.name for joint in joints if joint.kind in SINGLE)
     for key, names in {"joints": robot.joints, "locked": robot.locked}.items():
         unknown = [name for name in names if name not in movable]
         if unknown:
@@ -229,7 +264,7 @@ def _tip(tree: Tree, robot: Robot) -> str:
     if robot.tool is not None:
         return tree.link(robot.tool, "robot.tool")
     last = robot.joints[-1]
-    ends = [end for end in tree.ends if tree.joints[last] in tree.above(end)]
+    ends = [end for end in tree.ends if last in tree.above(end)]
     if len(ends) != 1:
         raise ConfigError(
             f"robot.tool: the URDF ends in more than one link beyond {last}; name one of {ends}",
@@ -245,34 +280,36 @@ def _arm_faults(tree: Tree, robot: Robot, base: str | None, tip: str) -> Iterato
     both = sorted({*joints} & {*robot.locked})
     if both:
         yield f"locked: {', '.join(both)} cannot be locked, as robot.joints names it"
-    moving_tip = [joint.name for joint in above if joint.name in joints]
+    moving_tip = [name for name in above if name in joints]
     if joints != moving_tip:
         yield (
             f"joints: {joints} must be one chain from base to tip; the joints that move {tip!r} "
             f"are {moving_tip}: name them in this order, or another robot.tool"
         )
-    moving_base = [joint.name for joint in below_base if joint.name in joints]
+    moving_base = [name for name in below_base if name in joints]
     if moving_base:
         yield (
             f"base: {robot.base!r} moves with {moving_base[-1]}; name a link before the arm"
         )
-    for joint in above:
-        if joint not in below_base:
-            yield from _joint_faults(joint, joints)
+    for name in above:
+        if name not in below_base:
+            yield from _joint_faults(tree, name, joints)
 
 
-def _joint_faults(joint: Joint, joints: list[str]) -> Iterator[str]:
-    """Yield the faults of a ``joint`` between base and tip of the arm of ``joints``."""
-    if joint.kind not in (*SINGLE, "fixed"):
+def _joint_faults(tree: Tree, name: str, joints: list[str]) -> Iterator[str]:
+    """Yield the faults of the joint ``name`` between base and tip of the arm of ``joints``."""
+    joint = tree.joints[name]
+    if joint.kind not in SINGLE:
         yield (
-            f"joints: the joint {joint.name} before the tip is {joint.kind}; name a link beyond "
-            "it as robot.base, or replace it by joints of one coordinate"
+            f"joints: the joint {name} before the tip is {joint.kind}; name a link beyond it as "
+            "robot.base, or replace it by joints of one coordinate"
         )
-    if joint.follows is not None and {joint.name, joint.follows} & {*joints}:
+    coupling = tree.couplings.get(name)
+    if coupling is not None and {name, coupling.follows} & {*joints}:
         yield (
-            f"joints: {joint.name} is coupled to {joint.follows} (mimic) and moves the tip; the "
+            f"joints: {name} is coupled to {coupling.follows} (mimic) and moves the tip; the "
             "joints of an arm must move independently"
         )
     finite = 0 < joint.upper - joint.lower < math.inf
-    if joint.name in joints and joint.kind in LIMITED and not finite:
-        yield f"urdf: {NO_LIMITS.format(joint.name)}"
+    if name in joints and joint.kind in LIMITED and not finite:
+        yield f"urdf: {NO_LIMITS.format(name)}"

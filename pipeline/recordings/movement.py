@@ -268,9 +268,9 @@ def require_speeds(
 
 def _velocity_limit(joint: Joint | None) -> float:
     """Return the limit of the ``joint``'s URDF in rad/s or m/s; infinite where none is stated."""
-    if joint is None or not joint.limits:
+    if joint is None:
         return np.inf
-    return joint.limits.get("velocity") or np.inf
+    return joint.speed or np.inf
 
 
 class LoggedMovement(NamedTuple):

@@ -161,7 +161,7 @@ def test_pose_joints_and_jacobian_are_the_whole_robots_seen_in_the_plane(options
     assert_allclose([vy, wx, wz], 0, atol=1e-12)
 
     for j, name in enumerate(robot.joints):
-        places, _ = by_pinocchio(robot, tree.joints[name].child, q)
+        places, _ = by_pinocchio(robot, tree.children[name], q)
         seen = arm.to_plane(places[:, :3])[:, [0, 2]]
         assert_allclose(arm.chain.points(q)[:, j], seen, atol=1e-12)
 

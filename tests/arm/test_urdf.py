@@ -212,6 +212,10 @@ def chain(count: int, *, kind: str = "revolute", inside: str = LIMIT) -> list[st
 TWO = chain(2)
 HANDS = joint("a", "fixed", "l2", "left"), joint("b", "fixed", "l2", "right")
 LOOP = '<joint name="back" type="fixed"><parent link="l2"/><child link="l0"/></joint>'
+APART = (
+    joint("c", "fixed", "shelf", "lamp"),
+    joint("d", "fixed", "lamp", "shelf"),
+)
 LEANING = "".join(chain(2, kind="prismatic")).replace("0 0 1", "0.6 0.8 0")
 COUPLED = robot_text(TWO[0], *chain(2, inside=LIMIT + '<mimic joint="j1"/>')[1:])
 REFUSED = [  # URDF, options, words of the refusal
@@ -221,7 +225,7 @@ REFUSED = [  # URDF, options, words of the refusal
         {},
         "declares entities, which are not read: write their texts",
     ),
-    ("<robot name='a'/>", {}, "no joint 'j1'"),
+    ("<robot name='a'/>", {}, "No link elements found.*: check_urdf shows"),
     (
         "<?xml version='1.0' encoding='klingon'?><robot/>",
         {},
@@ -233,12 +237,31 @@ REFUSED = [  # URDF, options, words of the refusal
         "a xacro: expand it with xacro robot.urdf > arm.urdf",
     ),
     (robot_text(*TWO).replace("0.1 0.2", "${x} 0.2"), {}, "a xacro: expand it"),
-    (robot_text(*TWO, TWO[0]), {}, "'l1' occurs twice.*: connect all links"),
-    (robot_text(*TWO, LOOP), {"tool": "l2"}, "0 root links"),
+    (robot_text(*TWO, TWO[0]), {}, "link 'l1' is not unique; correct it"),
+    (
+        robot_text(*TWO).replace('"l0"/><child', '"foot"/><child'),
+        {},
+        r"parent link \[foot\] of joint \[j1\] not found",
+    ),
+    (
+        robot_text(*TWO, '<link name="desk"/>'),
+        {},
+        r"Two root links.* \[desk\] and \[l0\]",
+    ),
+    (robot_text(*TWO, *APART), {}, "3 of its 5 links are below the root: connect all"),
+    (
+        robot_text(
+            TWO[0],
+            TWO[1].replace("/></joint>", '/><mimic joint="j1" offset="x"/></joint>'),
+        ),
+        {},
+        r"offset value \(x\) is not a valid float",
+    ),
+    (robot_text(*TWO, LOOP), {"tool": "l2"}, "No root link found"),
     (
         robot_text(*TWO).replace('upper="2.5"', 'upper="nan"'),
         {},
-        "limit or mimic of the joint j1",
+        r"joint \[j1\]: upper value \(nan\) is not a valid float; correct it",
     ),
     (
         robot_text(*chain(2, inside="")),
@@ -253,7 +276,7 @@ REFUSED = [  # URDF, options, words of the refusal
     (
         robot_text(*chain(2, inside=LIMIT.replace("-2.5", "x"))),
         {},
-        "limit or mimic of the joint",
+        r"joint \[j1\]: lower value \(x\) is not a valid float; correct it",
     ),
     (robot_text(*TWO).replace("0 0 1", "0 0 0"), {}, "the axis of j1 has length 0"),
     (robot_text(*TWO, *HANDS), {}, r"robot.tool: .* name one of \['left', 'right'\]"),

@@ -282,7 +282,7 @@ def _fill_usual_values(draft: Draft, name: str, folder: Path, motion: int) -> No
         "about.licence": "not stated",
     }
     if urdf := get_filled(draft.values(), "robot.urdf"):
-        links = read_urdf(Path(urdf)).links
+        links = read_urdf(Path(urdf)).bodies
         for tool in [tool for tool in TOOLS if tool in links][:1]:
             usual["robot.tool"] = tool
     open_keys = draft.open_values()

@@ -289,7 +289,7 @@ def _add_robot(finding: Finding, form: Format) -> None:
         joints.setdefault(joint.kind, []).append(joint.name)
     arms = _longest_arms(tree)
     chains, refusals = _planar_chains(tree, joints.get("revolute", []))
-    finding.facts = {"robot": tree.root.get("name", ""), "joints": joints}
+    finding.facts = {"robot": tree.name, "joints": joints}
     finding.facts |= {"arms": arms, "chains": chains}
     if refusals and not chains:
         finding.stops.append(refusals[0])
@@ -307,11 +307,11 @@ def _longest_arms(tree: Tree) -> list[dict[str, Any]]:
     """
     free = set()
     for joint in tree.joints.values():
-        if joint.kind in SINGLE and joint.follows is None:
+        if joint.kind in SINGLE and joint.name not in tree.couplings:
             free.add(joint.name)
     arms = []
     for tip in tree.ends:
-        names = [joint.name for joint in tree.above(tip) if joint.name in free]
+        names = [name for name in tree.above(tip) if name in free]
         arms.append({"joints": names, "tip": tip})
     most = max((len(arm["joints"]) for arm in arms), default=0)
     return [arm for arm in arms if len(arm["joints"]) == max(most, 1)]

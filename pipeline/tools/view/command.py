@@ -109,7 +109,8 @@ def _clouds(name: str, robot: Robot) -> Clouds:
 def skeletons(robot: Robot, q: np.ndarray) -> np.ndarray:
     """Return base, joint origins and tip (K, L, 3), m in the base frame, at ``q`` (K, n)."""
     described = describe(robot)
-    links = [joint.child for joint in described.joints]
+    tree = described.tree
+    links = [tree.children[name] for name in robot.joints]
     links = dict.fromkeys([*links, described.tip])  # each link once
     chains = link_chains(robot, links, "robot.joints")
     nodes = [np.zeros((len(q), 3))]  # the base
