@@ -1,4 +1,4 @@
-"""Environment variables on which the bytes of results depend.
+"""Environment variables on which the bytes of results and the time of a process depend.
 
 The command ``python -m pipeline``, its workers and the tests assign them before NumPy is imported.
 Loading an exported model leaves the environment of the calling program unchanged.
@@ -6,6 +6,7 @@ Loading an exported model leaves the environment of the calling program unchange
 
 import os
 import platform
+import sys
 from pathlib import Path
 
 # one thread per process
@@ -46,3 +47,6 @@ if has_equal_bytes():
 os.environ.update(BOUNDS)  # over the user's values
 # else numba spends time on colours of internal messages that are never shown
 os.environ.setdefault("NUMBA_DISABLE_ERROR_MESSAGE_HIGHLIGHTING", "1")
+# as in the Makefile: without cached bytecode every process compiles its modules anew
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False

@@ -92,7 +92,7 @@ def listing(folder: Path) -> pd.DataFrame:
     if not files:
         remedy = "the datasheet explains how to get them"
         if (PULLED / folder.name).is_dir():
-            remedy = f"`dvc --cd {PULLED} pull -R {folder.name}` brings them"
+            remedy = f"`dvc --cd {PULLED} pull -R {folder.name}` brings them over the network"
         message = "there are no recordings in this folder, or it does not exist"
         raise RecordingError(f"{message}; {remedy}", file=folder)
     rows = []

@@ -364,6 +364,7 @@ class Draft:
         """
         open_keys = [key for key in self.open_values() if key not in KEYS]
         open_keys.sort(key=lambda key: not key.startswith("robot."))
+        print("an empty answer accepts the value in [brackets], else leaves ???")
         for key in open_keys:
             self._ask_value(key)
         if self.open_values().keys() & {*KEYS}:
