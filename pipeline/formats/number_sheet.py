@@ -2,8 +2,7 @@
 
 import re
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -45,62 +44,51 @@ class Samples(NamedTuple):
     counts: dict[str, int]
 
 
-@dataclass(frozen=True)
-class Sheet:
+@dataclass(frozen=True, kw_only=True)
+class Sheet(Layout):
     """Table of numbers: its rows and its header."""
 
     file: Path
-    header: list[str]  # lines of settings, title, labels and units
-    labels: list[str]  # (width,) column labels; empty if the table has none
-    units: list[str]  # cells of a line of units below the labels
-    label_line: int  # line number of the labels, else of the first row
-    rows: list[str]
-    lines: list[int]  # (N,) line numbers of the rows in the file, from 1
-    separator: str
     decimal: str
-    numeric: list[int]  # columns of numbers, from 0
-    # blank_rows, remark_rows (with repeated headers), cut_rows (short last row or no line end)
-    counts: dict[str, int]
 
     @property
     def width(self) -> int:
         """Number of cells per row, up to the last labelled or numeric column."""
         return max(len(self.labels), self.numeric[-1] + 1)
 
-    @cached_property
-    def last(self) -> list[str]:
-        """Cells of the last row."""
-        return split_line(self.rows[-1], self.separator)
-
     @property
     def settings(self) -> dict[str, str]:
         """Settings of the header: cells ``name = value`` and lines ``name: value``."""
-        stated = []
+        settings = {}
         for line in self.header:
-            cells = split_line(line.lstrip("#% "), self.separator)
-            stated += [cell.partition("=") for cell in cells if "=" in cell]
+            for cell in split_line(line.lstrip("#% "), self.separator):
+                name, mark, value = cell.partition("=")
+                if mark:
+                    settings[name.strip()] = value.strip()
         for line in self.header:
-            if "=" not in line and ":" in line:
-                stated.append(line.strip().strip('"').partition(":"))
-        return {name.strip(): value.strip() for name, _, value in stated}
+            name, mark, value = line.strip().strip('"').partition(":")
+            if mark and "=" not in line:
+                settings[name.strip()] = value.strip()
+        return settings
 
     @property
     def origin(self) -> str | None:
         """Program that wrote the table, if the line that ends the header identifies it."""
         for line in self.header:
-            if line.strip(" ,;\t") in ORIGINS:
-                return ORIGINS[line.strip(" ,;\t")]
+            ending = line.strip(" ,;\t")
+            if ending in ORIGINS:
+                return ORIGINS[ending]
         return None
 
     @property
     def left_out(self) -> dict[str, str]:
         """Label or number of each column without numbers → its content."""
-        contents = {}
-        width = max(len(self.labels), delimited.filled_width(self.last))
+        contents, last = {}, self.last
+        width = max(len(self.labels), delimited.filled_width(last))
         for column in range(width):
             if column not in self.numeric:
                 name = _cell(self.labels, column) or str(column)
-                contents[name] = _content_of(_cell(self.last, column))
+                contents[name] = _content_of(_cell(last, column))
         return contents
 
     def words(self, column: int) -> list[str]:
@@ -124,13 +112,14 @@ class Sheet:
         column number from 0; RecordingError with the option's ``key`` unless one column fits.
         """
         columns = {}
-        bare_labels = [delimited.bare(label) for label in self.labels]
         for quantity, name in wanted.items():
             if isinstance(name, int):
                 fits = [name] if 0 <= name < len(self.last) else []
             else:
-                pairs = enumerate(zip(self.labels, bare_labels, strict=True))
-                fits = [column for column, labels in pairs if name in labels]
+                fits = []
+                for column, label in enumerate(self.labels):
+                    if name in (label, delimited.bare(label)):
+                        fits.append(column)
             if len(fits) != 1:
                 header = "; ".join(self.header)[:300]
                 raise RecordingError(
@@ -169,33 +158,35 @@ class Sheet:
         column with fewer than two numbers or fewer than one number in SPARSEST rows.
         """
         values = self.values(columns, gaps=True)
-        if not np.isnan(values).any():
+        present = ~np.isnan(values)
+        if present.all():
             return Samples(values, np.arange(len(values)), {})
         signals = [place for place, column in enumerate(columns) if column != clock]
         leading = [place for place in signals if columns[place] in at] or signals
-        rows = np.flatnonzero(~np.isnan(values)[:, signals].all(axis=1))
-        filled, missing = values[rows], np.isnan(values)[rows]
+        rows = np.flatnonzero(present[:, signals].any(axis=1))
+        filled, present = values[rows], present[rows]
         x = rows.astype(float)
         if clock is not None:
             x = filled[:, columns.index(clock)]
-            if np.isnan(x).any():
-                raise self._fault(clock, rows[np.isnan(x).argmax()], "has no number")
+            untimed = np.isnan(x)
+            if untimed.any():
+                raise self._fault(clock, rows[untimed.argmax()], "has no number")
 
-        led = ~missing[:, leading].all(axis=1)
+        led = present[:, leading].any(axis=1)
         inside = led.copy()
         for place in signals:
-            numbers = np.flatnonzero(~missing[:, place])
+            column, numbers = columns[place], np.flatnonzero(present[:, place])
             if len(numbers) < max(2, len(rows) / SPARSEST):
                 problem = f"has {len(numbers)} numbers in {len(rows)} rows"
-                raise self._fault(columns[place], min(rows, default=0), problem)
+                raise self._fault(column, min(rows, default=0), problem)
             inside[: numbers[0]] = False
             inside[numbers[-1] + 1 :] = False
-            wide = missing[:, place] & inside & _in_long_gaps(x, numbers)
+            wide = inside & ~present[:, place] & _in_long_gaps(x, numbers)
             if wide.any():
                 problem = (
                     f"has no number in a gap of more than {LONGEST_GAP} of its steps"
                 )
-                raise self._fault(columns[place], rows[wide.argmax()], problem)
+                raise self._fault(column, rows[wide.argmax()], problem)
             filled[:, place] = np.interp(x, x[numbers], filled[numbers, place])
         if not inside.any():
             problem = "has no number at the times of the other columns"
@@ -203,9 +194,9 @@ class Sheet:
 
         counts = {
             "rows_without_numbers": len(values) - len(rows),
-            "rows_without_measured_angle": len(rows) - int(led.sum()),
-            "incomplete_end_rows": int(np.sum(led & ~inside)),
-            "interpolated_cells": int(missing[inside].sum()),
+            "rows_without_measured_angle": int((~led).sum()),
+            "incomplete_end_rows": int((led & ~inside).sum()),
+            "interpolated_cells": int((~present[inside]).sum()),
         }
         counts = {name: count for name, count in counts.items() if count}
         return Samples(filled[inside], rows[inside], counts)
@@ -278,7 +269,7 @@ def _sheet(
     layout = layout_of(text, file, separator)
     _require_separate_numbers(layout, file)
     sign = decimal or _decimal_mark(layout, file, key)
-    detected = layout.separator == "," and separator is None and layout.width > 1
+    detected = separator is None and layout.separator == "," and len(layout.last) > 1
     points = any("." in row for row in layout.rows)
     if detected and not (sign or points or layout.labels):
         raise RecordingError(
@@ -288,34 +279,24 @@ def _sheet(
             line=layout.lines[0],
             key=key,
         )
-    decimal = sign or "."
-    return Sheet(
-        file=file,
-        header=layout.header,
-        labels=layout.labels,
-        units=layout.units,
-        label_line=layout.label_line,
-        rows=delimited.with_nanoseconds(
-            layout.rows,
-            layout.labels,
-            layout.separator,
-            decimal,
-        ),
-        lines=layout.lines,
-        separator=layout.separator,
-        decimal=decimal,
-        numeric=layout.numeric,
-        counts=layout.counts,
+    sheet = Sheet(**vars(layout), file=file, decimal=sign or ".")
+    rows = delimited.with_nanoseconds(
+        sheet.rows,
+        sheet.labels,
+        sheet.separator,
+        sheet.decimal,
     )
+    return replace(sheet, rows=rows)
 
 
 def _require_separate_numbers(layout: Layout, file: Path) -> None:
     """Raise RecordingError for a table of far more columns than rows, for lists whose commas also
     separate the cells, and for the first numeric cell with marks for thousands.
     """
-    if layout.width >= WIDE and layout.width > WIDER * len(layout.rows):
+    width = len(layout.last)
+    if width >= WIDE and width > WIDER * len(layout.rows):
         raise RecordingError(
-            f"the table of {len(layout.rows)} rows and {layout.width} columns lies on its side, "
+            f"the table of {len(layout.rows)} rows and {width} columns lies on its side, "
             "one row per signal: transpose it, so that each row holds the values of one time",
             file=file,
             line=layout.lines[0],

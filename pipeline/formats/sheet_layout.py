@@ -5,6 +5,7 @@ numbers in the numeric columns of the last lines, below the header.
 """
 
 import re
+from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
@@ -30,40 +31,51 @@ THOUSANDS = re.compile(
 )
 
 
-class Layout(NamedTuple):
-    """Parts of a table, as in :class:`pipeline.formats.number_sheet.Sheet`."""
+class Line(NamedTuple):
+    """Line that is not blank."""
+
+    number: int  # in the file, from 1
+    text: str
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Header and rows of a table."""
 
     header: list[str]  # lines of settings, title, labels and units
-    labels: list[str]
-    units: list[str]
-    label_line: int
+    labels: list[str]  # (width,) column labels; empty if the table has none
+    units: list[str]  # cells of a line of units below the labels
+    label_line: int  # line number of the labels, else of the first row
     rows: list[str]
-    lines: list[int]  # line numbers of the rows
+    lines: list[int]  # (N,) line numbers of the rows in the file, from 1
     separator: str
-    numeric: list[int]  # columns of numbers
-    width: int  # cells of the last row
+    numeric: list[int]  # columns of numbers, from 0
+    # blank_rows, remark_rows (with repeated headers), cut_rows (short last row or no line end)
     counts: dict[str, int]
+
+    @property
+    def last(self) -> list[str]:
+        """Cells of the last row."""
+        return split_line(self.rows[-1], self.separator)
 
 
 def layout_of(text: delimited.Text, file: Path, separator: str | None) -> Layout:
     """Return the layout of the ``text`` of ``file``, by the ``separator`` or a detected one;
     RecordingError for no rows, and for a line that is neither header nor row.
     """
-    places = [n for n, line in enumerate(text.lines, start=1) if line.strip(' \t,;"')]
-    if not places:
+    lines = []
+    for number, line in enumerate(text.lines, start=1):
+        if line.strip(' \t,;"'):
+            lines.append(Line(number, line))
+    if not lines:
         message = "no samples: the file has no complete line; record again"
         raise RecordingError(message, file=file)
-    lines = [text.lines[place - 1] for place in places]
+    blank_rows = len(text.lines) - len(lines)
     remarks = _remarks_below(lines)
-    mark = separator or delimited.separator_of(lines[-1 - remarks])
-    if mark == delimited.SPACE:
-        lines = [mark.join(line.lstrip("#%").split()) for line in lines]
-    detected = separator is None and mark == ","
-    if detected and delimited.has_quoted_decimals(lines[-SAMPLED:]):
-        lines = [";".join(split_line(line, ",")) for line in lines]
-        mark = ";"
+    mark = separator or delimited.separator_of(lines[-1 - remarks].text)
+    lines, mark = _plain_cells(lines, mark, detected=separator is None)
 
-    start, deleted = _sections(lines, places, mark)
+    start, deleted = _sections(lines, mark)
     end = len(lines) - remarks
     sampled = _sampled_cells(lines[start:end], mark)
     if _is_cut(sampled):
@@ -71,87 +83,108 @@ def layout_of(text: delimited.Text, file: Path, separator: str | None) -> Layout
         sampled.pop()
     last, numeric = sampled[-1], _numeric_columns(sampled)
     top = _first_row(lines[:end], start, mark, numeric, len(last), file)
-    _require_no_rows(lines[:top], places, file)
-    labels, units, label_line = _header(lines[:top], places, mark, last, numeric, file)
+    header, body = lines[:top], lines[top:end]
+    _require_no_rows(header, file)
+    labels, units, label_line = _header(lines, top, mark, last, numeric, file)
     if start and labels[:1] == ["X_Value"]:
         units = _units_of_labview(lines[:start], mark)
 
     repeated_labels = text.lines[label_line - 1] if labels else None
-    rows, row_places = [], []
-    for line, place in zip(lines[top:end], places[top:end], strict=True):
-        original = text.lines[place - 1]
+    rows, numbers = [], []
+    for line in body:
+        original = text.lines[line.number - 1]
         if original != repeated_labels and original[0] not in "#%":
-            rows.append(line)
-            row_places.append(place)
-    counts = {
-        "blank_rows": len(text.lines) - len(places) - deleted,
-        "cut_rows": (text.cut is not None) + len(lines) - end,
-    }
-    remark_rows = end - top - len(rows) + deleted  # remarks and repeated headers
+            rows.append(line.text)
+            numbers.append(line.number)
+    cut_rows = len(lines) - end
+    if text.cut is not None:
+        cut_rows += 1
+    counts = {"blank_rows": blank_rows, "cut_rows": cut_rows}
+    remark_rows = len(body) - len(rows) + deleted  # remarks and repeated headers
     if remark_rows:
         counts["remark_rows"] = remark_rows
     return Layout(
-        lines[:top],
-        labels,
-        units,
-        label_line,
-        rows,
-        row_places,
-        mark,
-        numeric,
-        len(last),
-        counts,
+        header=[line.text for line in header],
+        labels=labels,
+        units=units,
+        label_line=label_line,
+        rows=rows,
+        lines=numbers,
+        separator=mark,
+        numeric=numeric,
+        counts=counts,
     )
 
 
-def _remarks_below(lines: list[str]) -> int:
+def _plain_cells(
+    lines: list[Line],
+    mark: str,
+    *,
+    detected: bool,
+) -> tuple[list[Line], str]:
+    """Return the ``lines`` with one blank between cells if blanks separate them, and with
+    semicolons in place of ``detected`` commas between quoted decimals; and the separator.
+    """
+    quoted = False
+    if detected and mark == ",":
+        quoted = delimited.has_quoted_decimals([line.text for line in lines[-SAMPLED:]])
+    separated = []
+    for number, text in lines:
+        if mark == delimited.SPACE:
+            text = mark.join(text.lstrip("#%").split())
+        elif quoted:
+            text = ";".join(split_line(text, mark))
+        separated.append(Line(number, text))
+    return separated, ";" if quoted else mark
+
+
+def _remarks_below(lines: list[Line]) -> int:
     """Return the number of lines of words below the rows, at most REMARKS."""
     for remarks, line in enumerate(lines[: -REMARKS - 1 : -1]):
-        if delimited.is_rowlike(line):
+        if delimited.is_rowlike(line.text):
             return remarks
     return 0
 
 
-def _sections(lines: list[str], places: list[int], mark: str) -> tuple[int, int]:
+def _sections(lines: list[Line], mark: str) -> tuple[int, int]:
     """Return a LabVIEW file's label line (0 in others) and the number of deleted header lines."""
-    ends = _lines_with(HEADER_END, lines)
+    ends = _places_of(HEADER_END, lines)
     if not ends or ends[-1] + 1 >= len(lines):
         return 0, 0
     before = len(lines)
     for end in reversed(ends[2:]):
-        channels = _lines_with("Channels", lines[:end])
-        header = slice(max(channels, default=end), end + 2)
-        del lines[header], places[header]
+        channels = _places_of("Channels", lines[:end])
+        del lines[max(channels, default=end) : end + 2]
     start = ends[:2][-1] + 1
-    labels = split_line(lines[start].rstrip(mark), mark)
+    labels = split_line(lines[start].text.rstrip(mark), mark)
     if labels[-1] == "Comment":  # rows may lack the cell of the comment
-        for n, line in enumerate(lines):
-            if n > start and line.count(mark) == len(labels) - 2:
-                lines[n] = line + mark
+        for place, (number, text) in enumerate(lines):
+            if place > start and text.count(mark) == len(labels) - 2:
+                lines[place] = Line(number, text + mark)
     return start, before - len(lines)
 
 
-def _lines_with(word: str, lines: list[str]) -> list[int]:
-    """Return the numbers from 0 of the ``lines`` that start with the ``word``."""
-    return [n for n, line in enumerate(lines) if line.startswith(word)]
+def _places_of(word: str, lines: list[Line]) -> list[int]:
+    """Return the places in ``lines``, from 0, of the lines that start with the ``word``."""
+    return [n for n, line in enumerate(lines) if line.text.startswith(word)]
 
 
-def _units_of_labview(lines: list[str], mark: str) -> list[str]:
+def _units_of_labview(lines: list[Line], mark: str) -> list[str]:
     """Return the units that LabVIEW's header ``lines`` state, after s of the times."""
     for line in lines:
-        cells = split_line(line, mark)
-        if cells[0] == "Y_Unit_Label":
-            return ["s", *cells[1:]]
+        name, *units = split_line(line.text, mark)
+        if name == "Y_Unit_Label":
+            return ["s", *units]
     return ["s"]
 
 
-def _sampled_cells(body: list[str], mark: str) -> list[list[str]]:
+def _sampled_cells(body: list[Line], mark: str) -> list[list[str]]:
     """Return the cells of the last SAMPLED lines, and of earlier ones, since a column may be empty
     in the last lines.
     """
     step = max(len(body) // SAMPLED, 1)
     sampled = body[:-SAMPLED:step] + body[-SAMPLED:]
-    return [split_line(line, mark) for line in sampled]
+    return [split_line(line.text, mark) for line in sampled]
 
 
 def _is_cut(sampled: list[list[str]]) -> bool:
@@ -185,7 +218,7 @@ def is_thousands(cell: str) -> bool:
 
 
 def _first_row(
-    lines: list[str],
+    lines: list[Line],
     start: int,
     mark: str,
     numeric: list[int],
@@ -197,16 +230,19 @@ def _first_row(
     """
     top, cells = start, []
     for top in range(start, len(lines)):
-        cells = split_line(lines[top], mark)
+        cells = split_line(lines[top].text, mark)
         if len(cells) == width and _has_numbers([cells[n] for n in numeric]):
             break
     else:
-        message = f"no samples: no row of numbers up to the line {lines[-1][:80]!r}; record it or "
-        raise RecordingError(f"{message}export it again", file=file)
+        raise RecordingError(
+            f"no samples: no row of numbers up to the line {lines[-1].text[:80]!r}; record it or "
+            "export it again",
+            file=file,
+        )
     if top + 1 < len(lines) and counts_on(cells):
         return top + 1
     while top > start:
-        above = split_line(lines[top - 1], mark)
+        above = split_line(lines[top - 1].text, mark)
         if len(above) != width or not {*MISSING}.issuperset(above):
             break
         top -= 1
@@ -220,52 +256,69 @@ def _has_numbers(cells: list[str]) -> bool:
     return len(numbers) > 0 and len(numbers) + len(missing) == len(cells)
 
 
-def _require_no_rows(lines: list[str], places: list[int], file: Path) -> None:
-    """Raise RecordingError for a row of numbers, by any separator, in the header ``lines``."""
-    for line, place in zip(lines, places, strict=False):
+def _require_no_rows(header: list[Line], file: Path) -> None:
+    """Raise RecordingError for a row of numbers, by any separator, in the ``header``."""
+    for number, text in header:
         for mark in SEPARATORS:
-            cells = line.split() if mark == delimited.SPACE else split_line(line, mark)
+            cells = text.split() if mark == delimited.SPACE else split_line(text, mark)
             filled = [cell for cell in cells if cell]
-            numbers = count_numbers(filled)
-            if 2 < len(filled) == numbers and not counts_on(cells):
-                text = line[:80]
-                message = f"numbers unlike the rows below, or damaged: {text!r}: {MEND}"
-                raise RecordingError(message, file=file, line=place)
+            only_numbers = len(filled) > 2 and all(map(is_number, filled))
+            if only_numbers and not counts_on(cells):
+                message = (
+                    f"numbers unlike the rows below, or damaged: {text[:80]!r}: {MEND}"
+                )
+                raise RecordingError(message, file=file, line=number)
 
 
 def _header(
-    lines: list[str],
-    places: list[int],
+    lines: list[Line],
+    top: int,
     mark: str,
     last: list[str],
     numeric: list[int],
     file: Path,
 ) -> tuple[list[str], list[str], int]:
-    """Return labels, units and the labels' line; RecordingError for a damaged row above rows."""
-    above = [split_line(line.lstrip("#% "), mark) for line in lines]
-    width, lowest = len(last), above[-1] if above else []
-    numbers = count_numbers([lowest[n] for n in numeric if n < len(lowest)])
-    if numbers and len(lowest) in (width, numbers) and not counts_on(lowest):
-        message = f"words and numbers in one row: {lines[-1][:80]!r}: {MEND}"
-        raise RecordingError(message, file=file, line=places[len(lines) - 1])
-    words = [cell for cell in lowest if cell and "=" not in cell]
-    if width < len(words):
-        message = (
-            f"the row has {width} cells under {len(words)} labels up to {words[-1]!r}"
-        )
-        raise RecordingError(f"{message}: {MEND}", file=file, line=places[len(lines)])
+    """Return labels, units and the labels' line above the row ``top``; RecordingError for a damaged
+    row above it.
+    """
+    first_row, width = lines[top], len(last)
+    rows_above = [split_line(line.text.lstrip("#% "), mark) for line in lines[:top]]
+    if rows_above:
+        _require_labels(rows_above[-1], lines[top - 1], width, numeric, file)
+        words = [cell for cell in rows_above[-1] if cell and "=" not in cell]
+        if width < len(words):
+            raise RecordingError(
+                f"the row has {width} cells under {len(words)} labels up to {words[-1]!r}: {MEND}",
+                file=file,
+                line=first_row.number,
+            )
 
     units: list[str] = []
-    for place, line_cells in reversed([*zip(places, above, strict=False)]):
+    for line, row in zip(lines[:top][::-1], rows_above[::-1], strict=True):
         # cells of settings label no column
-        cells = [cell for cell in line_cells if "=" not in cell]
+        cells = [cell for cell in row if "=" not in cell]
         if not re.search(r"\w", "".join(cells)):
             continue
         filled = delimited.filled_width(cells)
         are_units = all(delimited.is_unit(cell) for cell in cells if cell)
-        if len(cells) > 1 and are_units and not units and place > places[0]:
+        if len(cells) > 1 and are_units and not units and line is not lines[0]:
             units = cells
         elif numeric[-1] < filled <= width and (filled > 1 or width == 1):
             labelled = max(filled, delimited.filled_width(last))
-            return (cells + [""] * width)[:labelled], units, place
-    return [], units, places[len(lines)]
+            padded = cells + [""] * width
+            return padded[:labelled], units, line.number
+    return [], units, first_row.number
+
+
+def _require_labels(
+    cells: list[str],
+    line: Line,
+    width: int,
+    numeric: list[int],
+    file: Path,
+) -> None:
+    """Raise RecordingError where the ``cells`` of the last header ``line`` are a damaged row."""
+    numbers = count_numbers([cells[n] for n in numeric if n < len(cells)])
+    if numbers and len(cells) in (width, numbers) and not counts_on(cells):
+        message = f"words and numbers in one row: {line.text[:80]!r}: {MEND}"
+        raise RecordingError(message, file=file, line=line.number)
