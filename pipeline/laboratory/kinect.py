@@ -8,6 +8,8 @@ the camera and the greatest inverse depth of the other faces. All operations are
 so that the written bytes do not depend on the processor.
 """
 
+from typing import NamedTuple
+
 import cv2
 import numpy as np
 from numpy.random import Generator
@@ -80,19 +82,31 @@ def _rounded_bar(bottom: float, top: float, width: float) -> np.ndarray:
     return np.concatenate([cap + np.array([0.0, top]), np.array([0.0, bottom]) - cap])
 
 
+Span = tuple[float, float]  # least and greatest coordinate in m
+
+
+def _around(middle: float, half: float) -> Span:
+    return middle - half, middle + half
+
+
+def _box(x: Span, y: Span, z: Span) -> np.ndarray:
+    return prism(_rectangle(*x, *z), *y)
+
+
 def _static_solids(chain: PlanarChain, options: SceneOptions) -> list[np.ndarray]:
     """Return turntable, neck, stand, floor and wall, in the plane's frame."""
-    (x, z), far, wall = chain.origin, 20.0, options.wall_distance
+    x, z = chain.origin
     half, stand = options.base_width / 2, options.stand_width / 2
-    floor = options.floor_height
-    gap = z - options.base_gap
+    floor, wall = options.floor_height, options.wall_distance
+    turntable_top = z - options.base_gap
+    far = -20.0, 20.0
     return [
-        prism(_rectangle(x - half, x + half, 0.0, gap), -half, half),
+        _box(_around(x, half), _around(0.0, half), (0.0, turntable_top)),
         # the neck that carries joint O1, hidden behind the first link
-        prism(_rectangle(x - half / 2, x + half / 2, gap, z), -half / 2, half / 2),
-        prism(_rectangle(x - stand, x + stand, floor, 0.0), -stand, stand),
-        prism(_rectangle(-far, far, floor - 0.1, floor), -far, wall),
-        prism(_rectangle(-far, far, floor, far), wall, wall + 0.1),
+        _box(_around(x, half / 2), _around(0.0, half / 2), (turntable_top, z)),
+        _box(_around(x, stand), _around(0.0, stand), (floor, 0.0)),
+        _box(far, (far[0], wall), (floor - 0.1, floor)),
+        _box(far, (wall, wall + 0.1), (floor, far[1])),
     ]
 
 
@@ -289,46 +303,54 @@ def lateral_deviation(grazing: np.ndarray, options: KinectOptions) -> np.ndarray
     return np.float32(a) + np.float32(b) * (angle / (QUARTER_TURN - angle))
 
 
+class Sensor(NamedTuple):
+    """Options of the sensor for compiled code, float32."""
+
+    bias: np.ndarray  # (K,) m, of :func:`draw_bias`
+    axial: np.ndarray  # (4,) factors of σ_z, Fankhauser et al. 2015
+    grazing_limit: np.float32  # rad
+    range: np.ndarray  # (2,) m, least and greatest depth
+    # (2,) below the first an edge's pixel is lost, below the second it is mixed
+    thresholds: np.ndarray
+
+
+class EdgePixels(NamedTuple):
+    """B pixels at edges of solids in an image of N pixels."""
+
+    pixel: np.ndarray  # (B,) indices in the image
+    near: np.ndarray  # (N,) m, least depth in the neighbourhood
+    far: np.ndarray  # (N,) m, greatest depth in the neighbourhood
+    fate: np.ndarray  # (2, B) uniform variates: loss or mixture, and weight of ``far``
+
+
 @compiled
-def _measure(
-    depth,
-    grazing,
-    source,
-    noise,
-    bias,
-    axial,
-    limit,
-    ends,
-    border,
-    near,
-    far,
-    thresholds,
-    fate,
-):
+def _measure(depth, grazing, source, noise, sensor, edges):
     """Return the image (N,) in mm, uint16, from standard normal ``noise`` (N,), float32, which it
     overwrites. Pixel p shows pixel ``source[p]`` of exact ``depth`` (N,) in m and ``grazing`` angle
-    (N,) in rad, none beyond its ``limit``; σ_z by the factors ``axial`` (4,) of Fankhauser et al.
-    2015. A pixel of an edge, at the index ``border`` (B,), is lost where ``fate[0]`` is below
-    ``thresholds[0]``, and below ``thresholds[1]`` a mixture of ``near`` and ``far`` (N,) m with the
-    weight ``fate[1]``. Depths beyond the ``ends`` (2,) in m are lost.
+    (N,) in rad, none beyond the limits of the ``sensor``; ``edges`` are lost or mixtures of two
+    depths.
     """
-    image, (a, b, c, d) = np.zeros(noise.size, np.uint16), axial
+    image, (a, b, c, d) = np.zeros(noise.size, np.uint16), sensor.axial
+    nearest, farthest = sensor.range
     for pixel in range(noise.size):
         z, angle = depth[source[pixel]], grazing[source[pixel]]
-        if z > 0 and z <= ends[1] and angle <= limit:
+        if z > 0 and z <= farthest and angle <= sensor.grazing_limit:
             term = angle / (QUARTER_TURN - angle)
             std = a + z * (b + c * z) + d * z * np.sqrt(z) * (term * term)
-            noise[pixel] = noise[pixel] * std + (z + bias[int(z * BIAS_STEPS)])
+            shifted = z + sensor.bias[int(z * BIAS_STEPS)]
+            noise[pixel] = noise[pixel] * std + shifted
         else:
             noise[pixel] = 0.0
-    for k in range(border.size):
-        pixel = border[k]
-        if fate[0, k] < thresholds[0]:
+    lost, mixed = sensor.thresholds
+    near, far, fate = edges.near, edges.far, edges.fate
+    for k in range(edges.pixel.size):
+        pixel = edges.pixel[k]
+        if fate[0, k] < lost:
             noise[pixel] = 0.0
-        elif fate[0, k] < thresholds[1]:
+        elif fate[0, k] < mixed:
             noise[pixel] = near[pixel] + fate[1, k] * (far[pixel] - near[pixel])
     for pixel in range(noise.size):
-        if ends[0] <= noise[pixel] <= ends[1]:
+        if nearest <= noise[pixel] <= farthest:
             image[pixel] = np.uint16(np.rint(noise[pixel] * MILLIMETRES))
     return image
 
@@ -359,22 +381,16 @@ def read_depth(
     source[band] = np.ravel_multi_index(tuple(places), grazing.shape, mode="clip")
 
     noise = rng.standard_normal(depth.size, dtype=np.float32)
-    border = np.flatnonzero(edge)
-    fate = rng.random((2, border.size), dtype=np.float32)
+    pixels = np.flatnonzero(edge)
+    fate = rng.random((2, pixels.size), dtype=np.float32)
+    edges = EdgePixels(pixels, near.ravel(), far.ravel(), fate)
     lost, mixed = options.edge_lost, options.edge_mixed
-    image = _measure(
-        depth.ravel(),
-        grazing.ravel(),
-        source,
-        noise,
-        bias,
-        np.array(options.axial, np.float32),
-        np.float32(options.grazing_limit),
-        np.array(options.range, np.float32),
-        border,
-        near.ravel(),
-        far.ravel(),
-        np.array([lost, lost + mixed], np.float32),
-        fate,
+    sensor = Sensor(
+        bias=bias,
+        axial=np.array(options.axial, np.float32),
+        grazing_limit=np.float32(options.grazing_limit),
+        range=np.array(options.range, np.float32),
+        thresholds=np.array([lost, lost + mixed], np.float32),
     )
+    image = _measure(depth.ravel(), grazing.ravel(), source, noise, sensor, edges)
     return image.reshape(depth.shape)

@@ -98,15 +98,17 @@ def _rays(camera: Intrinsics) -> ndarray:
     """Return the points (rows·columns, 3) of the pixels' rays at a depth of 1, in the camera's
     frame.
     """
-    columns, rows = np.arange(camera.width), np.arange(camera.height)
-    u, v = np.meshgrid(columns.astype(float), rows.astype(float))
-    pixels = np.stack([u.ravel(), v.ravel()], axis=-1)[:, None]
+    rows, columns = np.indices((camera.height, camera.width))
+    pixels = np.stack([columns, rows], axis=-1).reshape(-1, 1, 2).astype(float)
     # without distortion, None saves OpenCV's iterations
     bend = np.array(camera.distortion) if np.any(camera.distortion) else None
-    lens = np.array([[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1.0]])
-    ideal = cv2.undistortPoints(pixels, lens, bend, None, None, None, UNDISTORTION)
-    depth = np.ones((len(pixels), 1))
-    return np.concatenate([ideal[:, 0], depth], axis=1)
+    ideal = cv2.undistortPoints(
+        pixels,
+        camera.matrix,
+        bend,
+        criteria=UNDISTORTION,
+    )
+    return cv2.convertPointsToHomogeneous(ideal)[:, 0]
 
 
 def cut_cloud(

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -23,10 +24,18 @@ from pipeline.recordings.inventory import named_takes
 from pipeline.recordings.quality import DEPTH_CAMERA, quality_rows
 
 KEY = "dataset.depth"
-# F frames, read one at a time: times (F,) in s on the camera's clock; references (file, or
-# bag#message); intrinsics, None for point clouds; frames with evidence; counts, updated by reading
+# frames, each with the evidence for an error in it
 Frames = Iterator[tuple[image.RawDepth | cloud.PointCloud, dict[str, object]]]
-DepthTake = tuple[np.ndarray, Sequence[str], Intrinsics | None, Frames, Counter[str]]
+
+
+class DepthTake(NamedTuple):
+    """F frames of a depth take, which are read one at a time."""
+
+    time: np.ndarray  # (F,) s on the camera's clock
+    references: Sequence[str]  # (F,) file, or bag#message
+    camera: Intrinsics | None  # None for point clouds
+    frames: Frames
+    counts: Counter[str]  # of lost items, updated by reading ``frames``
 
 
 def depth_paths(raw: Path, depth: Depth) -> dict[str, Path]:
@@ -55,16 +64,18 @@ def frame_rows(
     Raises RecordingError for unreadable or contradictory files, ConfigError for missing options.
     """
     name, path = named
-    source = _of_bag if is_bag(path) else _of_folder
-    time, references, camera, frames, lost = source(path, depth, raw)
-    time = time - (time[0] if depth.start is None else depth.start)
-    clouds, valid = zip(*_points(frames, camera, depth, arm), strict=True)
+    read = _take_of_bag if is_bag(path) else _take_of_folder
+    recorded = read(path, depth, raw)
+    start = recorded.time[0] if depth.start is None else depth.start
+    points_and_shares = _points(recorded, depth, arm)
+    clouds, valid = zip(*points_and_shares, strict=True)
     frozen = _frozen_clouds(clouds)
     thawed = [points for points, still in zip(clouds, frozen, strict=True) if not still]
     np.save(folder / f"{name}.npy", np.concatenate(thawed))
 
     identity = {"take": name, "part": "test", "frame": np.arange(len(clouds))}
-    columns = identity | {"t": time, "file": references, "valid": valid}
+    identity |= {"t": recorded.time - start, "file": recorded.references}
+    columns = identity | {"valid": valid}
     rows = pd.DataFrame(columns)[~frozen]
 
     empty = np.full(2, np.nan)
@@ -72,9 +83,10 @@ def frame_rows(
     rows["points"] = [len(points) for points in thawed]
     rows[["x", "z"]] = np.array(centroid)
 
-    dropped = image.dropped_frames(time)
+    dropped = image.dropped_frames(recorded.time - start)
     share = dropped / (dropped + len(clouds))
-    counts = {"dropped_frames": dropped, "frozen_frames": frozen.sum()} | lost
+    counts = {"dropped_frames": dropped, "frozen_frames": frozen.sum()}
+    counts |= recorded.counts
     notes = [*counts.items(), ("dropped_share", share, "share")]
     return rows, quality_rows(name, "test", DEPTH_CAMERA, notes)
 
@@ -88,8 +100,7 @@ def _frozen_clouds(clouds: Sequence[np.ndarray]) -> np.ndarray:
 
 
 def _points(
-    frames: Frames,
-    camera: Intrinsics | None,
+    recorded: DepthTake,
     depth: Depth,
     arm: Arm,
 ) -> Iterator[tuple[np.ndarray, float]]:
@@ -104,12 +115,12 @@ def _points(
         depth.disparity and tuple(depth.disparity),
     )
     segment = partial(cut_cloud, arm, *pose, depth.workspace)
-    if camera is not None:
-        segment = ArmSegmenter(arm, camera, *pose, depth.workspace)
+    if recorded.camera is not None:
+        segment = ArmSegmenter(arm, recorded.camera, *pose, depth.workspace)
     elif depth.encoding != "plain":
         message = f"the encoding of point clouds must be plain, got {depth.encoding}"
         raise ConfigError(message, key=f"{KEY}.encoding")
-    for frame, where in frames:
+    for frame, where in recorded.frames:
         if isinstance(frame, cloud.PointCloud):
             share = len(frame.points) / (len(frame.points) + frame.missing)
             measured = frame.points / depth.units_per_metre
@@ -119,7 +130,7 @@ def _points(
         yield segment(measured), share
 
 
-def _of_folder(path: Path, depth: Depth, raw: Path) -> DepthTake:
+def _take_of_folder(path: Path, depth: Depth, raw: Path) -> DepthTake:
     if depth.index is not None:
         listed = image.read_index(path / depth.index)
     elif depth.frames is not None:
@@ -145,10 +156,10 @@ def _of_folder(path: Path, depth: Depth, raw: Path) -> DepthTake:
             yield points, {}
 
     references = [os.path.relpath(file, raw) for file in files]
-    return listed.time, references, camera, frames(), counts
+    return DepthTake(listed.time, references, camera, frames(), counts)
 
 
-def _of_bag(path: Path, depth: Depth, raw: Path) -> DepthTake:
+def _take_of_bag(path: Path, depth: Depth, raw: Path) -> DepthTake:
     """Return the bag's take: one pass reads the times in the headers, a second one the frames."""
     topic = rosbag.choose_topic(path, (rosbag.IMAGE, rosbag.CLOUD), depth.topic)
     time = np.array([*rosbag.messages(path, topic, rosbag.seconds)])
@@ -177,7 +188,7 @@ def _of_bag(path: Path, depth: Depth, raw: Path) -> DepthTake:
                 yield image.RawDepth(message), evidence
 
     references = [f"{path.relative_to(raw)}#{number}" for number in range(len(time))]
-    return time, references, camera, frames(), Counter()
+    return DepthTake(time, references, camera, frames(), Counter())
 
 
 def _intrinsics(path: Path, depth: Depth, raw: Path, topic: str = "") -> Intrinsics:

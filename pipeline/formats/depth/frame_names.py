@@ -7,6 +7,7 @@ a date, seconds with a fraction, or an integer since 1970 (s, ms, µs or ns by i
 import re
 from collections.abc import Iterable, Sequence
 from glob import escape
+from operator import contains
 from pathlib import Path
 from typing import NamedTuple
 
@@ -42,13 +43,13 @@ class FrameSequence(NamedTuple):
 
 def frame_sequences(files: Iterable[Path]) -> list[FrameSequence]:
     """Return the sequences in ``files``: equal folder, suffix and words, and different numbers."""
-    forms: dict[tuple, list[Path]] = {}
+    by_words = {}
     for file in files:
         words = re.split(r"\d+", file.stem, flags=re.ASCII)
-        forms.setdefault((file.parent, file.suffix, *words), []).append(file)
+        by_words.setdefault((file.parent, file.suffix, *words), []).append(file)
     sequences = []
-    for group in forms.values():
-        sequences += _split(group)
+    for alike in by_words.values():
+        sequences += _split(alike)
     return sequences
 
 
@@ -60,27 +61,28 @@ def _split(files: list[Path]) -> list[FrameSequence]:
     """Return the sequences of ``files`` whose names differ in numbers only."""
     rows = [_numbers(file.stem) for file in files]
     columns = [*zip(*rows, strict=True)]
-    varying = [j for j, column in enumerate(columns) if len({*column}) > 1]
-    values, inside = _times([file.stem for file in files], varying)
+    varying = [place for place, column in enumerate(columns) if len({*column}) > 1]
+    values, in_times = _times([file.stem for file in files], varying)
     timed = bool(values)
     if timed:
-        separate = [j for j in varying if j not in inside]
+        separate = [place for place in varying if place not in in_times]
     elif varying:
-        frame = max(varying, key=lambda j: (*_likeness(columns[j]), j))
-        separate = [j for j in varying if j != frame]
+        likeness = [(*_likeness(columns[place]), place) for place in varying]
+        *_, frame = max(likeness)
+        separate = [place for place in varying if place != frame]
         values = [int(number) for number in columns[frame]]
     else:
         separate = []
         values = [int(column[0]) for column in columns[-1:]] * len(files)
     if not separate or len({*values}) == len(files):
         return [_sequence(files, varying, values, timed)]
-    groups: dict[tuple, list[Path]] = {}
+    by_separate = {}
     for row, file in zip(rows, files, strict=True):
-        numbers = tuple(row[j] for j in separate)
-        groups.setdefault(numbers, []).append(file)
+        numbers = tuple(row[place] for place in separate)
+        by_separate.setdefault(numbers, []).append(file)
     sequences = []
-    for group in groups.values():
-        sequences += _split(group)
+    for alike in by_separate.values():
+        sequences += _split(alike)
     return sequences
 
 
@@ -100,11 +102,10 @@ def _sequence(
     if len(files) > 1:
         # numbers are at the odd places
         words = re.split(r"(\d+)", pattern.stem, flags=re.ASCII)
-        stars = {2 * j + 1 for j in varying}
-        name = ""
-        for place, word in enumerate(words):
-            name += "[0-9]*" if place in stars else escape(word)
-        pattern = pattern.with_name(name + pattern.suffix)
+        words = [escape(word) for word in words]
+        for place in varying:
+            words[2 * place + 1] = "[0-9]*"
+        pattern = pattern.with_name("".join(words) + pattern.suffix)
     if not values:
         return FrameSequence(pattern, files, [], timed)
     ordered = sorted(zip(values, map(str, files), files, strict=True))
@@ -118,16 +119,16 @@ def _times(stems: list[str], varying: Sequence[int]) -> tuple[list[int], range]:
         matches = [form.search(stem) for stem in stems]
         if None in matches:
             continue
-        places = {len(_numbers(match.string[: match.start()])) for match in matches}
-        first = min(places)
-        inside = range(first, first + len(_numbers(matches[0][0])))
+        before = {len(_numbers(match.string[: match.start()])) for match in matches}
+        first = min(before)
+        in_times = range(first, first + len(_numbers(matches[0][0])))
         seconds = [_seconds(match) for match in matches]
-        if len(places) > 1 or None in seconds or {*varying}.isdisjoint(inside):
+        if len(before) > 1 or None in seconds or {*varying}.isdisjoint(in_times):
             continue
         if _counts(matches):
             continue
         times = _with_fractions(seconds, matches)
-        return _across_midnight(times) if form is DAYTIME else times, inside
+        return _across_midnight(times) if form is DAYTIME else times, in_times
     return [], range(0)
 
 
@@ -145,14 +146,14 @@ def _counts(matches: list[re.Match]) -> bool:
     fraction = form is DATE and any(match["f"] for match in matches)
     if form in (SECONDS, INTEGER) or fraction:
         return False
-    before, numbers = set(), []
-    for match in matches:
-        digits = match["f"] or match[0][-6:]
-        before.add(match[0].removesuffix(digits))
-        if not digits.isdecimal():
-            return False
-        numbers.append(int(digits))
-    numbers.sort()
+    last_digits = [match["f"] or match[0][-6:] for match in matches]
+    if not all(map(str.isdecimal, last_digits)):
+        return False
+    before = {
+        match[0].removesuffix(digits)
+        for match, digits in zip(matches, last_digits, strict=True)
+    }
+    numbers = sorted(map(int, last_digits))
     counted = [*range(numbers[0], numbers[0] + len(numbers))]
     return len(before) == 1 and numbers == counted
 
@@ -182,17 +183,16 @@ def _with_fractions(whole: list[int], matches: list[re.Match]) -> list[int]:
     unit = 10 ** (9 - 3 * groups)
     decimals, counted = [], []
     for seconds, digits in zip(whole, fractions, strict=True):
-        start = seconds * NANO
-        decimals.append(start + int(digits.ljust(9, "0")))
-        counted.append(start + int(digits or 0) * unit)
+        decimals.append(seconds * NANO + int(digits.ljust(9, "0")))
+        counted.append(seconds * NANO + int(digits or 0) * unit)
     if len(lengths) == 1 or any(re.match("0.", digits) for digits in fractions):
         return decimals
     if any(re.search(".0$", digits) for digits in fractions):
         return counted
     likely = [counted, decimals]
-    for match, digits in zip(matches, fractions, strict=True):
-        if f".{digits}" in match[0]:
-            likely = [decimals, counted]
+    with_points = [f".{digits}" for digits in fractions]
+    if any(map(contains, [match[0] for match in matches], with_points)):
+        likely.reverse()
     return min(likely, key=_unevenness)
 
 

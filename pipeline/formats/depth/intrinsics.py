@@ -60,6 +60,11 @@ class Intrinsics:
     height: int
     distortion: tuple[float, ...] = ()
 
+    @property
+    def matrix(self) -> np.ndarray:
+        """Camera matrix (3, 3)."""
+        return np.array([[self.fx, 0, self.cx], [0, self.fy, self.cy], [0, 0, 1.0]])
+
 
 def pinhole(
     matrix: np.ndarray,
@@ -188,11 +193,8 @@ class _Calibration(NamedTuple):
         if matrix is not None:
             # Open3D writes the matrix as a flat list, column by column
             open3d = "intrinsic_matrix" in ((key,) if key else self.values)
-            return matrix.reshape(
-                3,
-                3,
-                order="F" if matrix.ndim == 1 and open3d else "C",
-            )
+            by_columns = matrix.ndim == 1 and open3d
+            return matrix.reshape(3, 3, order="F" if by_columns else "C")
         if {*FOCAL} <= {*self.values}:
             fx, fy, cx, cy = (self.numbers(name, count=1).item() for name in FOCAL)
             return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
@@ -297,13 +299,11 @@ def write_intrinsics(file: Path, intrinsics: Intrinsics) -> None:
     """Write the camera as OpenCV's YAML, without rounding."""
     import cv2  # here, since few callers write a calibration
 
-    fx, fy, cx, cy = (getattr(intrinsics, name) for name in FOCAL)
-    matrix = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
     storage = cv2.FileStorage(
         "intrinsics.yaml",
         cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY,
     )
-    storage.write("cameraMatrix", matrix)
+    storage.write("cameraMatrix", intrinsics.matrix)
     storage.write(
         "distortionCoefficients",
         np.array([intrinsics.distortion or (0.0,) * 5]),

@@ -30,6 +30,7 @@ from pipeline.formats.number_sheet import Sheet, read_sheet
 
 DELAY = re.compile(r'"?(Paused for|Skipped)\s+(\d{1,18})\b')
 GAUGES = [f"G{n}" for n in range(6)]
+NOT_WHOLE = re.compile("[.eE]")
 HEADING = re.compile(
     r'^"?(Paused for|Skipped)\s+\d|Frequency\s*=|Averaging Level\s*=|F/T Serial Number\s*='
     r'|"?Force X\b',
@@ -190,7 +191,7 @@ def _are_counts(sheet: Sheet, columns: list[int]) -> bool:
     numbers with one.
     """
     for column in columns:
-        if any("." in cell or "e" in cell.lower() for cell in sheet.words(column)):
+        if any(map(NOT_WHOLE.search, sheet.words(column))):
             break
     else:
         return True

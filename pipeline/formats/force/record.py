@@ -199,13 +199,12 @@ def plateau(values: np.ndarray) -> np.ndarray:
     same = values[1:] == values[:-1]
     for extreme in (values.max(axis=0), values.min(axis=0)):
         at_extreme = values == extreme
-        behind = at_extreme[1:]
-        pairs = (same & behind).sum(axis=0)
-        elsewhere = (~behind).sum(axis=0)
-        equal_elsewhere = (same & ~behind).sum(axis=0)
-        fine = equal_elsewhere <= EQUAL_PAIRS * elsewhere
-        flat = (elsewhere > 0) & fine & (pairs >= FEWEST)
-        cut |= (at_extreme & flat).any(axis=1)
+        pairs = (same & at_extreme[1:]).sum(axis=0)
+        elsewhere = len(same) - at_extreme[1:].sum(axis=0)
+        equal_elsewhere = same.sum(axis=0) - pairs
+        is_fine = equal_elsewhere <= EQUAL_PAIRS * elsewhere
+        is_cut = (elsewhere > 0) & is_fine & (pairs >= FEWEST)
+        cut |= (at_extreme & is_cut).any(axis=1)
     return cut
 
 
@@ -288,18 +287,18 @@ def axis_factors(
     """Return the columns of the forces, and of the torques if present, by options or labels, their
     factors to N and N·m, and kind → unit, from the units ``stated``, else from the header.
     """
-    named = {axis: name for axis, name in options.columns.items() if axis != "t"}
-    doubled = ""
-    for column, label in enumerate(sheet.labels):
-        axis = axis_of(label)
-        if axis and not options.columns:
-            doubled = label if axis in named else doubled
-            named[axis] = column
-    wanted = [*FORCES]
-    if not {*TORQUES}.isdisjoint(named):
-        wanted += TORQUES
+    named, doubled = dict(options.columns), ""
+    named.pop("t", None)
+    if not options.columns:
+        for column, label in enumerate(sheet.labels):
+            axis = axis_of(label)
+            if axis in named:
+                doubled = label
+            if axis:
+                named[axis] = column
+    wanted = FORCES if {*TORQUES}.isdisjoint(named) else FORCES + TORQUES
     where = {"file": sheet.file, "line": sheet.label_line}
-    if doubled or {*wanted} ^ {*named}:
+    if doubled or {*wanted} != {*named}:
         axes = ", ".join(sorted(named)) or "none"
         twice = f", two columns {doubled}" if doubled else ""
         raise RecordingError(
@@ -329,33 +328,49 @@ def sheet_record(
     N·m, and ``more`` of its fields, at the times of a column of times or sample numbers, else
     equally spaced at ``rate()`` in Hz (default the option).
     """
-    labels = [bare(label) for label in sheet.labels]
-    clocks = [n for n, label in enumerate(labels) if TIMES.fullmatch(label)]
-    clocks += [n for n, label in enumerate(labels) if NUMBERS.fullmatch(label)]
-    named = clocks[0] if clocks else None
-    if options.columns:
-        named = options.columns.get("t")
-    clock = [] if named is None else [*sheet.columns({"t": named}, KEY).values()]
-    samples = sheet.samples([*clock, *columns], *clock)
-    values = samples.values[:, len(clock) :]
+    clock = _clock_column(sheet, options)
+    is_timed = clock is not None
+    samples = sheet.samples([clock, *columns] if is_timed else columns, clock)
+    values = samples.values[:, int(is_timed) :]
     values = values * factors if factors.ndim == 1 else values @ factors.T
     more["counts"] = sheet.counts | samples.counts | more.get("counts", {})
     more["marks"] = {"separator": sheet.separator, "decimal": sheet.decimal}
-    ticks = samples.values[:, 0] if clock else samples.rows
-    if not clock or (labels and NUMBERS.fullmatch(labels[clock[0]])):
+    ticks = samples.values[:, 0] if is_timed else samples.rows
+    ticks = ticks - ticks[0]
+    if is_timed and not _counts_samples(sheet, clock):
+        where = {"file": sheet.file, "line": sheet.label_line}
+        time = ticks * si_factor("t", sheet.unit(clock, "time"), options, **where)
+    else:
         steady = rate() if rate else options.rate
         if not steady:
             message = "the samples have no time: name a column t, or set rate in Hz"
             raise RecordingError(message, file=sheet.file, key=f"{OPTION}.rate")
-        time, more["rate"] = (ticks - ticks[0]) / steady, steady
-    else:
-        where = {"file": sheet.file, "line": sheet.label_line}
-        second = si_factor("t", sheet.unit(*clock, "time"), options, **where)
-        time = (ticks - ticks[0]) * second
-    if not clock:
+        time, more["rate"] = ticks / steady, steady
+    if not is_timed:
         return _record(time, values, **more)
     lines = [sheet.lines[row] for row in samples.rows]
     return timed_record(time, values, "line", lines, sheet.file, **more)
+
+
+def _clock_column(sheet: Sheet, options: ForceLogOptions) -> int | None:
+    """Return the column of times, else of sample numbers, by option or label; None for no such."""
+    clocks: list[str | int] = []
+    if options.columns:
+        clocks += [name for axis, name in options.columns.items() if axis == "t"]
+    else:
+        labels = [bare(label) for label in sheet.labels]
+        for kind in (TIMES, NUMBERS):
+            clocks += [n for n, label in enumerate(labels) if kind.fullmatch(label)]
+    if not clocks:
+        return None
+    return sheet.columns({"t": clocks[0]}, KEY)["t"]
+
+
+def _counts_samples(sheet: Sheet, column: int) -> bool:
+    """Return whether a ``column`` has sample numbers, by its label."""
+    return (
+        bool(sheet.labels) and NUMBERS.fullmatch(bare(sheet.labels[column])) is not None
+    )
 
 
 def read_force_bag(file: Path, options: ForceLogOptions = NO_OPTIONS) -> ForceRecord:
@@ -388,12 +403,11 @@ def _sample(message: object) -> list[float]:
 
 def _begins(head: Head) -> bool:
     """Return whether labels of three axes of forces, and of few other columns, are above a row."""
-    for number, line in enumerate(head.lines[:HEADER_LINES]):
+    for number, line in enumerate(head.lines[:HEADER_LINES], start=1):
         cells = split_line(line, separator_of(line))
         axes = [axis for axis in map(axis_of, cells) if axis]
         if {*FORCES} <= {*axes} and 2 * len(axes) >= len(cells):
-            first, second = [*head.lines[number + 1 : number + 3], "", ""][:2]
-            return is_rowlike(first) or is_rowlike(second)
+            return any(map(is_rowlike, head.lines[number : number + 2]))
     return False
 
 

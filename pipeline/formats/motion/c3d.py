@@ -44,6 +44,21 @@ class C3dHeader(NamedTuple):
     held: int
 
 
+class C3dContents(NamedTuple):
+    """Contents of P points in N frames; a parameter that the file lacks is empty."""
+
+    points: np.ndarray  # (3, P, N) in the file's unit
+    residuals: np.ndarray  # (P, N), negative without a measurement
+    labels: list[str]
+    outputs: list[str]  # labels of points that are not markers
+    units: list[str]
+    rate: list[float]
+    channels: list[str]  # labels of the analog channels
+    start: list[float]
+    end: list[float]
+    long_frames: list[float]
+
+
 def read_c3d(file: Path, unit: str | None = None) -> MotionTake:
     """Return the markers of the C3D take in ``file``, in m and s; ``unit`` (m, cm or mm) is the
     unit of lengths where POINT:UNITS is empty.
@@ -60,63 +75,58 @@ def read_c3d(file: Path, unit: str | None = None) -> MotionTake:
     header = _first_block(file)
     points = header.points
     require("markers", points, "points", file)
-    contents = _contents_of(file, header)
-    frames = contents["points"].shape[2]
-    counts = compare_announced(
-        "frames",
-        contents["announced"],
-        frames,
-        f"truncated? {AGAIN}",
-        file=file,
-    )
-    rate = contents["rate"]
+    contents, announced = _contents_of(file, header)
+    frames = contents.points.shape[2]
+    again = f"truncated? {AGAIN}"
+    counts = compare_announced("frames", announced, frames, again, file=file)
+    rate = contents.rate
     if len(rate) != 1 or not 0 < rate[0] < np.inf:
         message = f"the file has no frame rate; {AGAIN}"
         raise RecordingError(message, file=file, key="POINT:RATE")
-    stated = sorted({text.lower() for text in contents["units"]} - {""})
+    stated = sorted({text.lower() for text in contents.units if text})
     unit = settle_unit(" and ".join(stated), unit, file, key="POINT:UNITS")
-    samples = contents["points"].transpose(1, 2, 0).copy()
+    samples = contents.points.transpose(1, 2, 0).copy()
     with np.errstate(invalid="ignore"):
         invalid = ~(np.abs(samples) < GREATEST)
-    samples[invalid | (contents["residuals"] < 0)[..., None]] = np.nan
+    samples[invalid | (contents.residuals < 0)[..., None]] = np.nan
 
-    names = _marker_names(contents, points)
+    labels = [*contents.labels, *[""] * points]
+    labels, surplus = labels[:points], max(len(contents.labels) - points, 0)
+    names = _marker_names(labels, contents.outputs)
     if not names:
         raise RecordingError(
             f"all {points} points are outputs of a model (angles, moments or others); export the "
             "take with its markers",
             file=file,
         )
-    labels = contents["labels"]
-    filled = [label for label in labels[:points] if label]
+    more = {"unlabelled_points": labels.count("")}
     rare = {
         "skipped_model_outputs": points - len(names),
         "invalid_samples": int(invalid[[*names]].any(axis=-1).sum()),
-        "skipped_labels": max(len(labels) - points, 0),
+        "skipped_labels": surplus,
     }
-    more = {"unlabelled_points": points - len(filled)}
     more |= {name: count for name, count in rare.items() if count}
     raw = MotionTake(
-        Path(file).stem,
-        "C3D",
-        rate[0],
-        np.arange(frames) + _first_frame(header, contents),
-        np.zeros(0),
-        {name: samples[point] for point, name in names.items()},
-        {},
-        counts,
-        unit,
+        name=Path(file).stem,
+        version="C3D",
+        rate=rate[0],
+        frame=np.arange(frames) + _first_frame(header, contents),
+        time=np.zeros(0),
+        markers={name: samples[point] for point, name in names.items()},
+        bodies={},
+        counts=counts,
+        unit=unit,
     )
     return checked_take(raw, file, more=more)
 
 
-def _contents_of(file: Path, header: C3dHeader) -> dict:
-    """Return :func:`read_contents` of all frames, with the number ``announced``; RecordingError for
+def _contents_of(file: Path, header: C3dHeader) -> tuple[C3dContents, int]:
+    """Return the contents with all frames, and the number of announced frames; RecordingError for
     no points, and for other points than the ``header`` announces.
     """
     contents = read_alone(read_contents, str(file), file=file, advice=AGAIN)
     if not header.points:
-        channels = contents["channels"]
+        channels = contents.channels
         message = "the file has no points: no take"
         if channels:
             message = (
@@ -127,36 +137,38 @@ def _contents_of(file: Path, header: C3dHeader) -> dict:
     announced = _announced_frames(header, contents)
     if announced > header.frames:
         require("memory_mib", announced * header.row / MIB, "MiB of frames", file)
-        pieces = str(file), header, min(announced, header.held)
-        contents |= read_alone(read_contents, *pieces, file=file, advice=AGAIN)
-    _, points, frames = contents["points"].shape
-    residuals = contents["residuals"].shape
-    if points != header.points or residuals != (points, frames):
+        stored = str(file), header, min(announced, header.held)
+        points, residuals = read_alone(read_pieces, *stored, file=file, advice=AGAIN)
+        contents = contents._replace(points=points, residuals=residuals)
+    _, points, frames = contents.points.shape
+    if points != header.points or contents.residuals.shape != (points, frames):
         message = f"the header announces {header.points} points, the file holds {points}; {AGAIN}"
         raise RecordingError(message, file=file, key="POINT:USED")
-    return contents | {"announced": announced}
+    return contents, announced
 
 
-def _first_frame(header: C3dHeader, contents: dict) -> int:
+def _first_frame(header: C3dHeader, contents: C3dContents) -> int:
     """Return the number of the first frame, by TRIAL where it agrees with the header's 16 bits."""
-    stated = _long(contents["start"])
+    stated = _long(contents.start)
     if stated is not None and header.first in (stated % 2**16, LONGEST):
         return stated
     return header.first
 
 
-def _marker_names(contents: dict, points: int) -> dict[int, str]:
-    """Return number → name of the ``points`` that are markers, and not outputs of a model."""
-    labels = [*contents["labels"], *[""] * points][:points]
+def _marker_names(labels: list[str], outputs: list[str]) -> dict[int, str]:
+    """Return number → name of the points with ``labels`` that are markers, and not ``outputs`` of a
+    model.
+    """
     labels = [label or f"Point {n}" for n, label in enumerate(labels, start=1)]
-    outputs = {*contents["outputs"]} - {""}
     names = {}
     for point, label in enumerate(labels):
         # the list of outputs has the label with its subject (Arm:HipAngles) or without
-        if outputs.isdisjoint((label, label.rpartition(":")[2])):
+        if label in outputs or label.rpartition(":")[2] in outputs:
+            continue
+        names[point] = label
+        if labels.count(label) > 1:
             number = labels[: point + 1].count(label)
-            several = labels.count(label) > 1
-            names[point] = f"{label} [{number}]" if several else label
+            names[point] = f"{label} [{number}]"
     return names
 
 
@@ -191,10 +203,10 @@ def _first_block(file: Path) -> C3dHeader:
     return C3dHeader(points, frames, first, last, frames * ratio, start, row, held)
 
 
-def _announced_frames(header: C3dHeader, contents: dict) -> int:
+def _announced_frames(header: C3dHeader, contents: C3dContents) -> int:
     """Return the frames by the header, TRIAL, POINT:LONG_FRAMES or the file's length."""
-    start, end = _long(contents["start"]), _long(contents["end"])
-    stated = _long(contents["long_frames"])
+    start, end = _long(contents.start), _long(contents.end)
+    stated = _long(contents.long_frames)
     if start is not None and end is not None:
         stated = max(end - start + 1, stated or 0)
     capped = header.last == LONGEST
@@ -215,62 +227,65 @@ def _long(words: list[float]) -> int | None:
     return low % 2**16 + high[0] % 2**16 * 2**16 if high else low
 
 
-def read_contents(file: str, header: C3dHeader | None = None, frames: int = 0) -> dict:
-    """Return the contents by ezc3d, which may crash or hang on a damaged file: ``points`` (3, P, N)
-    in the file's unit, ``residuals`` (P, N), ``labels``, ``outputs`` (labels of points that are no
-    markers), ``channels``, ``units``, ``rate``, ``start``, ``end`` and ``long_frames``. With a
-    ``header``, return points and residuals of ``frames`` that the library reads in pieces, since it
-    reads the frames of the header alone.
+def read_contents(file: str) -> C3dContents:
+    """Return the contents by ezc3d, which may crash or hang on a damaged file."""
+    # open by descriptor, since the library refuses names that are not UTF-8
+    with Path(file).open("rb") as stream:
+        return _contents(stream.fileno())
+
+
+def read_pieces(
+    file: str,
+    header: C3dHeader,
+    frames: int,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return points and residuals of ``frames``, which the library reads in pieces, since it only
+    reads the frames of the header.
     """
-    if header is None:
-        # open by descriptor, since the library refuses names that are not UTF-8
-        with Path(file).open("rb") as stream:
-            return _contents(stream.fileno())
-    content, pieces = Path(file).read_bytes(), []
+    content, points, residuals = Path(file).read_bytes(), [], []
     for first in range(0, frames, LONGEST - 1):
         count = min(LONGEST - 1, frames - first)
-        above = bytearray(content[: header.start])
-        struct.pack_into("<2H", above, 6, 1, count)
-        at = header.start + first * header.row
+        piece = bytearray(content[: header.start])
+        struct.pack_into("<2H", piece, 6, 1, count)
+        place = header.start + first * header.row
+        piece += content[place : place + count * header.row]
         with os.fdopen(os.memfd_create("piece"), "wb") as stream:
-            stream.write(above + content[at : at + count * header.row])
+            stream.write(piece)
             stream.flush()
-            pieces.append(_contents(stream.fileno()))
-    return {
-        "points": np.concatenate([piece["points"] for piece in pieces], 2),
-        "residuals": np.concatenate([piece["residuals"] for piece in pieces], 1),
-    }
+            contents = _contents(stream.fileno())
+        points.append(contents.points)
+        residuals.append(contents.residuals)
+    return np.concatenate(points, axis=2), np.concatenate(residuals, axis=1)
 
 
-def _contents(descriptor: int) -> dict:
+def _contents(descriptor: int) -> C3dContents:
     import ezc3d
 
     recording = ezc3d.c3d(f"/proc/self/fd/{descriptor}")
-    parameters = recording["parameters"]
-    point, trial = parameters["POINT"], parameters.get("TRIAL", {})
 
-    def values(kind: type, group: dict, *names: str) -> list:
-        """Return all values of the parameters ``names`` in a group, in the order of ``names``."""
-        collected = []
+    def values(kind: type, group: str, *names: str) -> list:
+        """Return all values of the parameters ``names``, none if there are none."""
+        collected, parameters = [], recording["parameters"].get(group, {})
         for name in names:
-            if name in group:
-                collected += [kind(value) for value in group[name]["value"]]
+            if name in parameters:
+                collected += [kind(value) for value in parameters[name]["value"]]
         return [value.strip() if kind is str else value for value in collected]
 
+    point = recording["parameters"]["POINT"]
     labels = [name for name in point if re.fullmatch(r"LABELS\d*", name)]
     labels = sorted(sorted(labels), key=len)  # LABELS2 before LABELS10
-    return {
-        "points": recording["data"]["points"][:3],
-        "residuals": recording["data"]["meta_points"]["residuals"][0],
-        "labels": values(str, point, *labels),
-        "outputs": values(str, point, *filter(OUTPUTS.fullmatch, point)),
-        "units": values(str, point, "UNITS"),
-        "rate": values(float, point, "RATE"),
-        "channels": values(str, parameters.get("ANALOG", {}), "LABELS"),
-        "start": values(float, trial, "ACTUAL_START_FIELD"),
-        "end": values(float, trial, "ACTUAL_END_FIELD"),
-        "long_frames": values(float, point, "LONG_FRAMES"),
-    }
+    return C3dContents(
+        points=recording["data"]["points"][:3],
+        residuals=recording["data"]["meta_points"]["residuals"][0],
+        labels=values(str, "POINT", *labels),
+        outputs=values(str, "POINT", *filter(OUTPUTS.fullmatch, point)),
+        units=values(str, "POINT", "UNITS"),
+        rate=values(float, "POINT", "RATE"),
+        channels=values(str, "ANALOG", "LABELS"),
+        start=values(float, "TRIAL", "ACTUAL_START_FIELD"),
+        end=values(float, "TRIAL", "ACTUAL_END_FIELD"),
+        long_frames=values(float, "POINT", "LONG_FRAMES"),
+    )
 
 
 def _processor(content: bytes) -> int:

@@ -38,6 +38,8 @@ KEYS = (
 )
 TIMES = ("Time", "Time (Seconds)")
 RAW, SOLVED, BODY = "Marker", "Rigid Body Marker", "Rigid Body"
+PLACE = tuple(f"Position {axis}" for axis in "XYZ")
+TURN = tuple(f"Rotation {axis}" for axis in "XYZW")
 # upper limit; headers have five to eight lines, including blank lines
 HEADER_LINES = 20
 
@@ -75,34 +77,34 @@ def read_motive(file: Path, unit: str | None = None) -> MotionTake:
     raise RecordingError(message, file=file, line=1)
 
 
+class Asset(NamedTuple):
+    """Marker or rigid body of the header."""
+
+    kind: str
+    name: str
+    identity: str  # ID, "" if the header has no IDs
+
+
+# quantity with its axis → column
+Columns = dict[str, int]
+
+
 class Header(NamedTuple):
     """Column labels in the header rows."""
 
     line: int  # line number of the axis row, the last header row
     time: int | None  # column of the times
-    # (type, name, ID): {(quantity, axis): column}
-    groups: dict[tuple[str, str, str], dict[tuple[str, str], int]]
+    assets: dict[Asset, Columns]
     labelled: list[bool]  # whether a column has a label, up to the last labelled column
     bones: int  # number of bones and bone markers, which are not read
-    unused: int  # number of labelled columns outside ``groups``
-
-
-Groups = dict[tuple[str, str, str], dict[tuple[str, str], int]]
+    unused: int  # number of labelled columns outside ``assets``
 
 
 def _header(lines: list[str], file: Path) -> Header:
     """Return the column labels; RecordingError where a label is missing or occurs twice."""
-    filled_rows, number = [], 1
-    for number, line in enumerate(lines[1:HEADER_LINES], start=2):
-        cells = cells_of(line, ",", file=file, number=number)
-        if any(cells):
-            filled_rows.append(cells)
-        if cells and cells[0]:
-            break
-    columns = [*zip_longest(*filled_rows, fillvalue="")]
-    rows = [*zip(*columns, strict=True)]
-    named = {row[1]: row for row in rows[:-2] if row[1]}
-    stated = not named or {"Type", "Name"} <= {*named}
+    rows, number = _label_rows(lines, file)
+    by_label = {row[1]: row for row in rows[:-2] if row[1]}
+    stated = not by_label or {"Type", "Name"} <= by_label.keys()
     if len(rows) < 4 or rows[-1][0] != "Frame" or not stated:
         raise RecordingError(
             "no row that starts with 'Frame' follows the rows Type, Name and quantity: the header "
@@ -110,40 +112,56 @@ def _header(lines: list[str], file: Path) -> Header:
             file=file,
             line=number,
         )
-    types, names = named.get("Type", rows[0]), named.get("Name", rows[1])
-    identities = named.get("ID", [""] * len(types))
-    if len(rows) > 4 and not named:
+    types, names = by_label.get("Type", rows[0]), by_label.get("Name", rows[1])
+    identities = by_label.get("ID", ("",) * len(types))
+    if len(rows) > 4 and not by_label:
         identities = rows[2]
-    labels = [*zip(types, names, identities, *rows[-2:], strict=True)]
-    bones = {(kind, name) for kind, name, *_ in labels if "Bone" in kind}
-    groups: Groups = {}
-    for column, (kind, name, identity, quantity, axis) in enumerate(labels):
-        if kind in (RAW, SOLVED, BODY) and quantity in ("Position", "Rotation"):
-            group = groups.setdefault((kind, name, identity), {})
-            if group.setdefault((quantity, axis), column) != column:
-                fault = f"{name!r} has two columns {quantity} {axis}"
+    quantities, axes = rows[-2:]
+
+    assets: dict[Asset, Columns] = {}
+    for column, asset in enumerate(map(Asset, types, names, identities)):
+        quantity = quantities[column]
+        if asset.kind in (RAW, SOLVED, BODY) and quantity in ("Position", "Rotation"):
+            label = f"{quantity} {axes[column]}"
+            columns = assets.setdefault(asset, {})
+            if columns.setdefault(label, column) != column:
+                fault = f"{asset.name!r} has two columns {label}"
                 raise _to_export_again(fault, file, number)
-    for (kind, name, _), group in groups.items():
-        if not {("Position", axis) for axis in "XYZ"} <= {*group}:
-            fault = f"{kind} {name!r} lacks one of its columns X, Y, Z of Position"
+    for asset, columns in assets.items():
+        if not columns.keys() >= {*PLACE}:
+            fault = f"{asset.kind} {asset.name!r} lacks one of its columns X, Y, Z of Position"
             raise _to_export_again(fault, file, number)
-    if not groups:
+    bones = {asset for asset in zip(types, names, strict=True) if "Bone" in asset[0]}
+    if not assets:
         only = ", only bones" if bones else ""
         raise _to_export_again(f"{capture.NO_ASSET}{only}", file, number)
 
-    times = [n for n, axis in enumerate(rows[-1]) if axis in TIMES]
-    width = max(n for n, column in enumerate(columns, start=1) if any(column))
-    labelled = [any(column) for column in columns[:width]]
-    read_columns = sum(len(group) for group in groups.values())
-    unused = sum(1 for kind in types[2:] if kind) - read_columns
+    times = [column for column, axis in enumerate(axes) if axis in TIMES]
+    labelled = [any(column) for column in zip(*rows, strict=True)]
+    while not labelled[-1]:
+        labelled.pop()
+    read_columns = sum(len(columns) for columns in assets.values())
     return Header(
-        number,
-        times[0] if times else None,
-        groups,
-        labelled,
-        len(bones),
-        unused,
+        line=number,
+        time=times[0] if times else None,
+        assets=assets,
+        labelled=labelled,
+        bones=len(bones),
+        unused=len([kind for kind in types[2:] if kind]) - read_columns,
     )
+
+
+def _label_rows(lines: list[str], file: Path) -> tuple[list[tuple[str, ...]], int]:
+    """Return the label rows, of equal lengths, and the line number of the last one."""
+    rows, number = [], 1
+    for number, line in enumerate(lines[1:HEADER_LINES], start=2):
+        cells = cells_of(line, ",", file=file, number=number)
+        if any(cells):
+            rows.append(cells)
+        if cells and cells[0]:
+            break
+    columns = zip_longest(*rows, fillvalue="")
+    return [*zip(*columns, strict=True)], number
 
 
 def _to_export_again(fault: str, file: Path, line: int) -> RecordingError:
@@ -172,12 +190,12 @@ def _fields(line: str, file: Path) -> dict[str, str]:
 
 def _read_columns(text: Text, file: Path, unit: str | None) -> MotionTake:
     header = _header(text.lines, file)
-    fields, groups = _fields(text.lines[0], file), header.groups
-    require("markers", len(groups), "markers and bodies", file)
+    fields = _fields(text.lines[0], file)
+    require("markers", len(header.assets), "markers and bodies", file)
     rows, numbers, repeated = _rows(text, header, file)
     columns = [0]
-    for group in groups.values():
-        columns += group.values()
+    for columns_of_asset in header.assets.values():
+        columns += columns_of_asset.values()
     if header.time is not None:
         columns.append(header.time)
     table = numbers_of(rows, numbers, columns, file=file, gaps=True)
@@ -199,34 +217,36 @@ def _read_columns(text: Text, file: Path, unit: str | None) -> MotionTake:
     stated = fields.get("Total Exported Frames", "")
     counts |= capture.compare_frames(stated, len(frame))
 
-    assets = _assets(groups, values, fields.get("Rotation Type", ""), file)
-    replaced = len(assets.solved.keys() & assets.raw.keys())
+    tracks = _tracks(header.assets, values, fields.get("Rotation Type", ""), file)
+    only_solved = tracks.solved.keys() - tracks.raw.keys()
     more = {
-        "solved_replaced": replaced,
+        "solved_replaced": len(tracks.solved) - len(only_solved),
         "unused_columns": header.unused,
-        "solved_only": len(assets.solved) - replaced,
+        "solved_only": len(only_solved),
     }
     if repeated:
         more["repeated_rows"] = repeated
     if header.bones:
         more["skipped_bones"] = header.bones
-    only_solved = {n: xyz for n, xyz in assets.solved.items() if n not in assets.raw}
+    markers = dict(tracks.raw)
+    for name, position in tracks.solved.items():
+        markers.setdefault(name, position)
     take = MotionTake(
-        fields.get("Take Name") or file.stem,
-        fields["Format Version"],
-        rate,
-        frame,
-        printed,
-        assets.raw | only_solved,
-        assets.bodies,
-        counts,
-        unit,
+        name=fields.get("Take Name") or file.stem,
+        version=fields["Format Version"],
+        rate=rate,
+        frame=frame,
+        time=printed,
+        markers=markers,
+        bodies=tracks.bodies,
+        counts=counts,
+        unit=unit,
         rate_from=source,
     )
-    return capture.checked_take(take, file, numbers, assets.columns, more)
+    return capture.checked_take(take, file, numbers, tracks.columns, more)
 
 
-class Assets(NamedTuple):
+class Tracks(NamedTuple):
     """Markers and bodies by name, positions (N, 3) in the file's unit."""
 
     raw: dict[str, np.ndarray]
@@ -235,37 +255,38 @@ class Assets(NamedTuple):
     columns: dict[str, list[int]]  # columns of X, Y and Z
 
 
-def _assets(
-    groups: Groups,
+def _tracks(
+    assets: dict[Asset, Columns],
     values: dict[int, np.ndarray],
     order: str,
     file: Path,
-) -> Assets:
-    """Return the assets of the ``groups`` of columns, with ``values`` (N,) by column, and Euler
-    angles in ``order``.
+) -> Tracks:
+    """Return the tracks of the ``assets``, with ``values`` (N,) by column, and Euler angles in
+    ``order``.
     """
-    assets = Assets({}, {}, {}, {})
+    tracks = Tracks({}, {}, {}, {})
     # a name that two assets share does not identify an asset: the ID is appended
-    uses = Counter((kind, name) for kind, name, _ in groups)
+    uses = Counter((asset.kind, asset.name) for asset in assets)
     shared = {name for (_, name), number in uses.items() if number > 1}
-    for (kind, name, identity), group in groups.items():
+    for (kind, name, identity), columns in assets.items():
         key = f"{name} [{identity}]" if name in shared else name
-        xyz = [group["Position", axis] for axis in "XYZ"]
+        xyz = [columns[label] for label in PLACE]
         position = np.stack([values[column] for column in xyz], axis=-1)
-        if kind != SOLVED or key not in assets.columns:  # raw replaces solved
-            assets.columns[key] = xyz
+        if kind != SOLVED or key not in tracks.columns:  # raw replaces solved
+            tracks.columns[key] = xyz
         if kind == RAW:
-            assets.raw[key] = position
+            tracks.raw[key] = position
         elif kind == SOLVED:
-            assets.solved[key] = position
+            tracks.solved[key] = position
         else:
             rotation = {}
-            for (quantity, axis), column in group.items():
+            for label, column in columns.items():
+                quantity, axis = label.split(" ", 1)
                 if quantity == "Rotation":
                     rotation[axis] = values[column]
             quaternion = _quaternion(rotation, order, file)
-            assets.bodies[key] = capture.RigidBody(position, quaternion)
-    return assets
+            tracks.bodies[key] = capture.RigidBody(position, quaternion)
+    return tracks
 
 
 def _rows(text: Text, header: Header, file: Path) -> tuple[list[str], list[int], int]:
@@ -341,19 +362,17 @@ def write_motive(file: Path, take: MotionTake, *, start: str) -> None:
         "Total Frames in Take": str(int(take.frame[-1] - take.frame[0]) + 1),
         "Total Exported Frames": str(len(take.frame)),
     }
-    place = [("Position", axis) for axis in "XYZ"]
-    pose = [("Rotation", axis) for axis in "XYZW"] + place
-    assets = [(BODY, name, pose) for name in take.bodies]
-    assets += [(RAW, name, place) for name in take.markers]
-    labels = []
+    assets = [(BODY, name, TURN + PLACE) for name in take.bodies]
+    assets += [(RAW, name, PLACE) for name in take.markers]
+    label_rows = [["", "Type"], ["", "Name"], ["", "ID"], ["", ""]]
+    label_rows.append(["Frame", "Time (Seconds)"])
     for number, (kind, name, quantities) in enumerate(assets, start=0xA10):
-        for quantity, axis in quantities:
-            labels.append((kind, _quoted(name), f'"{number:X}"', quantity, axis))
-    cells = [f"{key},{value}" for key, value in values.items()]
-    header = [",".join(cells), ""]
-    starts = ",Type", ",Name", ",ID", ",", "Frame,Time (Seconds)"
-    for start_of_row, row in zip(starts, np.transpose(labels), strict=True):
-        header.append(",".join([start_of_row, *row]))
+        for quantity in quantities:
+            labels = kind, _quoted(name), f'"{number:X}"', *quantity.split()
+            for row, label in zip(label_rows, labels, strict=True):
+                row.append(label)
+    first_row = ",".join(f"{key},{value}" for key, value in values.items())
+    header = [first_row, "", *map(",".join, label_rows)]
     blocks = [take.frame, take.frame / take.rate]
     for body in take.bodies.values():
         blocks += [body.quaternion, body.position]

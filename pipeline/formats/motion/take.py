@@ -1,6 +1,7 @@
 """Motion-capture takes of any format: markers and rigid bodies over numbered frames, in m and s."""
 
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -63,16 +64,15 @@ def settle_unit(stated: str, option: str | None, file: Path, *, key: str) -> str
     unit = spelled(stated) or option
     if unit in UNITS_PER_METRE and option in (None, unit):
         return unit
+    by_header = f"lengths are in {stated!r} by {key} of the file"
     if not stated.strip():
         message = (
             "the file does not state the unit of its lengths: set it to m, cm or mm"
         )
     elif option:
-        message = f"lengths are in {stated!r} by {key} of the file, not in {option}: correct the "
-        message += "option"
+        message = f"{by_header}, not in {option}: correct the option"
     else:
-        message = f"lengths are in {stated!r} by {key} of the file, not in m, cm or mm: export in "
-        message += "these"
+        message = f"{by_header}, not in m, cm or mm: export in these"
     by_option = spelled(stated) in ("", *UNITS_PER_METRE)
     key = "dataset.mocap.unit" if by_option else key
     raise RecordingError(message, file=file, key=key)
@@ -100,34 +100,36 @@ def settle_rate(
     **where: object,
 ) -> tuple[float, str]:
     """Return the frame rate in Hz, ``stated`` or by the ``printed`` times (N,) s, and its source if
-    it is not stated. RecordingError (``where``) for no rate > 0, and where TELLING or more times
-    contradict it: the median over all spans of a quarter of the take decides, since times may jump.
+    it is not stated. RecordingError (``where``) for no rate > 0, and where the times contradict it.
     """
-    timed = rate_from_times(frame, printed)
-    if not stated and timed is not None:
-        return timed, FROM_TIMES
+    by_times = rate_from_times(frame, printed)
+    if not stated and by_times is not None:
+        return by_times, FROM_TIMES
     rate = float(stated) if NUMBER.fullmatch(stated) else np.nan
-    if 0 < rate < np.inf:
-        timed_frame, time = _timed(frame, printed)
-        lag = max(len(time) // 4, 1)
-        passed = time[lag:] - time[:-lag]
-        expected = (timed_frame[lag:] - timed_frame[:-lag]) / rate
-        off = np.abs(passed - expected) - TIME_ROUNDING - RATE_TOLERANCE * expected
-        if len(time) < TELLING or np.median(off) <= 0:
-            return rate, ""
+    if 0 < rate < np.inf and not _is_contradicted(rate, frame, printed):
+        return rate, ""
     raise RecordingError(
-        f"the frame rate is {stated!r} in the header and {timed or 0:.6g} by the printed times (0: "
-        "they do not increase); a rate > 0 that agrees with the times is required; export the take "
-        "again",
+        f"the frame rate is {stated!r} in the header and {by_times or 0:.6g} by the printed times "
+        "(0: they do not increase); a rate > 0 that agrees with the times is required; export the "
+        "take again",
         file=file,
         **where,
     )
 
 
-def _timed(frame: np.ndarray, printed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the frame numbers (M,) of frames with a time, and the times."""
+def _is_contradicted(rate: float, frame: np.ndarray, printed: np.ndarray) -> bool:
+    """Return whether TELLING or more ``printed`` times (N,) s contradict the ``rate`` in Hz: the
+    median over all spans of a quarter of the take decides, since times may jump.
+    """
     timed = np.isfinite(printed)
-    return frame[timed], printed[timed]
+    frame, time = frame[timed], printed[timed]
+    if len(time) < TELLING:
+        return False
+    lag = len(time) // 4
+    passed = time[lag:] - time[:-lag]
+    expected = (frame[lag:] - frame[:-lag]) / rate
+    off = np.abs(passed - expected) - TIME_ROUNDING - RATE_TOLERANCE * expected
+    return bool(np.median(off) > 0)
 
 
 def rate_from_times(frame: np.ndarray, printed: np.ndarray) -> float | None:
@@ -135,7 +137,8 @@ def rate_from_times(frame: np.ndarray, printed: np.ndarray) -> float | None:
     integer. Return the unrounded mean where the integer rate misses a printed time by more than
     rounding or half a frame, and None where times do not increase.
     """
-    frame, time = _timed(frame, printed)
+    timed = np.isfinite(printed)
+    frame, time = frame[timed], printed[timed]
     if len(time) < 2 or time[-1] <= time[0]:
         return None
     frames, seconds = frame - frame[0], time - time[0]
@@ -143,11 +146,11 @@ def rate_from_times(frame: np.ndarray, printed: np.ndarray) -> float | None:
     whole = np.round(mean)
     off = np.abs(frames / max(whole, 1.0) - seconds)
     hundredths = time * 100
-    rounded = np.allclose(hundredths, np.round(hundredths), rtol=0, atol=1e-6)
-    rounding = TIME_ROUNDING if rounded else 0.0
-    if off.max() < max(0.5 / mean, rounding):
-        return float(whole)
-    return float(mean)
+    rounding = 0.0
+    if np.allclose(hundredths, np.round(hundredths), rtol=0, atol=1e-6):
+        rounding = TIME_ROUNDING
+    is_whole = off.max() < max(0.5 / mean, rounding)
+    return float(whole if is_whole else mean)
 
 
 def compare_frames(stated: str, frames: int) -> dict[str, int]:
@@ -172,11 +175,12 @@ def checked_take(
     frame or its line and the column, for a coordinate beyond FARTHEST, a coordinate that is missing
     in all rows, and a quaternion whose length is not 1.
     """
+    more = more or {}
     time = (raw.frame - raw.frame[0]) / raw.rate
     printed = raw.time if len(raw.time) else time
     late = np.abs(printed - printed[:1] - time) > TIME_ROUNDING
     step = np.diff(raw.frame)
-    samples = _Samples(raw, file, lines, columns or {})
+    samples = _Samples(raw, file, lines, columns)
     markers, bodies = {}, {}
     for name, position in raw.markers.items():
         markers[name] = samples.position(position, name)
@@ -184,21 +188,26 @@ def checked_take(
     for name, body in raw.bodies.items():
         position = samples.position(body.position, name)
         bodies[name] = RigidBody(position, samples.rotation(body.quaternion, name))
-    counts = raw.counts | {
+
+    missing_samples = missing_poses = 0
+    for position in markers.values():
+        missing_samples += int(np.sum(np.isnan(position[:, 0])))
+    for position, quaternion in bodies.values():
+        lost = np.isnan(position).any(axis=1) | np.isnan(quaternion[:, 0])
+        missing_poses += int(np.sum(lost))
+    listed_first = {name: more[name] for name in BEFORE if name in more}
+    counts = {
+        **raw.counts,
         "gaps": int(np.sum(step > 1)),
         "skipped_frames": int(np.sum(step - 1)),
         "time_mismatches": int(np.sum(late)),
+        **samples.counts,
+        **listed_first,
+        "marker_samples": len(markers) * len(raw.frame),
+        "missing_samples": missing_samples,
+        "missing_poses": missing_poses,
+        **more,
     }
-    counts |= samples.counts
-    counts |= {name: more[name] for name in BEFORE if more and name in more}
-    counts["marker_samples"] = len(markers) * len(raw.frame)
-    counts["missing_samples"] = counts["missing_poses"] = 0
-    for position in markers.values():
-        counts["missing_samples"] += int(np.isnan(position[:, 0]).sum())
-    for body in bodies.values():
-        missing = np.isnan(body.position + body.quaternion[:, :3]).any(axis=-1)
-        counts["missing_poses"] += int(missing.sum())
-    counts |= more or {}
     return replace(raw, counts=counts, time=time, markers=markers, bodies=bodies)
 
 
@@ -210,33 +219,29 @@ class _Samples:
         raw: MotionTake,
         file: Path,
         lines: Sequence[int] | None,
-        columns: Mapping[str, Sequence[int]],
+        columns: Mapping[str, Sequence[int]] | None,
     ) -> None:
         self.raw, self.file = raw, file
         self.lines, self.columns = lines, columns
-        self.counts = {"zero_samples": 0, "partial_samples": 0}
+        self.counts = Counter({"zero_samples": 0, "partial_samples": 0})
 
     def position(self, position: np.ndarray, name: str) -> np.ndarray:
         """Return the ``position`` (N, 3) of a marker or body in m, NaN where it is lost."""
         zero = (position == 0).all(axis=1)
         equal = (position == position[:, :1]).all(axis=1)
-        large = np.abs(position[:, 0]) >= LEAST_FILLER
-        filler = equal & large & ~zero
+        filler = equal & (np.abs(position[:, 0]) >= LEAST_FILLER)
         position = np.where(filler[:, None], np.nan, position)
         position = position / UNITS_PER_METRE[self.raw.unit]
 
-        missing = ~np.isfinite(position)
-        sighted, lost = ~missing.all(axis=1), missing.any(axis=1)
+        finite = np.isfinite(position)
+        sighted, whole = finite.any(axis=1), finite.all(axis=1)
         self._require_plausible(position, sighted, name)
-        self._count("zero_samples", zero)
+        self.counts["zero_samples"] += int(np.sum(zero))
         if filler.any():
-            self._count("filler_samples", filler)
-        self._count("partial_samples", lost & sighted)
-        position[zero | lost] = np.nan
+            self.counts["filler_samples"] += int(np.sum(filler))
+        self.counts["partial_samples"] += int(np.sum(sighted & ~whole))
+        position[zero | ~whole] = np.nan
         return position
-
-    def _count(self, name: str, samples: np.ndarray) -> None:
-        self.counts[name] = self.counts.get(name, 0) + int(samples.sum())
 
     def _require_plausible(
         self,
@@ -271,7 +276,7 @@ class _Samples:
         length other than 1.
         """
         zero = (quaternion == 0).all(axis=-1)
-        self._count("zero_samples", zero)
+        self.counts["zero_samples"] += int(np.sum(zero))
         lost = zero | np.isnan(quaternion).any(axis=-1)
         rotation = np.where(lost[:, None], np.nan, quaternion)
         with np.errstate(over="ignore"):
@@ -296,10 +301,12 @@ class _Samples:
 
 def _require_extent(markers: Mapping[str, np.ndarray], unit: str, file: Path) -> None:
     """Raise RecordingError where several ``markers`` lie within the size of one."""
-    positions = np.vstack([np.empty((0, 3)), *markers.values()])
+    if len(markers) < 2:
+        return
+    positions = np.vstack([*markers.values()])
     seen = positions[np.isfinite(positions).all(axis=1)]
     extent = np.ptp(seen, axis=0).max() if len(seen) else 0.0
-    if len(markers) > 1 and 0 < extent < NEAREST:
+    if 0 < extent < NEAREST:
         raise RecordingError(
             f"all {len(markers)} markers lie within {1000 * extent:.3g} mm, less than one's size: "
             f"are lengths in {unit}? Export the take again, in another unit",
