@@ -81,7 +81,17 @@ def desired_joints(t: np.ndarray, motion: Commanded) -> tuple[np.ndarray, np.nda
     """
     if isinstance(motion, JointPath):
         return motion.interpolant(t), motion.interpolant(t, 1)
-    t = np.asarray(t, dtype=float)
+    progress, rate = _out_and_back(np.asarray(t, dtype=float), motion)
+    folded = np.asarray(motion.folded)
+    stroke = np.asarray(motion.extended) - folded
+    return folded + progress[..., None] * stroke, rate[..., None] * stroke
+
+
+def _out_and_back(
+    t: np.ndarray,
+    motion: TrajectoryOptions,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the share of the stroke at times ``t`` (...) in s, and its rate in 1/s."""
     half, ramp = motion.duration / 2, motion.ramp
     moving = half - 2 * motion.rest
     peak = 1.0 / (moving - ramp)
@@ -96,11 +106,7 @@ def desired_joints(t: np.ndarray, motion: Commanded) -> tuple[np.ndarray, np.nda
     accelerated = (inside - ramp / np.pi * np.sin(phase)) / 2
     way = peak * (accelerated + back - inside)
     progress = np.where(s <= moving / 2, way, 1.0 - way)
-    rate = np.where(t <= half, speed, -speed)
-
-    folded = np.asarray(motion.folded)
-    stroke = np.asarray(motion.extended) - folded
-    return folded + progress[..., None] * stroke, rate[..., None] * stroke
+    return progress, np.where(t <= half, speed, -speed)
 
 
 def desired_path(chain: Chain, options: TrajectoryOptions) -> np.ndarray:

@@ -198,12 +198,19 @@ def _pass(slope, distance, x, y, enter, leave, entered):
 
 def _about(axis: int, angle: float) -> np.ndarray:
     """Return the rotation (3, 3) by ``angle`` (rad) about a coordinate axis."""
-    i, j = (axis + 1) % 3, (axis + 2) % 3
     cosine, sine = np.cos(angle), np.sin(angle)
+    plane = [(axis + 1) % 3, (axis + 2) % 3]
     rotation = np.eye(3)
-    rotation[i, i] = rotation[j, j] = cosine
-    rotation[i, j], rotation[j, i] = -sine, sine
+    rotation[np.ix_(plane, plane)] = [[cosine, -sine], [sine, cosine]]
     return rotation
+
+
+def _orientation(options: KinectOptions) -> np.ndarray:
+    """Return the camera's axes in the plane's frame, the columns of (3, 3)."""
+    facing = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+    yaw, pitch = _about(1, options.yaw), _about(0, options.pitch)
+    roll = _about(2, options.roll)
+    return facing @ (yaw @ pitch @ roll)
 
 
 class DepthCamera:
@@ -211,12 +218,10 @@ class DepthCamera:
 
     def __init__(self, arm: Arm, options: KinectOptions, bias: np.ndarray) -> None:
         self.options, self._bias, self._chain = options, bias, arm.chain
-        # columns are the camera's axes in the plane's frame
-        facing = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
-        yaw, pitch = _about(1, options.yaw), _about(0, options.pitch)
-        self._rotation = facing @ (yaw @ pitch @ _about(2, options.roll))
-        aim = np.array([options.aim[0], 0.0, options.aim[1]])
-        self._position = aim - options.distance * self._rotation[:, 2]
+        self._rotation = _orientation(options)
+        x, z = options.aim
+        towards = self._rotation[:, 2]
+        self._position = np.array([x, 0.0, z]) - options.distance * towards
         self.rotation = arm.rotation @ self._rotation
         self.translation = arm.to_base(self._position)
 
@@ -225,11 +230,12 @@ class DepthCamera:
         self._arm = _arm_solids(arm.chain, options.scene)
 
         # images without the arm; the depth is infinite if a ray misses all solids
-        depth = np.full((options.height, options.width), np.inf, dtype=np.float32)
-        self._background = depth, np.zeros_like(depth)
+        shape = options.height, options.width
+        depth, grazing = np.full(shape, np.inf, np.float32), np.zeros(shape, np.float32)
         whole = slice(None), slice(None)
         for solid in _static_solids(arm.chain, options.scene):
-            self._draw(self._in_camera(solid), whole, *self._background)
+            self._draw(self._in_camera(solid), whole, depth, grazing)
+        self._background = depth, grazing
 
     def _in_camera(self, solid: np.ndarray) -> np.ndarray:
         return place_solid(solid, self._rotation.T, -self._rotation.T @ self._position)
@@ -265,10 +271,11 @@ class DepthCamera:
 
     def render(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return exact depth (h, w) in m (0: none) and grazing angle in rad at ``q`` (3,) rad."""
-        depth, grazing = (image.copy() for image in self._background)
+        depth, grazing = np.copy(self._background)
         rotation, origin = segment_frames(self._chain, q)
         for link, solid in self._arm:
-            posed = self._in_camera(place_solid(solid, rotation[link], origin[link]))
+            in_plane = place_solid(solid, rotation[link], origin[link])
+            posed = self._in_camera(in_plane)
             self._draw(posed, self._window(posed), depth, grazing)
         depth[np.isinf(depth)] = 0.0
         return depth, grazing

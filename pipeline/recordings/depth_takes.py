@@ -76,12 +76,13 @@ class SignalPair(NamedTuple):
 
     def fit(self, tau: float) -> AffineFit:
         """Return the fit at the offset ``tau`` in s."""
-        use = self.inside(tau)
-        a, time = self.a[use], self.t_a[use]
-        regressors = np.ones((len(a), len(self.centre) + 1))
-        regressors[:, :-1] = self.spline(time + tau) - self.centre
-        affine = np.linalg.lstsq(regressors, a, rcond=None)[0]
-        return AffineFit(a, regressors, affine, a - regressors @ affine)
+        inside = self.inside(tau)
+        a, time = self.a[inside], self.t_a[inside]
+        b = self.spline(time + tau) - self.centre
+        regressors = np.column_stack([b, np.ones(len(a))])
+        affine, *_ = np.linalg.lstsq(regressors, a, rcond=None)
+        residual = a - regressors @ affine
+        return AffineFit(a, regressors, affine, residual)
 
     def unexplained(self, tau: float) -> float:
         """Return the unexplained share of the variance of ``a`` at the offset ``tau`` in s."""
@@ -194,7 +195,8 @@ def _offset_of(signals: SignalPair, tau: float, correlation: float) -> Offset:
 
 def _without_projection(signal: np.ndarray, regressors: np.ndarray) -> np.ndarray:
     """Return ``signal`` minus its least-squares fit by the ``regressors``."""
-    return signal - regressors @ np.linalg.lstsq(regressors, signal, rcond=None)[0]
+    coefficients, *_ = np.linalg.lstsq(regressors, signal, rcond=None)
+    return signal - regressors @ coefficients
 
 
 class CameraTake(NamedTuple):
@@ -316,7 +318,9 @@ def _marker_path(markers: pd.DataFrame, arm: Arm) -> tuple[np.ndarray, np.ndarra
 def arm_points(rows: pd.DataFrame, folder: Path) -> list[np.ndarray]:
     """Return the arm's points (I, 2), m in the arm's plane, of all frames of a take."""
     take = rows["take"].iloc[0]
-    return np.split(np.load(folder / f"{take}.npy"), np.cumsum(rows["points"])[:-1])
+    points = np.load(folder / f"{take}.npy")
+    ends = np.cumsum(rows["points"])
+    return np.split(points, ends[:-1])
 
 
 def kept_takes() -> list[pd.DataFrame]:

@@ -45,12 +45,12 @@ def take_name(path: Path, raw: Path, pattern: str) -> str:
     parts = list(path.relative_to(raw).parts)
     if not path.is_dir():
         parts[-1] = path.stem
-    patterns = Path(pattern).parts
-    wild = [i for i, words in enumerate(patterns) if not is_literal(words)]
-    if not wild:
+    literal = [is_literal(words) for words in Path(pattern).parts]
+    if all(literal):
         return parts[-1]
-    after = len(patterns) - 1 - wild[-1]  # parts behind the last wildcard
-    return "_".join(parts[wild[0] : len(parts) - after])
+    before = literal.index(False)
+    behind = literal[::-1].index(False)
+    return "_".join(parts[before : len(parts) - behind])
 
 
 def named_takes(
@@ -108,10 +108,11 @@ def by_place(files: pd.DataFrame) -> pd.DataFrame:
     number of files, bytes, and SHA-256 of the paths and hashes of the files.
     """
     files = files.drop_duplicates("file").sort_values("file")
+    place_of_file = files["file"].str.partition("/")[0]
     rows = []
-    for place, below in files.groupby(files["file"].str.partition("/")[0]):
-        lines = "\n".join(below["sha256"] + " " + below["file"]).encode()
-        digest = hashlib.sha256(lines).hexdigest()
+    for place, below in files.groupby(place_of_file):
+        lines = below["sha256"] + " " + below["file"]
+        digest = hashlib.sha256("\n".join(lines).encode()).hexdigest()
         rows.append((place, len(below), below["bytes"].sum(), digest))
     return pd.DataFrame(rows, columns=["place", "files", "bytes", "sha256"])
 
@@ -136,16 +137,22 @@ def other_files(evidence: pd.DataFrame | None, inventory: Path) -> str:
 def by_part(files: pd.DataFrame, dataset: Dataset) -> dict[str, pd.DataFrame]:
     """Return part → rows of a :func:`listing`: files of the part (KEYS), and files of no part."""
     raw = raw_folder(dataset.recordings)
-    claimed = pd.DataFrame(index=files.index)
     paths = [raw / name for name in files["file"]]
-    for name, keys in KEYS.items():
-        places = set()
-        for key in keys.split():
-            for pattern in _patterns(dataset, key):
-                places |= {*matching(raw, pattern, key=f"dataset.{key}")}
-        claimed[name] = [not places.isdisjoint([file, *file.parents]) for file in paths]
+    claimed = pd.DataFrame(index=files.index)
+    for part, keys in KEYS.items():
+        places = _places(raw, dataset, keys.split())
+        claimed[part] = [not places.isdisjoint([file, *file.parents]) for file in paths]
     unclaimed = ~claimed.any(axis=1)
-    return {name: files[claimed[name] | unclaimed] for name in KEYS}
+    return {part: files[claimed[part] | unclaimed] for part in KEYS}
+
+
+def _places(raw: Path, dataset: Dataset, keys: list[str]) -> set[Path]:
+    """Return the files and folders below ``raw`` that the options ``keys`` name."""
+    places = set()
+    for key in keys:
+        for pattern in _patterns(dataset, key):
+            places.update(matching(raw, pattern, key=f"dataset.{key}"))
+    return places
 
 
 def _patterns(dataset: Dataset, key: str) -> list[str]:

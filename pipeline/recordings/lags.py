@@ -37,12 +37,12 @@ def joint_lags(command: np.ndarray, measured: np.ndarray, rate: float) -> np.nda
     the joint's error by more than a tenth.
     """
     lags = np.full(command.shape[1], lag(command, measured, rate, FURTHEST))
-    for j in np.flatnonzero(np.ptp(command, axis=0) > REACH):
-        commanded, actual = command[:, [j]], measured[:, [j]]
-        late = lag(commanded, actual, rate, FURTHEST)
-
-        error, _ = _errors_in_motion(commanded, actual, late * rate)
-        common_error, _ = _errors_in_motion(commanded, actual, lags[j] * rate)
+    moving = np.ptp(command, axis=0) > REACH
+    for j in np.flatnonzero(moving):
+        joint = command[:, [j]], measured[:, [j]]
+        late = lag(*joint, rate, FURTHEST)
+        error, _ = _errors_in_motion(*joint, late * rate)
+        common_error, _ = _errors_in_motion(*joint, lags[j] * rate)
         if np.std(error) < OWN_LAG * np.std(common_error):
             lags[j] = late
     return lags

@@ -62,18 +62,20 @@ def trajectory_rows(file: Path, dataset: Dataset) -> pd.DataFrame:
 
 def find_takes(raw: Path, mocap: Mocap) -> list[tuple[str, Path, str]]:
     """Return name, file and part of every take; RecordingError for no take, or two of one name."""
-    takes: dict[str, tuple[Path, str]] = {}
-    for use, pattern in (("training", mocap.training), ("test", mocap.test)):
-        if not pattern:
-            continue
-        key = f"dataset.mocap.{use}"
-        files = named_takes(raw, pattern, key=key, what=f"{use} take")
-        for name, file in files.items():
-            if name in takes:
-                same = f"the training take {takes[name][0]} has the same name {name!r}"
+    takes, training = [], {}
+    if mocap.training:
+        key = "dataset.mocap.training"
+        training = named_takes(raw, mocap.training, key=key, what="training take")
+        takes += [(name, file, "training") for name, file in training.items()]
+    if mocap.test:
+        key = "dataset.mocap.test"
+        test = named_takes(raw, mocap.test, key=key, what="test take")
+        for name, file in test.items():
+            if name in training:
+                same = f"the training take {training[name]} has the same name {name!r}"
                 raise RecordingError(f"{same}; rename one", file=file, key=key)
-            takes[name] = file, use
-    return [(name, *take) for name, take in takes.items()]
+            takes.append((name, file, "test"))
+    return takes
 
 
 def read_take(file: Path, unit: str | None) -> MotionTake:
@@ -267,13 +269,13 @@ def _require_size(
 
 def _carry(pose: RigidBody, mounted: Pose, places: np.ndarray) -> np.ndarray:
     """Return the positions (P, N, 3) m of ``places`` (P, 3) m on a link by a body's ``pose``."""
-    has_position = np.isfinite(pose.position).all(axis=-1)
-    tracked = has_position & np.isfinite(pose.quaternion).all(axis=-1)
+    position, quaternion = pose
+    tracked = np.isfinite(position).all(axis=1) & np.isfinite(quaternion).all(axis=1)
     mount = Rotation.from_euler("xyz", mounted.rpy).as_matrix()
-    local = (places - np.array(mounted.position)) @ mount
+    on_body = (places - np.array(mounted.position)) @ mount
     carried = np.full((len(places), len(tracked), 3), np.nan)
     if tracked.any():
-        turn = Rotation.from_quat(pose.quaternion[tracked]).as_matrix()
-        turned = np.einsum("nab,mb->mna", turn, local)
-        carried[:, tracked] = pose.position[tracked] + turned
+        turn = Rotation.from_quat(quaternion[tracked]).as_matrix()
+        turned = np.einsum("nab,mb->mna", turn, on_body)
+        carried[:, tracked] = position[tracked] + turned
     return carried

@@ -171,15 +171,9 @@ def logged_motions(dataset: Dataset) -> list[MotionSteps]:
     logs = {name: movement.of(robot.joints) for name, movement in movements.items()}
     steps_of_motions: list[MotionSteps] = []
     for motion in find_motions(movements, robot, rate):
-        rest, takes = motion.rest(rate), []
-        for name, row in motion.places:
-            log = logs[name]
-            first, last = max(row - 1 - rest, 0), row + motion.steps + rest
-            if (name, row) not in motion.disturbed and last < len(log.actual):
-                takes.append(np.stack([log.actual, log.target])[:, first : last + 1])
+        takes = _undisturbed_takes(motion, logs, rate)
         if not takes:
             continue
-
         length = min(take.shape[1] for take in takes)
         actual, target = np.stack([take[:, :length] for take in takes], axis=1)
         commanded = np.diff(target, axis=1)
@@ -187,3 +181,21 @@ def logged_motions(dataset: Dataset) -> list[MotionSteps]:
         number = str(len(steps_of_motions) + 1)
         steps_of_motions.append(MotionSteps(number, actual[:, :-1], commanded, noise))
     return steps_of_motions
+
+
+def _undisturbed_takes(
+    motion: FoundMotion,
+    logs: Mapping[str, LoggedMovement],
+    rate: float,
+) -> list[np.ndarray]:
+    """Return actual and target angles (2, K, n) rad of each undisturbed repetition with its rest
+    before and after, without a repetition whose rest is cut off.
+    """
+    rest, takes = motion.rest(rate), []
+    for name, row in motion.places:
+        log = logs[name]
+        first, last = max(row - 1 - rest, 0), row + motion.steps + rest
+        if (name, row) not in motion.disturbed and last < len(log.actual):
+            angles = np.stack([log.actual, log.target])
+            takes.append(angles[:, first : last + 1])
+    return takes

@@ -17,14 +17,15 @@ def take_paths(joints: pd.DataFrame, takes: pd.DataFrame, chain: Chain) -> pd.Da
     the task coordinates of the tip.
     """
     reasons = reasons_by_take(takes)
-    rows_of_takes = dict(list(joints.groupby("take", sort=False)))
+    by_take = dict(list(joints.groupby("take", sort=False)))
     tables = []
     for take in takes["take"].unique():
-        table = thinned(rows_of_takes[take]).drop(columns=["k", "residual"])
+        table = thinned(by_take[take]).drop(columns=["k", "residual"])
         tip = chain.coordinates(values(table, "q"))
-        left_out = take in reasons.index
-        table = table.assign(**spread("x", chain.task, tip), left_out=left_out)
-        tables.append(table.assign(reason=reasons[take] if left_out else ""))
+        table = table.assign(**spread("x", chain.task, tip))
+        table["left_out"] = take in reasons.index
+        table["reason"] = reasons.get(take, "")
+        tables.append(table)
     return pd.concat(tables, ignore_index=True)
 
 

@@ -1,5 +1,6 @@
 """Recorded steps for fitting models, ranges of the steps, and reference joint angles."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -41,18 +42,26 @@ def fitted_ranges(recorded: Recorded, rate: float) -> pd.DataFrame:
     translations = ("x", "y", "z")
     units = ["m/s" if name in translations else "rad/s" for name in command]
 
-    rows = []
-    for quantity, names, units_of_names, array in (
-        ("pose", joints, ["rad"] * len(joints), recorded.poses),
-        ("joint speed", joints, ["rad/s"] * len(joints), speeds),
-        ("speed", command, units, rate * v),
-        ("condition", ["‖J⁺‖"], ["1/m and 1"], norms),
-    ):
-        columns = np.moveaxis(array, -1, 0)
-        for name, unit, column in zip(names, units_of_names, columns, strict=True):
-            least, greatest = float(column.min()), float(column.max())
-            rows.append((quantity, name, unit, least, greatest))
-    return pd.DataFrame(rows, columns=["quantity", "name", "unit", "least", "greatest"])
+    tables = [
+        _ranges("pose", joints, "rad", recorded.poses),
+        _ranges("joint speed", joints, "rad/s", speeds),
+        _ranges("speed", command, units, rate * v),
+        _ranges("condition", ["‖J⁺‖"], "1/m and 1", norms),
+    ]
+    return pd.concat(tables, ignore_index=True)
+
+
+def _ranges(
+    quantity: str,
+    names: Sequence[str],
+    unit: str | Sequence[str],
+    array: np.ndarray,
+) -> pd.DataFrame:
+    """Return name, unit, least and greatest value of a ``quantity`` (..., names)."""
+    values = array.reshape(-1, len(names))
+    columns = {"quantity": quantity, "name": names, "unit": unit}
+    columns |= {"least": values.min(axis=0), "greatest": values.max(axis=0)}
+    return pd.DataFrame(columns)
 
 
 def truth_of(dataset: Dataset) -> Path:
