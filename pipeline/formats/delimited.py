@@ -97,7 +97,8 @@ def numbers_of(
     """Return the numbers (N, len(columns)) in the ``columns`` of N ``rows``, correctly rounded to
     float64; a missing number is NaN if ``gaps``. Raises RecordingError, with the line number from
     ``line_numbers`` (N,), for a row whose number of cells differs from the first row; in the
-    ``columns``, for a cell that is no number or beyond GREATEST, and a missing one unless ``gaps``.
+    ``columns``, for a cell that is not a number or beyond GREATEST, and a missing one unless
+    ``gaps``.
     """
     values = _fast_numbers(rows, columns, separator, decimal)
     sound = len(values) == len(rows) and not (np.abs(values) > GREATEST).any()
@@ -131,7 +132,7 @@ def _fast_numbers(
     separator: str,
     decimal: str,
 ) -> np.ndarray:
-    """Return the numbers (N, len(columns)), (0, 0) where a cell is no number."""
+    """Return the numbers (N, len(columns)), (0, 0) where a cell is not a number."""
     try:
         table = pd.read_csv(
             io.StringIO("\n".join(rows)),
@@ -151,7 +152,7 @@ def _fast_numbers(
 
 
 def _fault_of(cell: str, decimal: str, gaps: bool) -> str:
-    """Return why a ``cell`` is no number, or no missing one if ``gaps``; "" if it is."""
+    """Return why a ``cell`` is neither a number nor, if ``gaps``, missing; "" if it is."""
     if cell in MISSING:
         return "" if gaps else "has no number; fill it in, or leave the row out"
     plain = cell

@@ -44,7 +44,7 @@ class Kind(StrEnum):
 
 
 def decoded(content: bytes) -> str | None:
-    """Return ``content`` (UTF-8, UTF-16, else Latin-1) with line feeds; None if it is no text."""
+    """Return ``content`` (UTF-8, UTF-16, else Latin-1) with line feeds; None if it is not text."""
     encoding = "utf-8-sig"
     if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         encoding = "utf-16"
@@ -85,7 +85,7 @@ class Head:
 
     @cached_property
     def text(self) -> str | None:
-        """The beginning as text, None if it is no text."""
+        """The beginning as text, None if it is not text."""
         return decoded(self.content)
 
     @cached_property
@@ -235,7 +235,7 @@ def paths_below(folder: Path) -> list[Path]:
 
 
 def matching(folder: Path, pattern: str, *, key: str) -> list[Path]:
-    """Return the sorted matches of ``pattern``; ConfigError if it is no relative glob."""
+    """Return the sorted matches of ``pattern``; ConfigError if it is not a relative glob."""
     try:
         return sorted(folder.glob(pattern))
     except (ValueError, NotImplementedError, IndexError):

@@ -39,7 +39,7 @@ class Samples(NamedTuple):
 
     values: np.ndarray  # (M, columns)
     rows: np.ndarray  # (M,) row numbers in the table, from 0
-    # rows_without_numbers, rows_without_measured_angle (numbers in other columns alone) and
+    # rows_without_numbers, rows_without_measured_angle (only numbers in other columns) and
     # incomplete_end_rows (all left out), interpolated_cells
     counts: dict[str, int]
 

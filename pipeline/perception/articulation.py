@@ -59,11 +59,15 @@ def frame_of(
     gammas: tuple,
 ) -> Frame:
     """Return the frame with new buffers; ``gammas`` are the weights γ1 and γ2."""
-    arrays = (
-        np.array(array, order="C") for array in (points, [o1, o1, o1, ee], bounds)
-    )
     buffer = np.empty((5, points.shape[1]))
-    return Frame(*arrays, *gammas, buffer, buffer.view(np.int64))
+    return Frame(
+        np.array(points, order="C"),
+        np.array([o1, o1, o1, ee]),
+        np.array(bounds, order="C"),
+        *gammas,
+        buffer,
+        buffer.view(np.int64),
+    )
 
 
 @inner
@@ -102,8 +106,7 @@ def _turn_nodes(frame, v):
     """Set the nodes of a pose ``v`` of the fitted end from its lengths and headings."""
     nodes, bounds = frame.nodes, frame.bounds
     for j in range(3):
-        shortest = bounds[j, 0]
-        longest = bounds[j, 1]
+        shortest, longest = bounds[j, 0], bounds[j, 1]
         middle = 0.5 * (shortest + longest)
         half = 0.5 * (longest - shortest)
         stretch = STRETCH * v[j] if j < 2 else 0.0
@@ -120,15 +123,20 @@ def _move_nodes(frame, v):
     the segments' lengths to their bounds.
     """
     nodes, bounds, excess = frame.nodes, frame.bounds, 0.0
+    nodes[1, 0], nodes[1, 1] = v[0], v[1]
+    nodes[2, 0], nodes[2, 1] = v[2], v[3]
     for j in range(3):
-        if j < 2:
-            nodes[j + 1, 0] = v[2 * j]
-            nodes[j + 1, 1] = v[2 * j + 1]
-        ux = nodes[j + 1, 0] - nodes[j, 0]
-        uz = nodes[j + 1, 1] - nodes[j, 1]
-        length = np.sqrt(ux**2 + uz**2)
+        x, z = _node(nodes, j)
+        next_x, next_z = _node(nodes, j + 1)
+        length = np.sqrt((next_x - x) ** 2 + (next_z - z) ** 2)
         excess += max(bounds[j, 0] - length, length - bounds[j, 1], 0.0)
     return excess
+
+
+@inner
+def _node(nodes, j):
+    """Return x and z of a node in m."""
+    return nodes[j, 0], nodes[j, 1]
 
 
 @inner
@@ -136,12 +144,13 @@ def _split_tool(frame):
     """Move the points beyond the middle of the tool to the fourth row of the buffer."""
     x, z, signed, nodes = frame.points[0], frame.points[1], frame.buffer, frame.nodes
     tool, beyond = signed[2], signed[3]
-    ax, az = nodes[2, 0], nodes[2, 1]
-    bx, bz = nodes[3, 0], nodes[3, 1]
+    start_x, start_z = _node(nodes, 2)
+    end_x, end_z = _node(nodes, 3)
+    middle_x, middle_z = 0.5 * (start_x + end_x), 0.5 * (start_z + end_z)
+    way_x, way_z = end_x - start_x, end_z - start_z
     for i in range(x.size):
-        along_x = (x[i] - 0.5 * (ax + bx)) * (bx - ax)
-        along_z = (z[i] - 0.5 * (az + bz)) * (bz - az)
-        is_beyond = along_x + along_z > 0.0
+        along = (x[i] - middle_x) * way_x + (z[i] - middle_z) * way_z
+        is_beyond = along > 0.0
         beyond[i] = tool[i] if is_beyond else 0.0
         tool[i] = 0.0 if is_beyond else tool[i]
 
@@ -151,10 +160,8 @@ def _assign(x, z, nodes, first, second, third, distance):
     """Write each point's distance to its nearest segment, and the squared distance: positive above
     the line, negative below, 0 for the other segments. The loop has no branch, so it is vectorised.
     """
-    o1 = (nodes[0, 0], nodes[0, 1])
-    o2 = (nodes[1, 0], nodes[1, 1])
-    o3 = (nodes[2, 0], nodes[2, 1])
-    ee = (nodes[3, 0], nodes[3, 1])
+    o1, o2 = _node(nodes, 0), _node(nodes, 1)
+    o3, ee = _node(nodes, 2), _node(nodes, 3)
     for i in range(x.size):
         to_first, side_first = _to_segment(x[i], z[i], o1, o2)
         to_second, side_second = _to_segment(x[i], z[i], o2, o3)
@@ -250,10 +257,13 @@ def nodes_of(frame: Frame, v: np.ndarray) -> np.ndarray:
     middle, half = _lengths_of(frame)
     stretched = np.append(np.sin(STRETCH * v[:2]), 0.0)
     lengths = middle + half * stretched
-    psi = v[2:] / middle
-    headings = np.stack([np.sin(psi), np.cos(psi)], axis=-1)
-    segments = lengths[:, None] * headings
+    segments = lengths[:, None] * _directions(v[2:] / middle)
     return frame.nodes[0] + np.cumsum(segments, axis=0)
+
+
+def _directions(psi: np.ndarray) -> np.ndarray:
+    """Return the unit vectors (..., 2) x and z of headings ``psi`` (...) in rad."""
+    return np.stack([np.sin(psi), np.cos(psi)], axis=-1)
 
 
 @compiled
@@ -426,20 +436,20 @@ def _joining_poses(o1: np.ndarray, ee: np.ndarray, lengths: np.ndarray) -> np.nd
     """Return O2, O3 and EE (P, 3, 2) in m of poses that join O1 and EE, O3 on either side."""
     first, second, third = lengths
     psi = np.arange(LOST_HEADINGS) * (2 * np.pi / LOST_HEADINGS)
-    o2 = o1 + first * np.stack([np.sin(psi), np.cos(psi)], axis=-1)
-    reach = np.linalg.norm(ee - o2, axis=1)
+    o2 = o1 + first * _directions(psi)
+    reach = np.linalg.norm(ee - o2, axis=1, keepdims=True)
     # distance from O2 of the foot of O3 on the line to EE, by the cosine theorem
     along = (reach**2 + second**2 - third**2) / (2 * reach)
-    joins = np.abs(along) <= second
-    o2, reach, along = o2[joins], reach[joins, None], along[joins, None]
+    joins = np.abs(along[:, 0]) <= second
+    o2, reach, along = o2[joins], reach[joins], along[joins]
 
     towards = (ee - o2) / reach
-    across = np.stack([towards[:, 1], -towards[:, 0]], axis=-1)
+    across = towards[:, ::-1] * [1.0, -1.0]
     aside = np.sqrt(second**2 - along**2) * across
-    middle = o2 + along * towards
+    foot = o2 + along * towards
     ends = np.full_like(o2, ee)
-    left = np.stack([o2, middle + aside, ends], axis=1)
-    right = np.stack([o2, middle - aside, ends], axis=1)
+    left = np.stack([o2, foot + aside, ends], axis=1)
+    right = np.stack([o2, foot - aside, ends], axis=1)
     return np.concatenate([left, right])
 
 

@@ -18,12 +18,13 @@ NEAR_A_SAMPLE, ALL = "near a sample", "all"
 def errors_of(angles: pd.DataFrame, joints: pd.DataFrame) -> pd.DataFrame:
     """Return the angle errors, depth camera minus motion capture (family e, rad), by frame."""
     names, tables = members(angles, "q"), []
+    truth_by_take = dict(list(joints.groupby("take")))
     for take, rows in angles.groupby("take"):
-        truth = joints[joints["take"] == take]
-        inside = rows[rows["t"].between(0, truth["t"].iloc[-1])]
-        error = values(inside, "q") - _interpolate(inside["t"], truth, names)
-        identity = inside[["take", "frame", "t"]]
-        tables.append(identity.assign(**spread("e", names, error)))
+        truth = truth_by_take[take]
+        rows = rows[rows["t"].between(0, truth["t"].iloc[-1])]
+        error = values(rows, "q") - _interpolate(rows["t"], truth, names)
+        table = rows[["take", "frame", "t"]].assign(**spread("e", names, error))
+        tables.append(table)
     return pd.concat(tables, ignore_index=True)
 
 
@@ -106,16 +107,16 @@ def error_slopes(table: pd.DataFrame, step: float, pose: np.ndarray) -> pd.DataF
     share = np.mod(table["t"].to_numpy() / step, 1.0)
     near = np.minimum(share, 1 - share) <= NEAR
     masks = {NEAR_A_SAMPLE: near, ALL: np.ones_like(near)}
+    # interpolation averages the noise of two samples
+    weights = (1 - share) ** 2 + share**2
     for frames, inside in masks.items():
-        used, after = table[inside], share[inside]
-        # interpolation averages the noise of two samples
-        weights = (1 - after) ** 2 + after**2
-        noise = np.sum(weights) * np.diag(pose)
-
-        d, e = values(used, "d"), values(used, "e")
-        for j, joint in enumerate(names):
-            slope, error = _slope(d[:, j], e[:, j], used["take"], noise[j])
-            rows.append((frames, joint, slope, error))
+        used = table[inside]
+        noise = np.sum(weights[inside]) * np.diag(pose)
+        deviation, error = values(used, "d"), values(used, "e")
+        columns_of_joints = zip(names, deviation.T, error.T, noise, strict=True)
+        for joint, d, e, noise_of_joint in columns_of_joints:
+            slope = _slope(d, e, used["take"], noise_of_joint)
+            rows.append((frames, joint, *slope))
     return pd.DataFrame(rows, columns=["frames", "joint", "slope", "standard_error"])
 
 

@@ -77,12 +77,13 @@ class MarkedArm:
         normal, gradient, distances = state
         damping, moving = np.zeros(len(q)), np.arange(len(q))
         for _ in range(STEPS):
-            values, vectors = np.linalg.eigh(normal[moving])
-            along = np.matvec(np.swapaxes(vectors, -1, -2), gradient[moving])
-            along /= np.maximum(values, LEAST_LEVER**2) + damping[moving, None]
-            step = np.matvec(vectors, along)
+            step, greatest = _damped_steps(
+                normal[moving],
+                gradient[moving],
+                damping[moving],
+            )
             far = np.abs(step).max(axis=1) >= LEAST_STEP
-            moving, step, greatest = moving[far], step[far], values[far, -1]
+            moving, step, greatest = moving[far], step[far], greatest[far]
             if not len(moving):
                 break
 
@@ -162,6 +163,20 @@ class MarkedArm:
             if all(difference > SAME_POSTURE for difference in differences):
                 postures.append(solution._replace(q=q))
         return postures
+
+
+def _damped_steps(
+    normal: np.ndarray,
+    gradient: np.ndarray,
+    damping: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the steps (S, n) of Levenberg and Marquardt from JᵀJ (S, n, n), Jᵀr (S, n) and the
+    ``damping`` (S,), and the greatest eigenvalue (S,) of JᵀJ.
+    """
+    values, vectors = np.linalg.eigh(normal)
+    along = np.matvec(np.swapaxes(vectors, -1, -2), gradient)
+    along /= np.maximum(values, LEAST_LEVER**2) + damping[:, None]
+    return np.matvec(vectors, along), values[:, -1]
 
 
 def _point_jacobian(jacobian: np.ndarray, lever: np.ndarray) -> np.ndarray:

@@ -178,7 +178,7 @@ class Likeness(NamedTuple):
 
 
 def _distinct_takes(alike: Likeness, limit: float | None) -> np.ndarray:
-    """Return the mask (takes,) of takes that are no copies of an earlier take: their likeness is
+    """Return the mask (takes,) of takes that are not copies of an earlier take: their likeness is
     within the ``limit``, or they are the first of their group.
     """
     distinct = np.ones(len(alike.group), bool)

@@ -30,7 +30,7 @@ PLY_TYPES |= {np.dtype(kind).name: kind for kind in PLY_TYPES.values()}  # int8,
 UNTURNED = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)  # x, y, z, and a quaternion w, x, y, z
 # as C++ prints it, in addition to MISSING
 NO_POSITION = ("+nan", "inf", "-inf", "+inf")
-# byte-order mark and blank lines of an editor are no part of the header
+# byte-order mark and blank lines of an editor do not belong to the header
 PLY_MARK = re.compile(rb"(\xef\xbb\xbf)?\s*ply[ \t]*[\r\n]")
 AGAIN = "copy the cloud again, or take it out of the take"
 

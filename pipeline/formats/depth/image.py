@@ -58,7 +58,7 @@ class Encoding(NamedTuple):
 
     kind: str
     units_per_metre: float  # 1000 for millimetres, 5000 for TUM RGB-D, 1 for metres
-    saturation: float | None = None  # least stored value that is no depth
+    saturation: float | None = None  # least stored value that is not a depth
     scale_key: str | None = None  # name of a factor in the description of a TIFF
     disparity: tuple[float, float] | None = None  # a, b
 
@@ -143,7 +143,7 @@ def read_depth(file: Path, *, shape: tuple[int, int] | None = None) -> RawDepth:
             file=file,
         )
     if pixels.dtype == np.float64:
-        with np.errstate(over="ignore"):  # values beyond float32 are no depth
+        with np.errstate(over="ignore"):  # values beyond float32 are not depths
             pixels = pixels.astype(np.float32)
     if pixels.ndim != 2 or pixels.dtype not in (np.uint16, np.float32):
         channels = 1 if pixels.ndim == 2 else pixels.shape[2]
@@ -161,7 +161,7 @@ def _header(content: bytes, file: Path) -> tuple[tuple[int, int], str]:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of Pillow, about odd tags and sizes
         if content.startswith(TIFF):
-            # read the tags alone, since Pillow opens no image of float64
+            # only read the tags, since Pillow does not open images of float64
             tags = ImageFileDirectory_v2(stream.read(8))
             stream.seek(tags.next)
             tags.load(stream)

@@ -29,8 +29,8 @@ class Calibration:
 
 
 def read_calibration(file: Path) -> Calibration:
-    """Return the calibration in ``file``; RecordingError for a file that is no XML or does not have
-    one calibration, and for an axis without six gauges or a rating.
+    """Return the calibration in ``file``; RecordingError for a file that is not XML or has
+    another number of calibrations than one, and for an axis without six gauges or a rating.
     """
     try:
         # parse text, since the encoding in the first line may be wrong

@@ -192,8 +192,8 @@ def sound_samples(
 def plateau(values: np.ndarray) -> np.ndarray:
     """Return the mask (N,) of samples at the greatest or least value of an axis of ``values`` (N,
     axes), where an amplifier cuts them: the extreme occurs at least FEWEST times in pairs of equal
-    neighbours, while at most EQUAL_PAIRS of the other neighbours are equal, so that it is no
-    coarse resolution.
+    neighbours, while at most EQUAL_PAIRS of the other neighbours are equal, so that the
+    resolution is not coarse.
     """
     cut = np.zeros(len(values), bool)
     same = values[1:] == values[:-1]

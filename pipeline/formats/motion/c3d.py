@@ -69,8 +69,8 @@ def read_c3d(file: Path, unit: str | None = None) -> MotionTake:
     in POINT:ANGLES, FORCES, MOMENTS, POWERS, REACTIONS or SCALARS are outputs of a model: they are
     left out and counted, and so are surplus labels. Where the header's 16 bits cannot hold the
     number of frames, TRIAL or POINT:LONG_FRAMES states it, else the length of the file. Raises
-    RecordingError for an unreadable or damaged file, a file that is no C3D, has the byte order of
-    MIPS or fewer frames than it states, and for no points, no marker, no rate or no unit.
+    RecordingError for an unreadable or damaged file, another format, the byte order of MIPS and
+    fewer frames than stated, and for no points, no marker, no rate or no unit.
     """
     header = _first_block(file)
     points = header.points
@@ -289,7 +289,7 @@ def _contents(descriptor: int) -> C3dContents:
 
 
 def _processor(content: bytes) -> int:
-    """Return the processor, byte 4 of the parameter block; 0 where ``content`` is no C3D."""
+    """Return the processor, byte 4 of the parameter block; 0 where ``content`` is not a C3D."""
     at = (content[0] - 1) * BLOCK + 3 if content and content[0] else len(content)
     is_c3d = len(content) >= BLOCK and content[1] == KEY and at < len(content)
     return content[at] if is_c3d and content[at] in (INTEL, DEC, MIPS) else 0
