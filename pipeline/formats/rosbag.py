@@ -120,7 +120,10 @@ def _compared_counts(
         stored += storage.connections
     if not stored:
         return {}
-    messages = sum(c.msgcount for c in stored if c.topic in topics)
+    messages = 0
+    for connection in stored:
+        if connection.topic in topics:
+            messages += connection.msgcount
     return compare_announced("messages", announced, messages)
 
 
@@ -184,9 +187,12 @@ def _stream(file: Path, topic: str) -> Iterator[Any]:
     with _open_bag(file) as (reader, foreign):
         if topic in foreign:
             raise RecordingError(foreign[topic], file=file, topic=topic)
-        connections = [c for c in reader.connections if c.topic == topic]
+        types, connections = {}, []
+        for connection in reader.connections:
+            types[connection.topic] = connection.msgtype
+            if connection.topic == topic:
+                connections.append(connection)
         if not connections:
-            types = {c.topic: c.msgtype for c in reader.connections}
             message = f"no topic {topic!r}; there are {_topic_list(types)}"
             raise RecordingError(message, file=file)
         announced = sum(connection.msgcount for connection in connections)
@@ -269,21 +275,22 @@ def cloud_points(message: object, **evidence: object) -> np.ndarray:
     padded or not. RecordingError (with ``evidence``) for other types of x, y and z, and for
     another size of the data than announced.
     """
-    fields, step = {field.name: field for field in message.fields}, message.point_step
-    axes = [fields[name] for name in "xyz" if name in fields]
-    formats = [DATATYPES.get(field.datatype) for field in axes if field.count == 1]
-    offsets = [field.offset for field in axes]
-    ends = [
-        at + kind.itemsize for at, kind in zip(offsets, formats, strict=False) if kind
-    ]
-    if len(ends) < 3 or max(ends) > step:
+    fields = {field.name: field for field in message.fields}
+    step, layout = message.point_step, {}
+    for axis in "xyz":
+        field = fields.get(axis)
+        kind = DATATYPES.get(field.datatype) if field and field.count == 1 else None
+        if kind and field.offset + kind.itemsize <= step:
+            layout[axis] = kind, field.offset
+    if len(layout) < 3:
         raise RecordingError(
             f"x, y and z must be single float32 or float64 within the {step} bytes of a point; "
             f"there are {', '.join(fields) or 'none'}",
             **evidence,
         )
-    layout = {"names": [*"xyz"], "formats": formats, "offsets": offsets}
-    kind = np.dtype(layout | {"itemsize": step})
+    formats, offsets = zip(*layout.values(), strict=True)
+    point = {"names": [*"xyz"], "formats": formats, "offsets": offsets}
+    kind = np.dtype(point | {"itemsize": step})
     points = _records(message, message.row_step, kind, "points", evidence).ravel()
     return np.column_stack([points[name].astype(float) for name in "xyz"])
 
@@ -299,8 +306,9 @@ def camera_info(
     RecordingError (with ``evidence``) for another size, a zero K and another distortion model.
     """
     # ROS 1 writes K and D, ROS 2 k and d
-    stated = [getattr(message, n, getattr(message, n.lower(), None)) for n in "KD"]
-    matrix, distortion = (np.array(numbers, dtype=float) for numbers in stated)
+    by_ros_2 = hasattr(message, "k")
+    matrix = np.array(message.k if by_ros_2 else message.K, dtype=float)
+    distortion = np.array(message.d if by_ros_2 else message.D, dtype=float)
     return pinhole(
         matrix.reshape(3, 3),
         distortion if distortion.any() else np.zeros(0),

@@ -145,19 +145,7 @@ def _pcd_header(content: bytes) -> CloudHeader:
     for line in content[: data.end()].decode("latin-1").split("\n"):
         key, *values = line.split() or [""]
         entries[key] = values
-    names = entries.get("FIELDS") or entries["COLUMNS"]  # before version 0.6
-    counts = [int(count) for count in entries.get("COUNT", ["1"] * len(names))]
-    pairs = zip(entries["TYPE"], entries["SIZE"], strict=True)
-    types = [kind.lower() + size for kind, size in pairs]
-    if not {*types} <= PCD_TYPES or min(counts) < 1:
-        raise ValueError(f"TYPE, SIZE and COUNT give {', '.join(types)} of {counts}")
-    fields = []
-    for number, (name, kind, count) in enumerate(
-        zip(names, types, counts, strict=True),
-    ):
-        # all padding fields have the name _
-        unique = name if names.count(name) == 1 else f"{name}{number}"
-        fields.append((unique, f"<{kind}", () if count == 1 else (count,)))
+    record = _pcd_record(entries)
     width, height = int(entries["WIDTH"][0]), int(entries["HEIGHT"][0])
     points = int(entries["POINTS"][0])
     (form,) = entries["DATA"]
@@ -173,14 +161,30 @@ def _pcd_header(content: bytes) -> CloudHeader:
             "0 0 is the sensor's frame",
         )
     return CloudHeader(
-        points,
-        np.dtype(fields),
-        form,
-        data.end(),
+        count=points,
+        point=record,
+        form=form,
+        start=data.end(),
         version=" ".join(["PCD", *entries.get("VERSION", [])]),
         viewpoint=viewpoint,
         organised=f"{width} × {height}" if height > 1 else "",
     )
+
+
+def _pcd_record(entries: dict[str, list[str]]) -> np.dtype:
+    """Return the record of one point by the ``entries`` of the header."""
+    names = entries.get("FIELDS") or entries["COLUMNS"]  # before version 0.6
+    counts = [int(count) for count in entries.get("COUNT", ["1"] * len(names))]
+    pairs = zip(entries["TYPE"], entries["SIZE"], strict=True)
+    types = [kind.lower() + size for kind, size in pairs]
+    if not {*types} <= PCD_TYPES or min(counts) < 1:
+        raise ValueError(f"TYPE, SIZE and COUNT give {', '.join(types)} of {counts}")
+    fields = []
+    for name, kind, count in zip(names, types, counts, strict=True):
+        # all padding fields have the name _
+        unique = name if names.count(name) == 1 else f"{name}{len(fields)}"
+        fields.append((unique, f"<{kind}", () if count == 1 else (count,)))
+    return np.dtype(fields)
 
 
 def _ply_header(content: bytes) -> CloudHeader:
@@ -194,17 +198,26 @@ def _ply_header(content: bytes) -> CloudHeader:
         if words and words[0] not in ("comment", "obj_info"):
             lines.append(words)
     elements = [number for number, words in enumerate(lines) if words[0] == "element"]
-    (first, form, version), (_, element, count) = lines[0], lines[elements[0]]
-    properties = lines[elements[0] + 1 : [*elements, None][1]]
+    if not elements:
+        raise ValueError("no line element")
+    first, *further = elements
+    (mark, form, version), (_, element, count) = lines[0], lines[first]
+    properties = lines[first + 1 : further[0] if further else None]
     single = all(len(words) == 3 for words in properties)
-    if (first, element) != ("format", "vertex") or not single:
+    if (mark, element) != ("format", "vertex") or not single:
         raise ValueError(
             "a format, then the element vertex of single numbers are required",
         )
     order = PLY_FORMATS[form]
-    point = np.dtype([(name, order + PLY_TYPES[kind]) for _, kind, name in properties])
-    version = f"PLY {form} {version}"
-    return CloudHeader(int(count), point, form, end.end(), version, len(elements) > 1)
+    fields = [(name, order + PLY_TYPES[kind]) for _, kind, name in properties]
+    return CloudHeader(
+        count=int(count),
+        point=np.dtype(fields),
+        form=form,
+        start=end.end(),
+        version=f"PLY {form} {version}",
+        more=len(further) > 0,
+    )
 
 
 @cache

@@ -161,23 +161,33 @@ def _header(content: bytes, file: Path) -> tuple[tuple[int, int], str]:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of Pillow, about odd tags and sizes
         if content.startswith(TIFF):
-            # only read the tags, since Pillow does not open images of float64
-            tags = ImageFileDirectory_v2(stream.read(8))
-            stream.seek(tags.next)
-            tags.load(stream)
-            if tags.next:
-                message = (
-                    "the file holds several images; write one depth frame to a file"
-                )
-                raise RecordingError(message, file=file)
-            size = int(tags[LENGTH]), int(tags[WIDTH])
-            require("part_mib", size[0] * size[1] * PIXEL / MIB, "MiB of pixels", file)
-            return size, str(tags.get(DESCRIPTION, ""))
+            tags = _tiff_tags(stream, file)
+            height, width = int(tags[LENGTH]), int(tags[WIDTH])
+            _require_bounded(height, width, file)
+            return (height, width), str(tags.get(DESCRIPTION, ""))
         with Image.open(stream, formats=("PNG", "PPM")) as image:
-            size = image.height, image.width
-            require("part_mib", size[0] * size[1] * PIXEL / MIB, "MiB of pixels", file)
-            (image.verify if content.startswith(PNG) else image.load)()
-            return size, ""
+            _require_bounded(image.height, image.width, file)
+            check = image.verify if content.startswith(PNG) else image.load
+            check()
+            return (image.height, image.width), ""
+
+
+def _tiff_tags(stream: io.BytesIO, file: Path) -> ImageFileDirectory_v2:
+    """Return the tags of a TIFF, of which Pillow does not open images of float64; RecordingError
+    for several images.
+    """
+    tags = ImageFileDirectory_v2(stream.read(8))
+    stream.seek(tags.next)
+    tags.load(stream)
+    if tags.next:
+        message = "the file holds several images; write one depth frame to a file"
+        raise RecordingError(message, file=file)
+    return tags
+
+
+def _require_bounded(height: int, width: int, file: Path) -> None:
+    """Raise RecordingError for pixels that need more memory than allowed."""
+    require("part_mib", height * width * PIXEL / MIB, "MiB of pixels", file)
 
 
 def write_depth(file: Path, raw: np.ndarray) -> None:
@@ -291,17 +301,16 @@ def numbered_frames(folder: Path, pattern: str, *, rate: float) -> DepthIndex:
     first = frames.values[0]
     seconds = [(value - first) * scale for value in frames.values]
     files = [str(file.relative_to(folder)) for file in frames.files]
-    return DepthIndex(np.array(seconds), tuple(files), {})
+    return DepthIndex(time=np.array(seconds), files=tuple(files), counts={})
 
 
 def _begins(head: Head) -> bool:
-    lines = [line for line in head.lines if not line.lstrip().startswith("#")]
-    words = lines[0].split(maxsplit=1) if lines else []
-    if len(words) != 2:
-        return False
-    stamp, name = words
-    timed = NUMBER.fullmatch(stamp) is not None
-    return timed and name.strip().lower().endswith(ENDINGS)
+    for line in head.lines:
+        if not line.lstrip().startswith("#"):
+            stamp, name = [*line.split(maxsplit=1), ""][:2]
+            is_frame = name.strip().lower().endswith(ENDINGS)
+            return is_frame and NUMBER.fullmatch(stamp) is not None
+    return False
 
 
 IMAGE = Format("depth image", Kind.IMAGE, read_depth, begins(PNG, *TIFF, PGM))

@@ -272,7 +272,9 @@ def _values(file: Path) -> tuple[Mapping, bool]:
         if isinstance(document, Mapping):
             document = document.get("intrinsic", document)
         if isinstance(document, Mapping):
-            calibrations.append({k: v for k, v in document.items() if k != "header"})
+            calibration = dict(document)
+            calibration.pop("header", None)
+            calibrations.append(calibration)
     differ = any(calibration != calibrations[0] for calibration in calibrations)
     if not calibrations or len(calibrations) < len(documents) or differ:
         raise RecordingError(

@@ -39,26 +39,26 @@ def read_calibration(file: Path) -> Calibration:
         line = {"line": error.position[0]} if hasattr(error, "position") else {}
         message = f"this is no XML ({error}); copy it again"
         raise RecordingError(message, file=file, **line) from None
-    serials = [e.attrib["Serial"] for e in elements if "Serial" in e.attrib]
-    stated, axes = [], {}
+    serials, stated, axes = [], [], {}
     for element in elements:
-        if {"ForceUnits", "TorqueUnits"} <= {*element.attrib}:
-            stated.append(element.attrib)
+        attributes = element.attrib
+        if "Serial" in attributes:
+            serials.append(attributes["Serial"])
+        if {"ForceUnits", "TorqueUnits"} <= attributes.keys():
+            stated.append(attributes)
         if element.tag == "UserAxis":
-            axes[element.get("Name")] = element.attrib
+            axes[element.get("Name")] = attributes
     try:
         (units,) = stated
-        names = {"force": units["ForceUnits"], "torque": units["TorqueUnits"]}
-        factors = []
-        for kind, name in names.items():
-            factors += [UNITS[kind].get(plain_unit(name), np.nan)] * 3
-        factors = np.array(factors)
+        force, torque = units["ForceUnits"], units["TorqueUnits"]
+        newtons = UNITS["force"].get(plain_unit(force))
+        newton_metres = UNITS["torque"].get(plain_unit(torque))
         matrix = _numbers(axes, "values", 6)
-        full_scale = _numbers(axes, "max", 1)
+        full_scale = _numbers(axes, "max", 1)[:, 0]
         if full_scale.min() <= 0:
             raise ValueError("max of an axis must be above 0")
-        if np.isnan(factors).any():
-            raise ValueError(f"{' or '.join(names.values())} is no known unit")
+        if newtons is None or newton_metres is None:
+            raise ValueError(f"{force} or {torque} is no known unit")
     except (KeyError, ValueError) as error:
         raise RecordingError(
             "the file must have one calibration with ForceUnits, TorqueUnits and UserAxis of "
@@ -66,9 +66,15 @@ def read_calibration(file: Path) -> Calibration:
             "later from ATI",
             file=file,
         ) from None
-    matrix, full_scale = factors[:, None] * matrix, factors * full_scale[:, 0]
-    serial = serials[0] if serials else ""
-    return Calibration(Path(file), serial, *names.values(), matrix, full_scale)
+    factors = np.repeat([newtons, newton_metres], 3)
+    return Calibration(
+        file=Path(file),
+        serial=serials[0] if serials else "",
+        force_unit=force,
+        torque_unit=torque,
+        matrix=factors[:, None] * matrix,
+        full_scale=factors * full_scale,
+    )
 
 
 def _numbers(

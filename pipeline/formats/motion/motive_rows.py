@@ -45,11 +45,13 @@ def _whole(cell: str) -> int:
 
 def _numbers(cells: list[str]) -> list[float]:
     """Return the numbers in ``cells``, NaN for a missing number; ValueError for words."""
-    values = [float(cell) if NUMBER.fullmatch(cell) else nan for cell in cells]
-    for cell, value in zip(cells, values, strict=True):
-        if cell not in MISSING and not isfinite(value):
+    numbers = []
+    for cell in cells:
+        number = float(cell) if NUMBER.fullmatch(cell) else nan
+        if cell not in MISSING and not isfinite(number):
             raise ValueError(f"a cell holds {cell!r} where a finite number is required")
-    return values
+        numbers.append(number)
+    return numbers
 
 
 def _blocks(cells: list[str], *widths: int) -> Iterator[list[list[str]]]:
@@ -108,8 +110,8 @@ class _Rows:
             raise ValueError(f"rigid body {name!r} (ID {identity}) is defined twice")
         self.bodies[identity] = name
         if self.named:
-            for number in range(1, len(markers) + 1):
-                self.defined.append(f"{name}-Marker {number}")
+            numbers = range(1, len(markers) + 1)
+            self.defined += [f"{name}-Marker {number}" for number in numbers]
 
     def _add_samples(self, cells: list[str]) -> None:
         bodies, markers = _blocks(cells, 11, 5 if self.named else 4)
@@ -128,13 +130,61 @@ class _Rows:
             self.markers.append((frame, identity, name, *_numbers([x, y, z])))
             if not STRAY.fullmatch(name):
                 names.append(f"{MARKER}{name}")
-        for name in names:
-            if names.count(name) > 1:
-                raise ValueError(f"two assets are named {name.removeprefix(MARKER)!r}")
+        repeated = [name for name in names if names.count(name) > 1]
+        if repeated:
+            name = repeated[0].removeprefix(MARKER)
+            raise ValueError(f"two assets are named {name!r}")
 
 
 def read_rows(text: Text, file: Path, unit: str | None) -> MotionTake:
     """Return the take in ``text`` of version 1.0 or 1.1; see :func:`..motive.read_motive`."""
+    rows, counts = _rows_of(text, file)
+    numbers, printed = np.array(rows.times).reshape(-1, 2).T
+    frame = capture.frame_numbers(numbers, rows.lines, file)
+    last = [len(text.lines), *rows.lines][-1]
+    rate, source = capture.settle_rate("", frame, printed, file, line=last)
+    unit = capture.settle_unit("", unit, file, key="info")
+    counts |= capture.compare_frames(rows.infos.get("framecount", ""), len(frame))
+    samples, more = _marker_samples(rows)
+    bodies = [*rows.bodies.values()]
+    _require_bounded({*rows.defined, *samples["name"], *bodies}, len(frame), file)
+    markers = _dense(samples, rows.defined, POSE[:3], len(frame))
+    poses = pd.DataFrame(rows.poses, columns=["k", "name", *POSE])
+    rigid = {}
+    for name, pose in _dense(poses, bodies, POSE, len(frame)).items():
+        rigid[name] = RigidBody(pose[:, :3], pose[:, 3:])
+    raw = MotionTake(
+        name=file.stem,
+        version=rows.infos["version"],
+        rate=rate,
+        frame=frame,
+        time=printed,
+        markers=markers,
+        bodies=rigid,
+        counts=counts,
+        unit=unit,
+        rate_from=source,
+    )
+    return capture.checked_take(raw, file, rows.lines, more=more)
+
+
+def _marker_samples(rows: _Rows) -> tuple[pd.DataFrame, dict[str, int]]:
+    """Return the rows k, id, name, x, y, z of the markers, those without a name last and numbered
+    in each frame, and their counts.
+    """
+    samples = pd.DataFrame(rows.markers, columns=["k", "id", "name", *"xyz"])
+    stray = samples["name"].str.fullmatch(STRAY).astype(bool)
+    counts = {
+        "stray_ids": samples["id"][stray].nunique(),
+        "stray_samples": int(stray.sum()),
+    }
+    numbers = samples[stray].groupby("k").cumcount() + 1
+    samples.loc[stray, "name"] = [f"Unlabeled {number}" for number in numbers]
+    return pd.concat([samples[~stray], samples[stray]]), counts
+
+
+def _rows_of(text: Text, file: Path) -> tuple[_Rows, dict[str, int]]:
+    """Return the content of the rows, and counts of blank, cut and repeated rows."""
     counts = {
         "blank_rows": 0,
         "cut_rows": int(text.cut is not None),
@@ -156,43 +206,7 @@ def read_rows(text: Text, file: Path, unit: str | None) -> MotionTake:
                 message = f"{error}; export it again"
                 raise RecordingError(message, file=file, line=number) from None
             previous = line
-
-    numbers, printed = np.array(rows.times).reshape(-1, 2).T
-    frame = capture.frame_numbers(numbers, rows.lines, file)
-    last = [len(text.lines), *rows.lines][-1]
-    rate, source = capture.settle_rate("", frame, printed, file, line=last)
-    unit = capture.settle_unit("", unit, file, key="info")
-    counts |= capture.compare_frames(rows.infos.get("framecount", ""), len(frame))
-    seen = pd.DataFrame(rows.markers, columns=["k", "id", "name", *"xyz"])
-    stray = seen["name"].str.fullmatch(STRAY).astype(bool)
-    more = {
-        "stray_ids": seen["id"][stray].nunique(),
-        "stray_samples": int(stray.sum()),
-    }
-    order = seen[stray].groupby("k").cumcount() + 1
-    seen.loc[stray, "name"] = [f"Unlabeled {n}" for n in order]
-    seen = seen.sort_values("name", key=lambda _: stray, kind="stable")
-    bodies = [*rows.bodies.values()]
-    _require_bounded({*rows.defined, *seen["name"], *bodies}, len(frame), file)
-    markers = _dense(seen, rows.defined, POSE[:3], len(frame))
-    poses = pd.DataFrame(rows.poses, columns=["k", "name", *POSE])
-    rigid = {}
-    for name, pose in _dense(poses, bodies, POSE, len(frame)).items():
-        rigid[name] = RigidBody(pose[:, :3], pose[:, 3:])
-    version = rows.infos["version"]
-    raw = MotionTake(
-        file.stem,
-        version,
-        rate,
-        frame,
-        printed,
-        markers,
-        rigid,
-        counts,
-        unit,
-        rate_from=source,
-    )
-    return capture.checked_take(raw, file, rows.lines, more=more)
+    return rows, counts
 
 
 def _require_bounded(names: set[str], frames: int, file: Path) -> None:
