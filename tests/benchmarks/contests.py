@@ -44,9 +44,7 @@ def machine() -> str:
     processor = re.search(r"model name\s*: (.+)", Path("/proc/cpuinfo").read_text())[1]
     cores = len(os.sched_getaffinity(0))
     memory = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") / 2**30
-    return (
-        f"{processor}, {cores} cores, {memory:.0f} GiB of memory, {platform.system()}"
-    )
+    return f"{processor}, {cores} cores, {memory:.0f} GiB, {platform.system()}"
 
 
 def write_results(name: str, measured: dict) -> None:

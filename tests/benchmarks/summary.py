@@ -217,7 +217,7 @@ def times_sentence(times: dict | None) -> str:
         smoke.append(f"{spent['processor_seconds']:.0f} s on {dataset}")
     return (
         f"On {times['machine']}: `make env` {environment['seconds']:.0f} s, `make repro` "
-        f"{repro['seconds']:.0f} s, `make smoke` (a trial) {' and '.join(smoke)} of processor time."
+        f"{repro['seconds']:.0f} s, `make smoke` {' and '.join(smoke)} (processor time)."
     )
 
 
