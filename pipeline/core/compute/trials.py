@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from pipeline.core.options.analysis import Compute
 
 START = 2.0  # s until workers compute; they must save more than this
-LOADING = 2.0  # s of the first trial attributed to loading compiled code
+LOADING = 4.0  # s of the first trial attributed to imports and compiled code
 WINDOW = 64  # trials per worker that are submitted before the first of their results is taken
 
 
