@@ -90,12 +90,11 @@ def layout_of(text: delimited.Text, file: Path, separator: str | None) -> Layout
         units = _units_of_labview(lines[:start], mark)
 
     repeated_labels = text.lines[label_line - 1] if labels else None
-    rows, numbers = [], []
+    rows = []
     for line in body:
         original = text.lines[line.number - 1]
         if original != repeated_labels and original[0] not in "#%":
-            rows.append(line.text)
-            numbers.append(line.number)
+            rows.append(line)
     cut_rows = len(lines) - end
     if text.cut is not None:
         cut_rows += 1
@@ -108,8 +107,8 @@ def layout_of(text: delimited.Text, file: Path, separator: str | None) -> Layout
         labels=labels,
         units=units,
         label_line=label_line,
-        rows=rows,
-        lines=numbers,
+        rows=[line.text for line in rows],
+        lines=[line.number for line in rows],
         separator=mark,
         numeric=numeric,
         counts=counts,

@@ -98,18 +98,22 @@ def directions(
     sd = np.array([_angle_in_space(kappa) for kappa in concentration])
     up = wander(sd, robots.wander_time, samples, rate, rng)[..., None]
     aside = wander(sd, robots.wander_time, samples, rate, rng)[..., None]
-
-    elevation = np.asarray(cables.elevation)
-    ca, sa = np.cos(azimuth), np.sin(azimuth)
-    ce, se = np.cos(elevation), np.sin(elevation)
-    mean = np.stack([ce * ca, ce * sa, se], axis=-1)
-    upwards = np.stack([-se * ca, -se * sa, ce], axis=-1)
-    level = np.zeros_like(sa)
-    sideways = np.stack([-sa, ca, level], axis=-1)
-
+    mean, upwards, sideways = _cable_axes(azimuth, np.asarray(cables.elevation))
     size = np.hypot(up, aside)
     turned = up * upwards + aside * sideways
     return np.cos(size) * mean + np.sinc(size / np.pi) * turned
+
+
+def _cable_axes(azimuth: np.ndarray, elevation: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Return unit vectors (m, 3) along the cables, and perpendicular to them, upwards and to the
+    side, from ``azimuth`` and ``elevation`` (m,) in rad.
+    """
+    ca, sa = np.cos(azimuth), np.sin(azimuth)
+    ce, se = np.cos(elevation), np.sin(elevation)
+    along = np.column_stack([ce * ca, ce * sa, se])
+    upwards = np.column_stack([-se * ca, -se * sa, ce])
+    sideways = np.column_stack([-sa, ca, np.zeros_like(sa)])
+    return along, upwards, sideways
 
 
 def _angle_in_space(kappa: float) -> float:

@@ -136,18 +136,7 @@ class MarkedArm:
         is within the gate. Searches start from the stated posture or over the joint ranges; angles
         are within half a turn of the stated posture or of mid-range.
         """
-        from scipy.stats import qmc
-
-        finite = np.isfinite(self.upper - self.lower)
-        centre = np.where(finite, self.lower + self.upper, 0.0) / 2
-        if self.posture is None:
-            reach = np.minimum(np.where(finite, self.upper - centre, np.pi), np.pi)
-            sequence = qmc.Sobol(len(centre), scramble=False).fast_forward(1)
-            shares = sequence.random(STARTS)
-            starts = centre + (2 * shares - 1) * reach
-        else:
-            centre, starts = self.posture, self.posture[None]
-
+        centre, starts = self._search_starts()
         points = np.broadcast_to(measured, (len(starts), *measured.shape))
         lower, upper = self.lower - SAME_POSTURE, self.upper + SAME_POSTURE
         postures: list[Solution] = []
@@ -163,6 +152,19 @@ class MarkedArm:
             if all(difference > SAME_POSTURE for difference in differences):
                 postures.append(solution._replace(q=q))
         return postures
+
+    def _search_starts(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the stated posture (n,) or mid-range, and start postures (S, n) of a search."""
+        from scipy.stats import qmc
+
+        if self.posture is not None:
+            return self.posture, self.posture[None]
+        finite = np.isfinite(self.upper - self.lower)
+        middle = np.where(finite, self.lower + self.upper, 0.0) / 2
+        reach = np.where(finite, self.upper - middle, np.pi)
+        sequence = qmc.Sobol(len(middle), scramble=False).fast_forward(1)
+        shares = sequence.random(STARTS)
+        return middle, middle + (2 * shares - 1) * np.minimum(reach, np.pi)
 
 
 def _damped_steps(

@@ -168,29 +168,44 @@ def _offset_of(signals: SignalPair, tau: float, correlation: float) -> Offset:
     fit = signals.fit(tau)
     residual, regressors = fit.residual, fit.regressors
     time = signals.t_a[signals.inside(tau)]
-    slope = signals.spline.derivative()(time + tau) @ fit.affine[:-1]
+    velocity = signals.spline.derivative()(time + tau)
+    slope = velocity @ fit.affine[:-1]
     # derivatives by offset and drift, without their projection on B and c
     late = _without_projection(slope, regressors)
-    drifting = _without_projection((time - time.mean())[:, None] * slope, regressors)
+    since_middle = (time - time.mean())[:, None]
+    drifting = _without_projection(since_middle * slope, regressors)
     drifting -= late * ((drifting * late).sum() / (late**2).sum())
-    drift = float((drifting * residual).sum() / (drifting**2).sum())
+    drift = (drifting * residual).sum() / (drifting**2).sum()
 
-    # a positive autocorrelation (AR(1)) inflates the variance; a negative one is ignored
-    square = (residual**2).sum()
-    autocorrelation = 0.0
-    if square:
-        autocorrelation = max((residual[1:] * residual[:-1]).sum() / square, 0.0)
-    more = (1 + autocorrelation) / (1 - autocorrelation)
+    inflation = _inflation_of_variance(residual)
     freedom = len(residual) - regressors.shape[1] - 1 / residual.shape[1]
     variance = (residual**2).sum(axis=0) / freedom
-    errors = []
+    standard_errors = []
     for derivative in (late, drifting):
         information = (derivative**2).sum(axis=0)
-        error = np.sqrt(more * (variance * information).sum()) / information.sum()
-        errors.append(float(error))
+        deviation = np.sqrt(inflation * (variance * information).sum())
+        standard_errors.append(float(deviation / information.sum()))
     # without the frames in a gap of b, which the spline bridges
-    size = float(np.quantile(np.linalg.norm(residual, axis=1), WITHOUT_GAPS))
-    return Offset(tau, errors[0], correlation, drift, errors[1], size)
+    size = np.quantile(np.linalg.norm(residual, axis=1), WITHOUT_GAPS)
+    return Offset(
+        value=tau,
+        standard_error=standard_errors[0],
+        correlation=correlation,
+        drift=float(drift),
+        drift_standard_error=standard_errors[1],
+        residual=float(size),
+    )
+
+
+def _inflation_of_variance(residual: np.ndarray) -> float:
+    """Return the factor of the variance of a mean by the autocorrelation (AR(1)) of ``residual``
+    (F, d); a negative autocorrelation is ignored.
+    """
+    square = (residual**2).sum()
+    if not square:
+        return 1.0
+    autocorrelation = max((residual[1:] * residual[:-1]).sum() / square, 0.0)
+    return (1 + autocorrelation) / (1 - autocorrelation)
 
 
 def _without_projection(signal: np.ndarray, regressors: np.ndarray) -> np.ndarray:
@@ -307,12 +322,11 @@ def _estimated_offset(
 
 def _marker_path(markers: pd.DataFrame, arm: Arm) -> tuple[np.ndarray, np.ndarray]:
     """Return times (K,) s and centroids (K, 2) m in the arm's plane of the labelled markers."""
-    labelled = markers[markers.link > 0]
-    x, _, z = arm.to_plane(labelled[["x", "y", "z"]].to_numpy()).T
-    points = pd.DataFrame({"t": labelled["t"].to_numpy(), "x": x, "z": z})
-    path = points.groupby("t").mean(skipna=False).dropna()
-    times, centroids = path.index.to_numpy(), path.to_numpy()
-    return times, np.ascontiguousarray(centroids)
+    labelled = markers[markers["link"] > 0]
+    in_plane = arm.to_plane(labelled[["x", "y", "z"]].to_numpy())
+    points = pd.DataFrame(in_plane[:, [0, 2]], index=labelled["t"])
+    path = points.groupby(level="t").mean(skipna=False).dropna()
+    return path.index.to_numpy(), np.ascontiguousarray(path)
 
 
 def arm_points(rows: pd.DataFrame, folder: Path) -> list[np.ndarray]:

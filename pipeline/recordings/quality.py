@@ -348,10 +348,12 @@ def _greatest_in_windows(
     sums = np.concatenate([np.zeros_like(sums[:, :1]), sums], axis=1)
     means = np.abs(sums[:, starts + rows] - sums[:, starts]) / rows
 
-    of_window = np.median(means[distinct], axis=0, keepdims=True)
-    of_joint = np.median(means[distinct], axis=(0, 1), keepdims=True)
-    of_all = np.median(means[distinct], keepdims=True)
-    usual = np.maximum(of_window, np.maximum(of_joint, LEAST_OF_JOINT * of_all))
+    # medians (windows, joints), (joints,) and of all
+    compared = means[distinct]
+    by_window = np.median(compared, axis=0)
+    by_joint = np.median(compared, axis=(0, 1))
+    least = np.maximum(by_joint, LEAST_OF_JOINT * np.median(compared))
+    usual = np.maximum(by_window, least)
     ratios = np.divide(means, usual, out=np.ones_like(means), where=usual > 0)
     return ratios.max(axis=(1, 2))
 

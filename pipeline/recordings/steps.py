@@ -19,16 +19,22 @@ MOTION, TRACK = Path("data/ingest/motion"), Path("data/track")
 def training_steps(robot: Robot, motion: Motion) -> Recorded:
     """Return poses, commanded steps and process noise of the training takes of ``motion``."""
     joints = contracts.read("joints", TRACK)
-    _, q = contracts.stacked(joints[joints.part == "training"], "q")
-    v = commanded_steps(contracts.read("trajectory", MOTION), motion.rate)
-    _, noise = contracts.stacked(contracts.read("process_noise", TRACK), "w")
-
+    trajectory = contracts.read("trajectory", MOTION)
+    process_noise = contracts.read("process_noise", TRACK)
+    _, q = contracts.stacked(joints[joints["part"] == "training"], "q")
+    _, noise = contracts.stacked(process_noise, "w")
     measurement = None
     if motion.pose_noise is not None:
         measurement = 2 * motion.pose_noise**2 * np.eye(len(robot.joints))
-    joints_of_arm = tuple(robot.joints)
-    steps = q[:, :-1], v, noise
-    return Recorded(chain_of(robot), *steps, joints_of_arm, measurement, motion.rate)
+    return Recorded(
+        chain=chain_of(robot),
+        q=q[:, :-1],
+        v=commanded_steps(trajectory, motion.rate),
+        noise=noise,
+        joints=tuple(robot.joints),
+        known_measurement=measurement,
+        rate=motion.rate,
+    )
 
 
 def fitted_ranges(recorded: Recorded, rate: float) -> pd.DataFrame:

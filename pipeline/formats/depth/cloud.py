@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from types import ModuleType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -49,12 +49,12 @@ class PointCloud:
     organised: str = ""  # columns × rows
 
     @classmethod
-    def measured(cls, points: np.ndarray, *details: object) -> "PointCloud":
+    def measured(cls, points: np.ndarray, **details: Any) -> "PointCloud":
         """Return the cloud of ``points`` (N, 3); points without a position (not finite, or at the
         sensor) are only counted.
         """
         measured = np.isfinite(points).all(axis=1) & points.any(axis=1)
-        return cls(points[measured], int(np.sum(~measured)), *details)
+        return cls(points[measured], missing=int(np.sum(~measured)), **details)
 
 
 class CloudHeader(NamedTuple):
@@ -82,31 +82,40 @@ def read_cloud(file: Path) -> PointCloud:
     contradicts the header, for other bytes behind binary points, and as :func:`require_near`.
     """
     content = file_content(file)
+    read_header = _ply_header if _is_ply(content) else _pcd_header
     try:
-        header = (_ply_header if _is_ply(content) else _pcd_header)(content)
-        names, size = header.point.names, header.count * header.point.itemsize
+        header = read_header(content)
+        size = header.count * header.point.itemsize
         kinds = {header.point[axis].str[1:] for axis in "xyz"}
         if kinds not in ({"f4"}, {"f8"}) or size <= 0:
+            names = ", ".join(header.point.names)
             raise ValueError(
-                f"{header.count} points of the fields {', '.join(names)}: x, y and z of one "
-                "floating-point type are required",
+                f"{header.count} points of the fields {names}: x, y and z of one floating-point "
+                "type are required",
             )
     except (KeyError, ValueError, IndexError, TypeError) as error:
         message = f"no header of a PCD or PLY, or a damaged one ({error}); {AGAIN}"
         raise RecordingError(message, file=file) from None
     require("part_mib", size / MIB, "MiB of points, which the header announces,", file)
+    read_points = _text_points if header.form == "ascii" else _binary_points
     try:
-        read = _text_points if header.form == "ascii" else _binary_points
-        points, surplus = read(content, header, file)
+        points, surplus = read_points(content, header, file)
     except ValueError as error:
         raise RecordingError(
             f"truncated or damaged: {error}; {AGAIN}",
             file=file,
         ) from None
     require_near(points, file=file)
-    counts = {"surplus_bytes": surplus} if surplus and not header.more else {}
-    stated = header.viewpoint, counts, header.version, header.organised
-    return PointCloud.measured(points, *stated)
+    counts = {}
+    if surplus and not header.more:
+        counts["surplus_bytes"] = surplus
+    return PointCloud.measured(
+        points,
+        viewpoint=header.viewpoint,
+        counts=counts,
+        format=header.version,
+        organised=header.organised,
+    )
 
 
 def require_near(points: np.ndarray, **evidence: object) -> None:
@@ -114,14 +123,15 @@ def require_near(points: np.ndarray, **evidence: object) -> None:
     sizes = np.where(np.isfinite(points), np.abs(points), 0.0)
     greatest = sizes.max(axis=1, initial=0.0)
     beyond = np.flatnonzero(greatest > GREATEST)
-    if len(beyond):
-        first = int(beyond[0])
-        raise RecordingError(
-            f"{len(beyond)} of {len(points)} points have coordinates beyond {GREATEST:g}, the "
-            f"first is point {first + 1} ({greatest[first]:.2g}): bytes were inserted or lost "
-            f"before it; {AGAIN}",
-            **evidence,
-        )
+    if not len(beyond):
+        return
+    first = int(beyond[0])
+    raise RecordingError(
+        f"{len(beyond)} of {len(points)} points have coordinates beyond {GREATEST:g}, the first "
+        f"is point {first + 1} ({greatest[first]:.2g}): bytes were inserted or lost before it; "
+        f"{AGAIN}",
+        **evidence,
+    )
 
 
 def _require_padding(surplus: bytes, header: CloudHeader) -> None:

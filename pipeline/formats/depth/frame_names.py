@@ -183,8 +183,9 @@ def _with_fractions(whole: list[int], matches: list[re.Match]) -> list[int]:
     unit = 10 ** (9 - 3 * groups)
     decimals, counted = [], []
     for seconds, digits in zip(whole, fractions, strict=True):
-        decimals.append(seconds * NANO + int(digits.ljust(9, "0")))
-        counted.append(seconds * NANO + int(digits or 0) * unit)
+        start = seconds * NANO
+        decimals.append(start + int(digits.ljust(9, "0")))
+        counted.append(start + int(digits or 0) * unit)
     if len(lengths) == 1 or any(re.match("0.", digits) for digits in fractions):
         return decimals
     if any(re.search(".0$", digits) for digits in fractions):

@@ -211,7 +211,8 @@ def read_index(file: Path) -> DepthIndex:
     for another form, a time that does not increase, times that cannot be in s, and no frame.
     """
     text = read_text(file)
-    time, files = [-np.inf], {}
+    time_of_file: dict[str, float] = {}
+    last = -np.inf
     for number, line in enumerate(map(str.strip, text.lines), start=1):
         if not line or line.startswith("#"):
             continue
@@ -221,23 +222,23 @@ def read_index(file: Path) -> DepthIndex:
         reason = ""
         if len(words) > 2 and NUMBER.fullmatch(words[1]):
             reason = "; this line pairs two images"
-        elif name in files:
+        elif name in time_of_file:
             reason = "; a line above names this frame"
-        if reason or not name or not time[-1] < seconds < np.inf:
+        if reason or not name or not last < seconds < np.inf:
             raise RecordingError(
                 f"{line[:80]!r} must be an increasing time in s, a blank and the name of one depth "
                 f"frame{reason}",
                 file=file,
                 line=number,
             )
-        time.append(seconds)
-        files[name] = None
-    if not files:
+        time_of_file[name] = last = seconds
+    if not time_of_file:
         raise RecordingError("the index has no complete line with a frame", file=file)
-    if len(files) > 1:
-        require_step(np.diff(time[1:]), file)
+    time = np.array([*time_of_file.values()])
+    if len(time) > 1:
+        require_step(np.diff(time), file)
     counts = {"cut_rows": int(text.cut is not None)}
-    return DepthIndex(np.array(time[1:]), tuple(files), counts)
+    return DepthIndex(time, tuple(time_of_file), counts)
 
 
 def dropped_frames(time: np.ndarray) -> int:

@@ -110,7 +110,10 @@ def _rate(sheet: Sheet, options: ForceLogOptions) -> float:
             text = text.replace(".", "?").replace(",", ".")
         if NUMBER.fullmatch(text) and 0 < float(text) < np.inf:
             numbers.append(float(text))
-    stated = numbers[0] / numbers[1] if len(numbers) == 2 else rate
+    stated = rate
+    if len(numbers) == 2:
+        frequency, averaged = numbers
+        stated = frequency / averaged
     if stated is None or (rate is not None and not np.isclose(rate, stated)):
         raise RecordingError(
             f"the sample rate in Hz is {stated} in the log (Frequency over Averaging Level) and "

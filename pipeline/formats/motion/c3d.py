@@ -88,7 +88,8 @@ def read_c3d(file: Path, unit: str | None = None) -> MotionTake:
     samples = contents.points.transpose(1, 2, 0).copy()
     with np.errstate(invalid="ignore"):
         invalid = ~(np.abs(samples) < GREATEST)
-    samples[invalid | (contents.residuals < 0)[..., None]] = np.nan
+    samples[invalid] = np.nan
+    samples[contents.residuals < 0] = np.nan
 
     labels = [*contents.labels, *[""] * points]
     labels, surplus = labels[:points], max(len(contents.labels) - points, 0)
