@@ -62,16 +62,14 @@ def find_motions(
     resting = any(run.whole for log in logs.values() for run in log.motions)
     motions: list[FoundMotion] = []
     seen: set[tuple[str, int]] = set()
+    fewest = 1 if resting else 2
     for log in logs.values():
-        spans = [(run.first - 1, run.last) for run in log.motions if run.whole]
-        if not resting:
-            spans = _regular_stretches(log.target, chain)
-        for first, last in spans:
-            ends = log.target[first], log.target[last]
-            steps = last - first - resting
+        for first, last in _spans(log, resting, chain):
+            ends, steps = (log.target[first], log.target[last]), last - first
+            if resting:
+                steps -= 1  # the first row is the last one at rest
             runs = _repetitions_in(logs, ends, steps, resting, circular)
             places = [(name, run.first) for name, run in runs]
-            fewest = 1 if resting else 2
             if len(places) < fewest or not seen.isdisjoint(places):
                 continue
             seen |= {*places}
@@ -80,6 +78,17 @@ def find_motions(
             _compare(motion, logs, rate, chain)
             motions.append(motion)
     return sorted(motions, key=lambda motion: -len(motion.places))
+
+
+def _spans(
+    log: LoggedMovement,
+    resting: bool,
+    chain: Chain,
+) -> list[tuple[int, int]]:
+    """Return first and last row of each stretch of a ``log`` that may be a motion."""
+    if resting:
+        return [(run.first - 1, run.last) for run in log.motions if run.whole]
+    return _regular_stretches(log.target, chain)
 
 
 def _repetitions_in(

@@ -59,8 +59,9 @@ def read_motive(file: Path, unit: str | None = None) -> MotionTake:
     nor body; where its unit is not ``unit``; where times contradict the rate; for malformed rows.
     """
     text = read_text(file)
-    cells = cells_of(text.lines[0], ",", file=file, number=1) if text.lines else []
-    first = cells[0] if cells else ""
+    first = ""
+    if text.lines:
+        first, *_ = cells_of(text.lines[0], ",", file=file, number=1) or [""]
     if first == "Format Version":
         return _read_columns(text, Path(file), unit)
     if first in ROW_TYPES:
@@ -117,20 +118,8 @@ def _header(lines: list[str], file: Path) -> Header:
     if len(rows) > 4 and not by_label:
         identities = rows[2]
     quantities, axes = rows[-2:]
-
-    assets: dict[Asset, Columns] = {}
-    for column, asset in enumerate(map(Asset, types, names, identities)):
-        quantity = quantities[column]
-        if asset.kind in (RAW, SOLVED, BODY) and quantity in ("Position", "Rotation"):
-            label = f"{quantity} {axes[column]}"
-            columns = assets.setdefault(asset, {})
-            if columns.setdefault(label, column) != column:
-                fault = f"{asset.name!r} has two columns {label}"
-                raise _to_export_again(fault, file, number)
-    for asset, columns in assets.items():
-        if not columns.keys() >= {*PLACE}:
-            fault = f"{asset.kind} {asset.name!r} lacks one of its columns X, Y, Z of Position"
-            raise _to_export_again(fault, file, number)
+    labels = [*zip(types, names, identities, quantities, axes, strict=True)]
+    assets = _assets_of(labels, file, number)
     bones = {asset for asset in zip(types, names, strict=True) if "Bone" in asset[0]}
     if not assets:
         only = ", only bones" if bones else ""
@@ -149,6 +138,26 @@ def _header(lines: list[str], file: Path) -> Header:
         bones=len(bones),
         unused=len([kind for kind in types[2:] if kind]) - read_columns,
     )
+
+
+def _assets_of(
+    labels: list[tuple[str, ...]],
+    file: Path,
+    line: int,
+) -> dict[Asset, Columns]:
+    """Return the markers and bodies, from type, name, ID, quantity and axis of each column."""
+    assets: dict[Asset, Columns] = {}
+    for column, (kind, name, identity, quantity, axis) in enumerate(labels):
+        if kind in (RAW, SOLVED, BODY) and quantity in ("Position", "Rotation"):
+            columns = assets.setdefault(Asset(kind, name, identity), {})
+            if columns.setdefault(f"{quantity} {axis}", column) != column:
+                fault = f"{name!r} has two columns {quantity} {axis}"
+                raise _to_export_again(fault, file, line)
+    for asset, columns in assets.items():
+        if not columns.keys() >= {*PLACE}:
+            fault = f"{asset.kind} {asset.name!r} lacks one of its columns X, Y, Z of Position"
+            raise _to_export_again(fault, file, line)
+    return assets
 
 
 def _label_rows(lines: list[str], file: Path) -> tuple[list[tuple[str, ...]], int]:
