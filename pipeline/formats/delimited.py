@@ -38,7 +38,8 @@ _WORDS = _STATED.pop("spellings").items()
 SPELLINGS = {word: unit for unit, words in _WORDS for word in words.split()}
 # quantity → unit → factor to N, N·m, s or rad
 UNITS: dict[str, dict[str, float]] = _STATED
-TIME_UNITS, ANGLE_UNITS = UNITS["time"], UNITS["angle"]
+TIME_UNITS = UNITS["time"]
+ANGLE_UNITS = UNITS["angle"]
 KNOWN = {unit for units in UNITS.values() for unit in units}
 UNIT = re.compile(r"(.*?)\s*[(\[]([^()\[\]]*)[)\]]")  # label and its unit in brackets
 

@@ -221,7 +221,8 @@ def is_bag(path: Path) -> bool:
 def paths_below(folder: Path) -> list[Path]:
     """Return the sorted paths below ``folder``; a link to a folder outside of it is followed."""
     root = os.path.realpath(folder)
-    entered, paths = {root}, []
+    entered = {root}
+    paths = []
     for place, folders, files in os.walk(folder, followlinks=True):
         paths += [Path(place, name) for name in [*folders, *files]]
         for name in [*folders]:

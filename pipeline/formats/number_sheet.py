@@ -30,7 +30,9 @@ SPARSEST = 50  # greatest number of rows per number in a column
 LIST = re.compile(r"(?:array\()?[\[(]\s*[-+.\d][-+.\deE,;\s]*[\])]\)?")
 SPLIT_LIST = re.compile(r"[\[(]\s*[-+.\d][-+.\deE\s]*,[-+.\deE,\s]*[\])]")
 LISTS = "lists of numbers"
-WIDE, WIDER = 100, 10  # least columns, and columns over rows, of a table on its side
+# least columns, and columns over rows, of a table on its side
+WIDE = 100
+WIDER = 10
 DATE = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}|\d{1,2}:\d{2}(:\d{2})?")
 
 
@@ -83,7 +85,8 @@ class Sheet(Layout):
     @property
     def left_out(self) -> dict[str, str]:
         """Label or number of each column without numbers → its content."""
-        contents, last = {}, self.last
+        contents = {}
+        last = self.last
         width = max(len(self.labels), delimited.filled_width(last))
         for column in range(width):
             if column not in self.numeric:
@@ -164,7 +167,8 @@ class Sheet(Layout):
         signals = [place for place, column in enumerate(columns) if column != clock]
         leading = [place for place in signals if columns[place] in at] or signals
         rows = np.flatnonzero(present[:, signals].any(axis=1))
-        filled, present = values[rows], present[rows]
+        filled = values[rows]
+        present = present[rows]
         x = rows.astype(float)
         if clock is not None:
             x = filled[:, columns.index(clock)]
@@ -175,7 +179,8 @@ class Sheet(Layout):
         led = present[:, leading].any(axis=1)
         inside = led.copy()
         for place in signals:
-            column, numbers = columns[place], np.flatnonzero(present[:, place])
+            column = columns[place]
+            numbers = np.flatnonzero(present[:, place])
             if len(numbers) < max(2, len(rows) / SPARSEST):
                 problem = f"has {len(numbers)} numbers in {len(rows)} rows"
                 raise self._fault(column, min(rows, default=0), problem)

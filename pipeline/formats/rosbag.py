@@ -38,7 +38,8 @@ from pipeline.formats.format import (
 )
 
 MARKS = (b"#ROSBAG V", b"\x89MCAP0")
-IMAGE, CLOUD = "sensor_msgs/msg/Image", "sensor_msgs/msg/PointCloud2"
+IMAGE = "sensor_msgs/msg/Image"
+CLOUD = "sensor_msgs/msg/PointCloud2"
 CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 # encoding of an Image → pixel
 PIXELS = {encoding: np.dtype(np.uint16) for encoding in ("16UC1", "mono16")}
@@ -49,7 +50,9 @@ DATATYPES = {7: np.dtype(np.float32), 8: np.dtype(np.float64)}
 MENDS = {".bag": "rosbag reindex", ".mcap": "mcap recover", ".db3": "ros2 bag reindex"}
 PROFILE = re.compile(rb"\x89MCAP0\r\n\x01.{8}(.)\0{3}", re.DOTALL)
 SERIALIZATION = re.compile(rb"serialization_format: *[\"']?(\w+)")
-ROS1, ROS2 = "ros1", "cdr"  # serializations
+# serializations
+ROS1 = "ros1"
+ROS2 = "cdr"
 # types of messages that may have commanded or measured angles, and are not read
 OF_JOINTS = (
     "control_msgs/msg/JointControllerState",
@@ -90,7 +93,8 @@ def _summary(file: Path) -> Summary:
         passed_over = dict(foreign)
         counts: Counter[tuple[str, str]] = Counter()
         for connection in reader.connections:
-            topic, kind = connection.topic, connection.msgtype
+            topic = connection.topic
+            kind = connection.msgtype
             counts[topic, kind] += connection.msgcount
             try:
                 _decoder(connection)
@@ -187,7 +191,8 @@ def _stream(file: Path, topic: str) -> Iterator[Any]:
     with _open_bag(file) as (reader, foreign):
         if topic in foreign:
             raise RecordingError(foreign[topic], file=file, topic=topic)
-        types, connections = {}, []
+        types = {}
+        connections = []
         for connection in reader.connections:
             types[connection.topic] = connection.msgtype
             if connection.topic == topic:
@@ -238,7 +243,8 @@ def image_pixels(
     (32FC1), either byte order, rows padded or not. RecordingError (with ``evidence``) for another
     encoding or size, and where the data do not have rows × step bytes.
     """
-    pixel, size = PIXELS.get(message.encoding), (message.height, message.width)
+    pixel = PIXELS.get(message.encoding)
+    size = (message.height, message.width)
     if pixel is None or size != tuple(shape):
         raise RecordingError(
             f"an image of {size[1]} × {size[0]} pixels encoded as {message.encoding!r}; depth "
@@ -256,7 +262,8 @@ def _records(
     evidence: dict,
 ) -> np.ndarray:
     """Return the items (height, width) of ``kind`` in a message whose rows have ``row`` bytes."""
-    height, width = message.height, message.width
+    height = message.height
+    width = message.width
     length = width * kind.itemsize
     data = np.asarray(message.data, np.uint8)
     if row < length or len(data) != height * row:
@@ -276,7 +283,8 @@ def cloud_points(message: object, **evidence: object) -> np.ndarray:
     another size of the data than announced.
     """
     fields = {field.name: field for field in message.fields}
-    step, layout = message.point_step, {}
+    step = message.point_step
+    layout = {}
     for axis in "xyz":
         field = fields.get(axis)
         kind = DATATYPES.get(field.datatype) if field and field.count == 1 else None
@@ -339,7 +347,8 @@ def _decoder(connection: Connection) -> Callable[[bytes], object]:
 def _open_bag(file: Path) -> Iterator[tuple[Any, dict[str, str]]]:
     """Yield a bag's reader, and topic → reason for topics of another serialization."""
     with ExitStack() as stack:
-        folder, foreign = file, {}
+        folder = file
+        foreign = {}
         metadata = file / "metadata.yaml"
         if metadata.is_file():
             text = read_whole(metadata)  # raises for a file beyond the bounds
@@ -369,7 +378,8 @@ def _require_sound(file: Path) -> None:
             message = f"an MCAP of the profile {profile!r}, not ros2: record or convert it by ROS 2"
             raise RecordingError(message, file=file)
     if file.suffix == ".db3":
-        size, pages = int.from_bytes(head[16:18]), int.from_bytes(head[28:32])
+        size = int.from_bytes(head[16:18])
+        pages = int.from_bytes(head[28:32])
         if file.stat().st_size < pages * (1 << 16 if size == 1 else size):
             raise ValueError(f"{file.name} is cut short")
 
@@ -378,7 +388,8 @@ def _link_without_foreign(file: Path, folder: Path) -> dict[str, str]:
     """Link the bag ``file`` into ``folder`` without foreign topics, and return topic → reason."""
     metadata = read_yaml(file / "metadata.yaml")
     information = metadata["rosbag2_bagfile_information"]
-    foreign, readable = {}, []
+    foreign = {}
+    readable = []
     for entry in information["topics_with_message_count"]:
         topic = entry["topic_metadata"]
         form = topic["serialization_format"]

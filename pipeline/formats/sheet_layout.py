@@ -81,9 +81,11 @@ def layout_of(text: delimited.Text, file: Path, separator: str | None) -> Layout
     if _is_cut(sampled):
         end -= 1
         sampled.pop()
-    last, numeric = sampled[-1], _numeric_columns(sampled)
+    last = sampled[-1]
+    numeric = _numeric_columns(sampled)
     top = _first_row(lines[:end], start, mark, numeric, len(last), file)
-    header, body = lines[:top], lines[top:end]
+    header = lines[:top]
+    body = lines[top:end]
     _require_no_rows(header, file)
     labels, units, label_line = _header(lines, top, mark, last, numeric, file)
     if start and labels[:1] == ["X_Value"]:
@@ -227,7 +229,8 @@ def _first_row(
     """Return the first line from ``start`` on with only numbers in ``numeric`` cells, or with no
     content above such a line; RecordingError for none.
     """
-    top, cells = start, []
+    top = start
+    cells = []
     for top in range(start, len(lines)):
         cells = split_line(lines[top].text, mark)
         if len(cells) == width and _has_numbers([cells[n] for n in numeric]):
@@ -280,7 +283,8 @@ def _header(
     """Return labels, units and the labels' line above the row ``top``; RecordingError for a damaged
     row above it.
     """
-    first_row, width = lines[top], len(last)
+    first_row = lines[top]
+    width = len(last)
     rows_above = [split_line(line.text.lstrip("#% "), mark) for line in lines[:top]]
     if rows_above:
         _require_labels(rows_above[-1], lines[top - 1], width, numeric, file)

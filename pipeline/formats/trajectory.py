@@ -89,7 +89,8 @@ def write_trajectory(file: Path, trajectory: pd.DataFrame) -> None:
     joints = columns("q", members(trajectory, "q"))
     families = labels = ["t"]
     if members(trajectory, "x"):
-        families, labels = FAMILIES, COLUMNS
+        families = FAMILIES
+        labels = COLUMNS
     table = trajectory[[*families, *joints]]
     header = [*labels, *joints]
     table.to_csv(file, index=False, header=header, lineterminator="\n")

@@ -66,7 +66,9 @@ def _require_followable(
     motion: str,
 ) -> None:
     slow = np.all(np.abs(speed) <= (1 + ROUNDING) * chain.max_speed, axis=1)
-    lower, upper, fastest = chain.lower, chain.upper, chain.max_speed
+    lower = chain.lower
+    upper = chain.upper
+    fastest = chain.max_speed
     for fits, fault in (
         (chain.within_limits(q), f"leaves the joint limits {lower} to {upper} rad"),
         (slow, f"is faster than the joints' limits {fastest} rad/s; allow more time"),
@@ -92,7 +94,8 @@ def _out_and_back(
     motion: TrajectoryOptions,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the share of the stroke at times ``t`` (...) in s, and its rate in 1/s."""
-    half, ramp = motion.duration / 2, motion.ramp
+    half = motion.duration / 2
+    ramp = motion.ramp
     moving = half - 2 * motion.rest
     peak = 1.0 / (moving - ramp)
 
@@ -160,7 +163,8 @@ def true_chain(nominal: Chain, options: DynamicsOptions, rng: Generator) -> Chai
         )
     planar = isinstance(nominal, PlanarChain)
     if planar:
-        links, lengths = nominal.links, nominal.lengths
+        links = nominal.links
+        lengths = nominal.lengths
     else:
         links = nominal.placements[1:, 9:]
         lengths = np.linalg.norm(links, axis=1)
@@ -191,7 +195,9 @@ def draw(
     rng: Generator,
 ) -> Chance:
     """Draw the variates of one take, which depend on ``motion`` only by its duration."""
-    n, m, rate = len(chain.lower), len(chain.task), options.rate
+    n = len(chain.lower)
+    m = len(chain.task)
+    rate = options.rate
     steps = len(servo_times(motion, options))
     return Chance(
         gain=lagged_noise((n, steps), options.speed_error_time * rate, rng).T,
@@ -232,7 +238,8 @@ def swing(
     ripple = options.encoder_ripple * np.sin(goal + chance.phase[..., None, :])
     q = servo + offset + ripple + np.einsum("...ij,...j->...i", inverse, sway)
 
-    play, joint = 2 * ndtr(chance.play) - 1, options.play_joint - 1
+    play = 2 * ndtr(chance.play) - 1
+    joint = options.play_joint - 1
     rattle = np.abs(speed[:, joint] / options.rattle_speed)
     filled = np.minimum(1.0, rattle**options.speed_exponent)
     q[..., joint] += options.clearance * play * filled

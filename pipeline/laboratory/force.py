@@ -63,7 +63,8 @@ def slipping(
     has the stationary law Gamma(ν, sd/√ν) with ν = slip_rate · slip_recovery; the skewness of the
     tension is −2/√ν.
     """
-    nu, fade = robots.slip_rate * robots.slip_recovery, rate * robots.slip_recovery
+    nu = robots.slip_rate * robots.slip_recovery
+    fade = rate * robots.slip_recovery
     lost = np.zeros((samples, len(sd)))
     for robot in range(len(sd)):
         slips = rng.poisson(robots.slip_rate / rate, samples)
@@ -108,8 +109,10 @@ def _cable_axes(azimuth: np.ndarray, elevation: np.ndarray) -> tuple[np.ndarray,
     """Return unit vectors (m, 3) along the cables, and perpendicular to them, upwards and to the
     side, from ``azimuth`` and ``elevation`` (m,) in rad.
     """
-    ca, sa = np.cos(azimuth), np.sin(azimuth)
-    ce, se = np.cos(elevation), np.sin(elevation)
+    ca = np.cos(azimuth)
+    sa = np.sin(azimuth)
+    ce = np.cos(elevation)
+    se = np.sin(elevation)
     along = np.column_stack([ce * ca, ce * sa, se])
     upwards = np.column_stack([-se * ca, -se * sa, ce])
     sideways = np.column_stack([-sa, ca, np.zeros_like(sa)])
@@ -139,7 +142,8 @@ def record_force(
     """Draw a record of ``tare`` s without load and ``duration`` s with load; ConfigError for
     unequal numbers of robots and cables.
     """
-    tension, sd = np.asarray(cables.tension, dtype=float), np.asarray(robots.tension_sd)
+    tension = np.asarray(cables.tension, dtype=float)
+    sd = np.asarray(robots.tension_sd)
     if len(sd) != len(tension):
         numbers = f"{len(sd)} robots and {len(tension)} cables"
         message = f"{numbers}: the numbers must be equal"

@@ -26,7 +26,8 @@ THROUGH = 1e-200
 # px, greatest shift of an edge by lateral noise; at the least std 1 draw in 5000 is beyond
 REACH = 3
 BIAS_STEP = 1e-3  # m, grid of the bias table: the bias varies over decimetres
-BIAS_STEPS, QUARTER_TURN = np.float32(1 / BIAS_STEP), np.float32(np.pi / 2)  # 1/m, rad
+BIAS_STEPS = np.float32(1 / BIAS_STEP)  # 1/m
+QUARTER_TURN = np.float32(np.pi / 2)  # rad
 MILLIMETRES = np.float32(1000)  # in a metre
 Window = tuple[slice, slice]  # rows and columns of an image
 
@@ -45,7 +46,9 @@ def _faces(ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     first, second = ends
     # use distant corners, to reduce the effect of rounding on the normal
     n = len(first)
-    origin, third, two_thirds = first[0], first[n // 3], first[2 * n // 3]
+    origin = first[0]
+    third = first[n // 3]
+    two_thirds = first[2 * n // 3]
     end = np.cross(third - origin, two_thirds - origin)
     edges = np.roll(first, -1, axis=0) - first
     sides = np.cross(second - first, edges)
@@ -61,7 +64,8 @@ def prism(outline: np.ndarray, low: float, high: float) -> np.ndarray:
     to ``high``; ConfigError for an outline that is not convex.
     """
     x, z = (np.roll(outline, -1, axis=0) - outline).T  # of the edges
-    next_x, next_z = np.roll(x, -1), np.roll(z, -1)
+    next_x = np.roll(x, -1)
+    next_z = np.roll(z, -1)
     turns_left = np.all(x * next_z > z * next_x)
     if not (turns_left and low < high):
         message = (
@@ -96,8 +100,10 @@ def _box(x: Span, y: Span, z: Span) -> np.ndarray:
 def _static_solids(chain: PlanarChain, options: SceneOptions) -> list[np.ndarray]:
     """Return turntable, neck, stand, floor and wall, in the plane's frame."""
     x, z = chain.origin
-    half, stand = options.base_width / 2, options.stand_width / 2
-    floor, wall = options.floor_height, options.wall_distance
+    half = options.base_width / 2
+    stand = options.stand_width / 2
+    floor = options.floor_height
+    wall = options.wall_distance
     turntable_top = z - options.base_gap
     far = -20.0, 20.0
     return [
@@ -118,7 +124,8 @@ def _arm_solids(
     first, second, third = chain.lengths
     finger = options.finger_width / 2
     hand = options.hand_share * third - options.tool_width / 2
-    width, (depth_1, depth_2, depth_3) = options.link_width, options.link_depths
+    width = options.link_width
+    depth_1, depth_2, depth_3 = options.link_depths
     outlines = (
         (0, _rounded_bar(0.0, first, width), depth_1),
         (1, _rounded_bar(0.0, second, width), depth_2),
@@ -136,7 +143,8 @@ def _arccos(cosine: np.ndarray) -> np.ndarray:
     tangent = np.sqrt((1 - cosine) / (1 + cosine))  # of half the angle
     for _ in range(3):  # of 1/4, 1/8 and 1/16 of the angle
         tangent = tangent / (1 + np.sqrt(1 + tangent * tangent))
-    square, series = tangent * tangent, 0.0
+    square = tangent * tangent
+    series = 0.0
     # the next term of the arc tangent is at most 0.1¹⁹/19
     for power in range(17, 0, -2):
         series = 1 / power - square * series
@@ -153,7 +161,9 @@ def cast(
     ConfigError for a camera inside the solid.
     """
     shape = len(y), len(x)
-    enter, leave, distance = np.full(shape, np.inf), np.zeros(shape), np.zeros(shape)
+    enter = np.full(shape, np.inf)
+    leave = np.zeros(shape)
+    distance = np.zeros(shape)
 
     normals, distances = _faces(solid)
     distances[distances == 0] = THROUGH
@@ -163,7 +173,8 @@ def cast(
         raise ConfigError(message, key="laboratory.kinect")
 
     met = enter > leave
-    depth, grazing = np.full(shape, np.inf), np.zeros(shape)
+    depth = np.full(shape, np.inf)
+    grazing = np.zeros(shape)
     enter = enter[met]
     ray_length = np.sqrt(x * x + (y * y + 1)[:, None])[met]
     cosine = distance[met] * enter / ray_length
@@ -179,9 +190,12 @@ def _pass(slope, distance, x, y, enter, leave, entered):
     and the ``distance`` (F,), negative if the face is toward the camera.
     """
     for row in range(y.size):
-        nearest, farthest, of_face = enter[row], leave[row], entered[row]
+        nearest = enter[row]
+        farthest = leave[row]
+        of_face = entered[row]
         for face in range(distance.size):
-            across, size = slope[face, 0], -distance[face]
+            across = slope[face, 0]
+            size = -distance[face]
             down = slope[face, 1] * y[row] + slope[face, 2]
             if size > 0.0:
                 for column in range(x.size):
@@ -198,7 +212,8 @@ def _pass(slope, distance, x, y, enter, leave, entered):
 
 def _about(axis: int, angle: float) -> np.ndarray:
     """Return the rotation (3, 3) by ``angle`` (rad) about a coordinate axis."""
-    cosine, sine = np.cos(angle), np.sin(angle)
+    cosine = np.cos(angle)
+    sine = np.sin(angle)
     plane = [(axis + 1) % 3, (axis + 2) % 3]
     rotation = np.eye(3)
     rotation[np.ix_(plane, plane)] = [[cosine, -sine], [sine, cosine]]
@@ -208,7 +223,8 @@ def _about(axis: int, angle: float) -> np.ndarray:
 def _orientation(options: KinectOptions) -> np.ndarray:
     """Return the camera's axes in the plane's frame, the columns of (3, 3)."""
     facing = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
-    yaw, pitch = _about(1, options.yaw), _about(0, options.pitch)
+    yaw = _about(1, options.yaw)
+    pitch = _about(0, options.pitch)
     roll = _about(2, options.roll)
     return facing @ (yaw @ pitch @ roll)
 
@@ -217,7 +233,9 @@ class DepthCamera:
     """Kinect v2 in front of the arm's plane; ``rotation``, ``translation`` (m) in the base."""
 
     def __init__(self, arm: Arm, options: KinectOptions, bias: np.ndarray) -> None:
-        self.options, self._bias, self._chain = options, bias, arm.chain
+        self.options = options
+        self._bias = bias
+        self._chain = arm.chain
         self._rotation = _orientation(options)
         x, z = options.aim
         towards = self._rotation[:, 2]
@@ -231,7 +249,8 @@ class DepthCamera:
 
         # images without the arm; the depth is infinite if a ray misses all solids
         shape = options.height, options.width
-        depth, grazing = np.full(shape, np.inf, np.float32), np.zeros(shape, np.float32)
+        depth = np.full(shape, np.inf, np.float32)
+        grazing = np.zeros(shape, np.float32)
         whole = slice(None), slice(None)
         for solid in _static_solids(arm.chain, options.scene):
             self._draw(self._in_camera(solid), whole, depth, grazing)
@@ -255,7 +274,8 @@ class DepthCamera:
 
     def _window(self, solid: np.ndarray) -> Window:
         """Return the rows and columns that a solid covers; ConfigError if it is not in view."""
-        camera, (x, y, z) = self.options, np.moveaxis(solid, -1, 0)
+        camera = self.options
+        x, y, z = np.moveaxis(solid, -1, 0)
         if np.all(z > 0):
             row = camera.fy * y / z + camera.cy
             column = camera.fx * x / z + camera.cx
@@ -337,10 +357,12 @@ def _measure(depth, grazing, source, noise, sensor, edges):
     (N,) in rad, none beyond the limits of the ``sensor``; ``edges`` are lost or mixtures of two
     depths.
     """
-    image, (a, b, c, d) = np.zeros(noise.size, np.uint16), sensor.axial
+    image = np.zeros(noise.size, np.uint16)
+    a, b, c, d = sensor.axial
     nearest, farthest = sensor.range
     for pixel in range(noise.size):
-        z, angle = depth[source[pixel]], grazing[source[pixel]]
+        z = depth[source[pixel]]
+        angle = grazing[source[pixel]]
         if z > 0 and z <= farthest and angle <= sensor.grazing_limit:
             term = angle / (QUARTER_TURN - angle)
             std = a + z * (b + c * z) + d * z * np.sqrt(z) * (term * term)
@@ -349,7 +371,9 @@ def _measure(depth, grazing, source, noise, sensor, edges):
         else:
             noise[pixel] = 0.0
     lost, mixed = sensor.thresholds
-    near, far, fate = edges.near, edges.far, edges.fate
+    near = edges.near
+    far = edges.far
+    fate = edges.fate
     for k in range(edges.pixel.size):
         pixel = edges.pixel[k]
         if fate[0, k] < lost:
@@ -374,7 +398,8 @@ def read_depth(
     """
     exact = np.where(depth > 0, depth, np.float32(np.inf))
     around = {"kernel": np.ones((3, 3), np.uint8), "borderType": cv2.BORDER_REPLICATE}
-    near, far = cv2.erode(exact, **around), cv2.dilate(exact, **around)
+    near = cv2.erode(exact, **around)
+    far = cv2.dilate(exact, **around)
     edge = far > near * np.float32(1 + options.edge_ratio)
     window = np.ones((2 * REACH + 1, 2 * REACH + 1), np.uint8)
     band = np.flatnonzero(cv2.dilate(edge.view(np.uint8), window))
@@ -391,7 +416,8 @@ def read_depth(
     pixels = np.flatnonzero(edge)
     fate = rng.random((2, pixels.size), dtype=np.float32)
     edges = EdgePixels(pixels, near.ravel(), far.ravel(), fate)
-    lost, mixed = options.edge_lost, options.edge_mixed
+    lost = options.edge_lost
+    mixed = options.edge_mixed
     sensor = Sensor(
         bias=bias,
         axial=np.array(options.axial, np.float32),

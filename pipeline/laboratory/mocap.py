@@ -78,7 +78,8 @@ def _lose_labels(
     """Return the positions (N, 9, 3) without the labels lost in bursts, and name → positions (N, 3)
     of the resulting unlabeled markers.
     """
-    rate, mean = options.lost_label_rate, options.lost_label_frames
+    rate = options.lost_label_rate
+    mean = options.lost_label_frames
     _, lost = bursts(len(observed), observed.shape[1:2], rate, mean, rng)
     lost &= ~np.isnan(observed[..., 0])
     edges = np.diff(lost.astype(np.int8), axis=0, prepend=0, append=0)
@@ -122,7 +123,8 @@ def _observe(world: np.ndarray, options: MocapOptions, rng: Generator) -> np.nda
     noise = options.noise_std * rng.standard_normal(world.shape)
     observed = world + noise
     frames, *markers, _ = world.shape
-    rate, mean = options.occlusion_rate, options.occlusion_frames
+    rate = options.occlusion_rate
+    mean = options.occlusion_frames
     _, hidden = bursts(frames, tuple(markers), rate, mean, rng)
     observed[hidden] = np.nan
     return observed

@@ -9,11 +9,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-import pandas as pd
 
 from pipeline.arm.chain import PlanarChain
-from pipeline.arm.model import Arm
-from pipeline.core.columns import spread
 from pipeline.core.compiled import compiled, inner
 from pipeline.core.elementary import sine_cosine
 from pipeline.core.errors import RecordingError, SolverError
@@ -86,7 +83,9 @@ def rank(frame: Frame, v: np.ndarray) -> float:
         excess = _move_nodes(frame, v)
         if excess > 0.0:
             return INFEASIBLE + excess
-    x, z, signed = frame.points[0], frame.points[1], frame.buffer
+    x = frame.points[0]
+    z = frame.points[1]
+    signed = frame.buffer
     _assign(x, z, frame.nodes, signed[0], signed[1], signed[2], signed[4])
 
     pieces = 3
@@ -104,9 +103,11 @@ def rank(frame: Frame, v: np.ndarray) -> float:
 @inner
 def _turn_nodes(frame, v):
     """Set the nodes of a pose ``v`` of the fitted end from its lengths and headings."""
-    nodes, bounds = frame.nodes, frame.bounds
+    nodes = frame.nodes
+    bounds = frame.bounds
     for j in range(3):
-        shortest, longest = bounds[j, 0], bounds[j, 1]
+        shortest = bounds[j, 0]
+        longest = bounds[j, 1]
         middle = 0.5 * (shortest + longest)
         half = 0.5 * (longest - shortest)
         stretch = STRETCH * v[j] if j < 2 else 0.0
@@ -122,9 +123,12 @@ def _move_nodes(frame, v):
     """Set O2 and O3 of a pose ``v`` of the commanded end; return the sum of the distances in m of
     the segments' lengths to their bounds.
     """
-    nodes, bounds, excess = frame.nodes, frame.bounds, 0.0
-    nodes[1, 0], nodes[1, 1] = v[0], v[1]
-    nodes[2, 0], nodes[2, 1] = v[2], v[3]
+    nodes = frame.nodes
+    bounds = frame.bounds
+    excess = 0.0
+    for j in range(2):
+        nodes[j + 1, 0] = v[2 * j]
+        nodes[j + 1, 1] = v[2 * j + 1]
     for j in range(3):
         x, z = _node(nodes, j)
         next_x, next_z = _node(nodes, j + 1)
@@ -142,12 +146,18 @@ def _node(nodes, j):
 @inner
 def _split_tool(frame):
     """Move the points beyond the middle of the tool to the fourth row of the buffer."""
-    x, z, signed, nodes = frame.points[0], frame.points[1], frame.buffer, frame.nodes
-    tool, beyond = signed[2], signed[3]
+    x = frame.points[0]
+    z = frame.points[1]
+    signed = frame.buffer
+    nodes = frame.nodes
+    tool = signed[2]
+    beyond = signed[3]
     start_x, start_z = _node(nodes, 2)
     end_x, end_z = _node(nodes, 3)
-    middle_x, middle_z = 0.5 * (start_x + end_x), 0.5 * (start_z + end_z)
-    way_x, way_z = end_x - start_x, end_z - start_z
+    middle_x = 0.5 * (start_x + end_x)
+    middle_z = 0.5 * (start_z + end_z)
+    way_x = end_x - start_x
+    way_z = end_z - start_z
     for i in range(x.size):
         along = (x[i] - middle_x) * way_x + (z[i] - middle_z) * way_z
         is_beyond = along > 0.0
@@ -160,8 +170,10 @@ def _assign(x, z, nodes, first, second, third, distance):
     """Write each point's distance to its nearest segment, and the squared distance: positive above
     the line, negative below, 0 for the other segments. The loop has no branch, so it is vectorised.
     """
-    o1, o2 = _node(nodes, 0), _node(nodes, 1)
-    o3, ee = _node(nodes, 2), _node(nodes, 3)
+    o1 = _node(nodes, 0)
+    o2 = _node(nodes, 1)
+    o3 = _node(nodes, 2)
+    ee = _node(nodes, 3)
     for i in range(x.size):
         to_first, side_first = _to_segment(x[i], z[i], o1, o2)
         to_second, side_second = _to_segment(x[i], z[i], o2, o3)
@@ -206,7 +218,8 @@ def _to_segment(x, z, start, end):
 @inner
 def _greatest(signed, bits):
     """Return the greatest positive and the greatest negative magnitude; overwrites ``signed``."""
-    above, under = np.int64(0), SIGN
+    above = np.int64(0)
+    under = SIGN
     for i in range(signed.size):  # vectorised for integers
         flipped = bits[i] ^ SIGN
         above = bits[i] if bits[i] > above else above
@@ -275,7 +288,9 @@ def _simplex(frame, step, extent, corners, values):
     three rows are a buffer. Loops compile four times as fast as NumPy's array expressions.
     """
     n = values.size - 1
-    middle, reflected, tried = corners[n + 1], corners[n + 2], corners[n + 3]
+    middle = corners[n + 1]
+    reflected = corners[n + 2]
+    tried = corners[n + 3]
     for i in range(1, n + 1):
         _set(corners, i, corners[0])
         corners[i, i - 1] += step
@@ -284,14 +299,7 @@ def _simplex(frame, step, extent, corners, values):
         for i in range(unknown, n + 1):
             values[i] = rank(frame, corners[i])
         _sort(corners, values)
-        size = 0.0
-        for j in range(n):
-            middle[j] = corners[0, j]
-            for i in range(1, n):
-                middle[j] += corners[i, j]
-            for i in range(1, n + 1):
-                size = max(size, abs(corners[i, j] - corners[0, j]))
-        if size <= extent:
+        if _sum_corners(corners, middle) <= extent:
             return True
 
         for j in range(n):
@@ -328,6 +336,22 @@ def _simplex(frame, step, extent, corners, values):
                     corners[i, j] = corners[0, j] + 0.5 * away
             unknown = 1
     return False
+
+
+@inner
+def _sum_corners(corners, middle):
+    """Set ``middle`` (n,) to the sum of all corners but the worst; return the greatest distance of
+    a variable from its value at the best corner.
+    """
+    size = 0.0
+    n = middle.size
+    for j in range(n):
+        middle[j] = corners[0, j]
+        for i in range(1, n):
+            middle[j] += corners[i, j]
+        for i in range(1, n + 1):
+            size = max(size, abs(corners[i, j] - corners[0, j]))
+    return size
 
 
 @inner
@@ -382,29 +406,29 @@ def fit_sequence(
 ) -> FittedSequence:
     """Solve Eq. (KinObj) frame by frame through one take.
 
-    ``clouds`` has the arm's points (I, 2) of each frame in the plane, m; ``o1`` (2,) and ``ee``
-    (F, 2) are commanded, m; ``q_start`` (3,) rad. The first search starts around ``q_start``, a
-    later search from the previous fit moved with the command, and for a lost arm also from poses
-    that join O1 and EE. Raises RecordingError (take, frame) for a long gap or an EE out of reach,
-    SolverError for a search that does not converge.
+    ``clouds`` are the arm's points (I, 2) m of each frame in the plane; ``o1`` (2,) and ``ee`` (F, 2)
+    m are commanded. The first search starts around ``q_start`` (3,) rad, a later one from the
+    previous fit moved with the command, and for a lost arm also from poses that join O1 and EE.
+    Raises RecordingError for a long gap or an EE out of reach, SolverError for no convergence.
     """
-    end, gammas = options.end_point, (options.gamma1, options.gamma2)
+    end = options.end_point
+    gammas = (options.gamma1, options.gamma2)
     share = np.array([1 - options.length_range, 1 + options.length_range])
     bounds = chain.lengths[:, None] * share
     nodes = np.full((len(ee), 4, 2), np.nan)
     values = np.full(len(ee), np.nan)
 
     starts = chain.points(q_start + START_TURNS * START_SPREAD)[:, 1:]
-    last, gap, least = 0, 0, np.inf
+    last = 0
+    gap = 0
+    least = np.inf
     for frame, (cloud, goal) in enumerate(zip(clouds, ee, strict=True)):
         where = {"take": take, "frame": frame}
         gap = gap + 1 if len(cloud) < options.minimum_points else 0
         if gap > options.max_gap:
-            raise RecordingError(
-                f"more than {options.max_gap} depth frames in a row have fewer than "
-                f"{options.minimum_points} points of the arm",
-                **where,
-            )
+            few = f"fewer than {options.minimum_points} points of the arm"
+            message = f"more than {options.max_gap} depth frames in a row have {few}"
+            raise RecordingError(message, **where)
         if gap:
             continue
 
@@ -417,17 +441,17 @@ def fit_sequence(
 
         best, value, ended = min(fits, key=lambda fit: fit[1])
         if value >= INFEASIBLE:
-            raise RecordingError(
-                "no arm in length_range joins O1 and EE; check trajectory and clock offset",
-                **where,
-                distance=f"{np.hypot(*(goal - o1)):.4f} m",
-            )
+            where["distance"] = f"{np.hypot(*(goal - o1)):.4f} m"
+            message = "no arm in length_range joins O1 and EE; check trajectory and clock offset"
+            raise RecordingError(message, **where)
         if not ended:
             message = "the fit of the arm did not converge"
             raise SolverError(message, **where, step=MAX_STEPS)
         least = min(least, value)
-        nodes[frame], values[frame] = np.vstack([o1, best]), value
-        starts, last = best[None], frame
+        nodes[frame] = np.vstack([o1, best])
+        values[frame] = value
+        starts = best[None]
+        last = frame
     x, z = np.moveaxis(np.diff(nodes, axis=1), -1, 0)
     return FittedSequence(nodes, chain.joints_from_segments(np.arctan2(x, z)), values)
 
@@ -441,7 +465,9 @@ def _joining_poses(o1: np.ndarray, ee: np.ndarray, lengths: np.ndarray) -> np.nd
     # distance from O2 of the foot of O3 on the line to EE, by the cosine theorem
     along = (reach**2 + second**2 - third**2) / (2 * reach)
     joins = np.abs(along[:, 0]) <= second
-    o2, reach, along = o2[joins], reach[joins], along[joins]
+    o2 = o2[joins]
+    reach = reach[joins]
+    along = along[joins]
 
     towards = (ee - o2) / reach
     across = towards[:, ::-1] * [1.0, -1.0]
@@ -451,37 +477,3 @@ def _joining_poses(o1: np.ndarray, ee: np.ndarray, lengths: np.ndarray) -> np.nd
     left = np.stack([o2, foot + aside, ends], axis=1)
     right = np.stack([o2, foot - aside, ends], axis=1)
     return np.concatenate([left, right])
-
-
-def articulate_rows(
-    rows: pd.DataFrame,
-    clouds: Sequence[np.ndarray],
-    arm: Arm,
-    joints: Sequence[str],
-    trajectory: pd.DataFrame,
-    options: ArticulationSection,
-    start: np.ndarray,
-) -> pd.DataFrame:
-    """Return the rows of the table ``angles`` of one take by :func:`fit_sequence`, without gaps;
-    ``rows`` are of the table ``frames``, ``start`` (3,) rad is the pose about the first frame.
-    """
-    x = np.interp(rows["t"], trajectory["t"], trajectory["x:x"])
-    z = np.interp(rows["t"], trajectory["t"], trajectory["x:z"])
-    fitted = fit_sequence(
-        clouds,
-        arm.chain.origin,
-        np.stack([x, z], axis=-1),
-        arm.chain,
-        options,
-        start,
-        take=rows["take"].iloc[0],
-    )
-    coordinates = fitted.nodes[:, 1:].reshape(-1, 6).T
-    names = ["x2", "z2", "x3", "z3", "xe", "ze"]
-
-    columns = spread("q", joints, fitted.q)
-    columns |= dict(zip(names, coordinates, strict=True))
-    columns["points"] = [len(cloud) for cloud in clouds]
-    columns["objective"] = fitted.objective
-    table = rows[["take", "part", "frame", "t"]].assign(**columns)
-    return table[np.isfinite(fitted.objective)]

@@ -12,12 +12,14 @@ from pipeline.core.columns import columns, members, spread, triangle, values
 from pipeline.core.errors import RecordingError
 
 NEAR = 0.1  # greatest distance of a near frame from a sample, as a share of the sampling step
-NEAR_A_SAMPLE, ALL = "near a sample", "all"
+NEAR_A_SAMPLE = "near a sample"
+ALL = "all"
 
 
 def errors_of(angles: pd.DataFrame, joints: pd.DataFrame) -> pd.DataFrame:
     """Return the angle errors, depth camera minus motion capture (family e, rad), by frame."""
-    names, tables = members(angles, "q"), []
+    names = members(angles, "q")
+    tables = []
     truth_by_take = dict(list(joints.groupby("take")))
     for take, rows in angles.groupby("take"):
         truth = truth_by_take[take]
@@ -45,12 +47,15 @@ def leave_one_out(errors: pd.DataFrame, *, window: int) -> pd.DataFrame:
     each frame, over all takes but one and over all takes ('none'). The covariance is pooled over
     ``window`` frames on either side. Raises RecordingError for too few takes.
     """
-    names, tables = members(errors, "e"), []
-    components, n = columns("e", names), len(names)
+    names = members(errors, "e")
+    tables = []
+    components = columns("e", names)
+    n = len(names)
     for left_out in [*errors["take"].unique(), "none"]:
         used = errors[errors["take"] != left_out]
         by_frame = used.groupby("frame")
-        mean, time = by_frame[components].mean(), by_frame["t"].mean()
+        mean = by_frame[components].mean()
+        time = by_frame["t"].mean()
         frames = mean.index.to_numpy()
         centred = used[components].to_numpy() - mean.loc[used["frame"]].to_numpy()
 
@@ -103,7 +108,8 @@ def error_slopes(table: pd.DataFrame, step: float, pose: np.ndarray) -> pd.DataF
     ``step`` is the time between samples in s; the effect of the noise covariance ``pose`` (n, n) in
     rad² of a measured pose is removed. Standard errors are clustered by take (Liang, Zeger 1986).
     """
-    rows, names = [], members(table, "e")
+    rows = []
+    names = members(table, "e")
     share = np.mod(table["t"].to_numpy() / step, 1.0)
     near = np.minimum(share, 1 - share) <= NEAR
     masks = {NEAR_A_SAMPLE: near, ALL: np.ones_like(near)}
@@ -112,7 +118,8 @@ def error_slopes(table: pd.DataFrame, step: float, pose: np.ndarray) -> pd.DataF
     for frames, inside in masks.items():
         used = table[inside]
         noise = np.sum(weights[inside]) * np.diag(pose)
-        deviation, error = values(used, "d"), values(used, "e")
+        deviation = values(used, "d")
+        error = values(used, "e")
         columns_of_joints = zip(names, deviation.T, error.T, noise, strict=True)
         for joint, d, e, noise_of_joint in columns_of_joints:
             slope = _slope(d, e, used["take"], noise_of_joint)
@@ -127,7 +134,8 @@ def _slope(
     noise: float,
 ) -> tuple[float, float]:
     """Return the slope of ``e`` on ``d`` (rows,) and its standard error; Σd² has ``noise`` rad²."""
-    number, power = takes.nunique(), np.sum(d**2)
+    number = takes.nunique()
+    power = np.sum(d**2)
     if number < 2 or not power > noise:
         return np.nan, np.nan
     product = np.sum(d * e)

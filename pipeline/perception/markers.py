@@ -95,9 +95,11 @@ def track(
 
 def _heading_angles(positions: np.ndarray, points: MarkedArm) -> np.ndarray:
     """Return the joint angles (N, n) in rad of a planar arm from the headings of its links."""
-    frames, psi = np.arange(len(positions)), []
+    frames = np.arange(len(positions))
+    psi = []
     for on_link in points.link_masks():
-        measured, template = positions[:, on_link], points.places[on_link]
+        measured = positions[:, on_link]
+        template = points.places[on_link]
         present = np.isfinite(measured).all(axis=-1)
         number = present.sum(axis=-1)
         weight = (present / np.maximum(number, 1)[..., None])[..., None]
@@ -190,7 +192,8 @@ def _correct_labels(
     """
     from scipy.optimize import linear_sum_assignment
 
-    labels, moved = len(points.owner), {"relabelled": 0, "adopted": 0, "rejected": 0}
+    labels = len(points.owner)
+    moved = {"relabelled": 0, "adopted": 0, "rejected": 0}
     there = np.isfinite(positions).all(axis=-1)
     markers = positions[:, :labels].copy()
     incomplete = ~there[:, :labels].all(axis=-1) & there[:, labels:].any(axis=-1)
@@ -215,7 +218,8 @@ def _correct_labels(
         square[np.isnan(square)] = np.inf
         label, sample = linear_sum_assignment(np.minimum(square, most))
         close = square[label, sample] <= most
-        label, sample = label[close], sample[close]
+        label = label[close]
+        sample = sample[close]
 
         labelled = sample < labels
         markers[k] = np.nan
@@ -252,7 +256,8 @@ def fill_gaps(
     frames = np.flatnonzero(solved)
     edges = np.concatenate([[-1], frames, [len(q)]])
     longest = int(np.argmax(np.diff(edges)))
-    first, last = edges[longest] + 1, edges[longest + 1] - 1
+    first = edges[longest] + 1
+    last = edges[longest + 1] - 1
     if last - first + 1 > max_gap or not len(frames):
         raise RecordingError(
             f"markers give no joint angles for longer than {max_gap} frames: repair the "

@@ -75,7 +75,8 @@ class MarkedArm:
         q = np.array(starts, dtype=float)
         state = self._equations(q, measured)  # overwritten where a step is accepted
         normal, gradient, distances = state
-        damping, moving = np.zeros(len(q)), np.arange(len(q))
+        damping = np.zeros(len(q))
+        moving = np.arange(len(q))
         for _ in range(STEPS):
             step, greatest = _damped_steps(
                 normal[moving],
@@ -83,7 +84,9 @@ class MarkedArm:
                 damping[moving],
             )
             far = np.abs(step).max(axis=1) >= LEAST_STEP
-            moving, step, greatest = moving[far], step[far], greatest[far]
+            moving = moving[far]
+            step = step[far]
+            greatest = greatest[far]
             if not len(moving):
                 break
 
@@ -113,7 +116,8 @@ class MarkedArm:
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return JᵀJ (S, n, n), Jᵀr (S, n), ‖r‖ (S, P) in m; r is ``measured`` minus modelled."""
         starts, n = q.shape
-        normal, gradient = np.zeros((starts, n, n)), np.zeros((starts, n))
+        normal = np.zeros((starts, n, n))
+        gradient = np.zeros((starts, n))
         distances = np.zeros(measured.shape[:2])
         for link, on_link in enumerate(self.link_masks()):
             m = len(self.chains[link].lower)
@@ -138,7 +142,8 @@ class MarkedArm:
         """
         centre, starts = self._search_starts()
         points = np.broadcast_to(measured, (len(starts), *measured.shape))
-        lower, upper = self.lower - SAME_POSTURE, self.upper + SAME_POSTURE
+        lower = self.lower - SAME_POSTURE
+        upper = self.upper + SAME_POSTURE
         postures: list[Solution] = []
         for arrays in zip(*self.solve(points, starts), strict=True):
             solution = Solution(*arrays)
@@ -196,7 +201,8 @@ def points_in_space(robot: Robot, mocap: Mocap) -> MarkedArm:
     has no point, does not exist or does not move, and for a posture with a wrong number of joints.
     """
     key = "dataset.mocap.markers"
-    chain, chains = chain_of(robot), link_chains(robot, mocap.markers, key)
+    chain = chain_of(robot)
+    chains = link_chains(robot, mocap.markers, key)
     numbers = [len(points) for points in mocap.markers.values()]
     for link, number in zip(mocap.markers, numbers, strict=True):
         if not number:
@@ -239,7 +245,8 @@ def points_in_plane(arm: Arm, template: np.ndarray, gate: float) -> MarkedArm:
         if width < MIN_LEVER / 2 or sides.min() < MIN_LEVER:
             message = "the markers of a link are in line, or two of them are too close in the plane"
             raise ConfigError(f"{message} of the arm", key=key, link=link)
-    chain, links = arm.chain, len(template)
+    chain = arm.chain
+    links = len(template)
     return MarkedArm(
         chains=_chains_in_space(arm),
         sliding=chain.sliding,
@@ -254,7 +261,8 @@ def points_in_plane(arm: Arm, template: np.ndarray, gate: float) -> MarkedArm:
 
 def _chains_in_space(arm: Arm) -> list[SerialChain]:
     """Return the chain from the base to each segment of a planar ``arm``, with the whole pose."""
-    chain, links = arm.chain, len(arm.chain.signs)
+    chain = arm.chain
+    links = len(arm.chain.signs)
     origin = arm.to_base(chain.placements[0, 9:])
     base = arm.rotation @ chain.placements[0, :9].reshape(3, 3)
     placements = [np.append(base, origin), *chain.placements[1:-1]]

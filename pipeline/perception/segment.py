@@ -31,7 +31,8 @@ class ArmSegmenter:
         translation: ndarray,
         crop: Workspace,
     ) -> None:
-        self.crop, self.arm = crop, arm
+        self.crop = crop
+        self.arm = arm
         self.camera = arm.to_plane(translation)
         shape = camera.height, camera.width
         rays = _rays(camera) @ rotation.T @ arm.rotation
@@ -72,18 +73,22 @@ class ArmSegmenter:
             across += self.camera[1]
             in_slab = np.abs(across, out=across) <= self.crop.half_depth
             on_plane = in_slab & (depth > 0)
-        pixels, depths = np.flatnonzero(on_plane), depth[on_plane]
+        pixels = np.flatnonzero(on_plane)
+        depths = depth[on_plane]
         x = self.camera[0] + depths * self.in_plane[0][pixels]
         z = self.camera[2] + depths * self.in_plane[1][pixels]
 
         near = _near_arm(x, z, self.arm, self.crop)
-        pixels, x, z = pixels[near], x[near], z[near]
+        pixels = pixels[near]
+        x = x[near]
+        z = z[near]
         if not len(pixels):
             return np.empty((0, 2))
 
         # label of each pixel's connected patch, in the occupied rows
         width = depth.shape[1]
-        first, last = pixels[0] // width, pixels[-1] // width
+        first = pixels[0] // width
+        last = pixels[-1] // width
         mask = np.zeros((last - first + 1, width), dtype=np.uint8)
         inside = pixels - first * width
         mask.ravel()[inside] = 1
@@ -141,7 +146,8 @@ def cut_cloud(
 def _near_arm(x: ndarray, z: ndarray, arm: Arm, crop: Workspace) -> ndarray:
     """Return True for points in reach that are neither on the turntable nor on the floor."""
     x0, z0 = arm.chain.origin
-    right, up = x - x0, z - z0
+    right = x - x0
+    up = z - z0
     reach = arm.chain.lengths.sum() + crop.girth
     in_reach = right**2 + up**2 <= reach**2
     beside_column = np.abs(right) > crop.column_half_width

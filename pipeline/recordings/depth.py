@@ -139,7 +139,8 @@ def _take_of_folder(path: Path, depth: Depth, raw: Path) -> DepthTake:
         message = "a folder of frames needs an index, or frames: a glob of numbered file names"
         raise ConfigError(message, key=f"{KEY}.index")
     files = [path / name for name in listed.files]
-    counts, camera = Counter(listed.counts), None
+    counts = Counter(listed.counts)
+    camera = None
     if not all(cloud.is_cloud(file) for file in files):
         camera = _intrinsics(path, depth, raw)
 
@@ -168,7 +169,8 @@ def _take_of_bag(path: Path, depth: Depth, raw: Path) -> DepthTake:
     if late.size:
         number = int(late[0]) + 1
         raise RecordingError("the time does not increase", **where, number=number)
-    pick, camera = rosbag.cloud_points, None
+    pick = rosbag.cloud_points
+    camera = None
     if rosbag.topics(path)[topic] == rosbag.IMAGE:
         camera = _intrinsics(path, depth, raw, topic)
         pick = partial(rosbag.image_pixels, shape=(camera.height, camera.width))

@@ -2,7 +2,7 @@
 the arm, and the joint angles that fit the points.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -12,22 +12,22 @@ import pandas as pd
 
 from pipeline.arm.model import Arm, arm_of
 from pipeline.core import contracts
-from pipeline.core.columns import columns, members, values
+from pipeline.core.columns import columns, members, spread, values
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import RecordingError
 from pipeline.core.options.analysis import ArticulationSection, Compute
 from pipeline.core.options.dataset import Depth, Robot
-from pipeline.perception.articulation import articulate_rows
+from pipeline.perception.articulation import fit_sequence
 from pipeline.recordings.quality import (
     DEPTH_CAMERA,
-    FEWEST_FRAMES,
-    OTHERS,
     quality_rows,
     residual_share,
 )
 
-INGEST, TRACK = Path("data/ingest"), Path("data/track")
-MOTION, DEPTH = INGEST / "motion", INGEST / "depth"
+INGEST = Path("data/ingest")
+TRACK = Path("data/track")
+MOTION = INGEST / "motion"
+DEPTH = INGEST / "depth"
 GRID = 0.005  # s, step of the coarse search, short relative to any motion of an arm
 MIN_OVERLAP = 0.5  # least share of the first signal that is within the second
 MIN_SAMPLES = 10  # least number of samples of a signal
@@ -36,6 +36,9 @@ MIN_CORRELATION = 0.9
 MOST_BIAS = 0.02
 # rad: bias of another arm or camera; mirrored images make 0.7 or more
 REFUSED_BIAS = 0.2
+# images of another take: takes that are compared, and frames that separate their residuals
+OTHERS = 5
+FEWEST_FRAMES = 40
 WITHOUT_GAPS = 0.8  # quantile of the residual
 
 
@@ -77,7 +80,8 @@ class SignalPair(NamedTuple):
     def fit(self, tau: float) -> AffineFit:
         """Return the fit at the offset ``tau`` in s."""
         inside = self.inside(tau)
-        a, time = self.a[inside], self.t_a[inside]
+        a = self.a[inside]
+        time = self.t_a[inside]
         b = self.spline(time + tau) - self.centre
         regressors = np.column_stack([b, np.ones(len(a))])
         affine, *_ = np.linalg.lstsq(regressors, a, rcond=None)
@@ -166,7 +170,8 @@ def _least_unexplained(
 def _offset_of(signals: SignalPair, tau: float, correlation: float) -> Offset:
     """Return the offset ``tau`` in s with its drift, standard errors and residual."""
     fit = signals.fit(tau)
-    residual, regressors = fit.residual, fit.regressors
+    residual = fit.residual
+    regressors = fit.regressors
     time = signals.t_a[signals.inside(tau)]
     velocity = signals.spline.derivative()(time + tau)
     slope = velocity @ fit.affine[:-1]
@@ -230,7 +235,8 @@ def with_markers(
     """Return the depth takes with markers and joint angles; RecordingError without markers."""
     by_take = dict(list(markers.groupby("take")))
     tracked = dict(list(joints.groupby("take")))
-    names, takes = [*tracked], []
+    names = [*tracked]
+    takes = []
     for take, rows in frames.groupby("take", sort=False):
         if take not in by_take:
             message = "no motion-capture take has this name, so that the clock offset is unknown"
@@ -273,7 +279,8 @@ def on_motion_clock(
     points and of the labelled markers in the arm's plane, and :func:`residual_share` compares the
     :func:`camera_residuals` of the take with the residuals of other takes.
     """
-    rows, offset = take.rows, depth.clock_offset
+    rows = take.rows
+    offset = depth.clock_offset
     name = rows["take"].iloc[0]
     quality: dict[str, tuple[float, str]] = {}
     if offset is None:
@@ -293,7 +300,8 @@ def _estimated_offset(
     """Return the offset of the camera's clock in a ``take``, and quantity → value and unit of its
     quality; RecordingError where no frame shows the arm.
     """
-    rows, search = take.rows, (-depth.search, depth.search)
+    rows = take.rows
+    search = (-depth.search, depth.search)
     name = rows["take"].iloc[0]
     observed = rows[rows["points"] > 0]
     if observed.empty:
@@ -339,7 +347,8 @@ def arm_points(rows: pd.DataFrame, folder: Path) -> list[np.ndarray]:
 
 def kept_takes() -> list[pd.DataFrame]:
     """Return the rows of the table ``frames`` of every take that the stage ``track`` kept."""
-    frames, joints = contracts.read("frames", TRACK), contracts.read("joints", TRACK)
+    frames = contracts.read("frames", TRACK)
+    joints = contracts.read("joints", TRACK)
     tracked = frames[frames["take"].isin(joints["take"])]
     return [rows for _, rows in tracked.groupby("take")]
 
@@ -366,6 +375,44 @@ def articulate_takes(
     return pd.concat(tables, ignore_index=True)
 
 
+def _articulate(rows: pd.DataFrame, **settings: object) -> pd.DataFrame:
+    return articulate_rows(rows, arm_points(rows, DEPTH), **settings)
+
+
+def articulate_rows(
+    rows: pd.DataFrame,
+    clouds: Sequence[np.ndarray],
+    arm: Arm,
+    joints: Sequence[str],
+    trajectory: pd.DataFrame,
+    options: ArticulationSection,
+    start: np.ndarray,
+) -> pd.DataFrame:
+    """Return the rows of the table ``angles`` of one take by :func:`fit_sequence`, without gaps;
+    ``rows`` are of the table ``frames``, ``start`` (3,) rad is the pose about the first frame.
+    """
+    x = np.interp(rows["t"], trajectory["t"], trajectory["x:x"])
+    z = np.interp(rows["t"], trajectory["t"], trajectory["x:z"])
+    fitted = fit_sequence(
+        clouds,
+        arm.chain.origin,
+        np.stack([x, z], axis=-1),
+        arm.chain,
+        options,
+        start,
+        take=rows["take"].iloc[0],
+    )
+    coordinates = fitted.nodes[:, 1:].reshape(-1, 6).T
+    names = ["x2", "z2", "x3", "z3", "xe", "ze"]
+
+    columns = spread("q", joints, fitted.q)
+    columns |= dict(zip(names, coordinates, strict=True))
+    columns["points"] = [len(cloud) for cloud in clouds]
+    columns["objective"] = fitted.objective
+    table = rows[["take", "part", "frame", "t"]].assign(**columns)
+    return table[np.isfinite(fitted.objective)]
+
+
 def bias_warning(errors: pd.DataFrame) -> str:
     """Return a warning if the mean of one joint's angle ``errors`` (family e, rad; depth camera
     minus motion capture) exceeds MOST_BIAS, else ""; RecordingError beyond REFUSED_BIAS.
@@ -383,7 +430,3 @@ def bias_warning(errors: pd.DataFrame) -> str:
         remedy = "mirrored images are not this camera's: turn them back"
         raise RecordingError(f"{message}; {remedy}")
     return message
-
-
-def _articulate(rows: pd.DataFrame, **settings: object) -> pd.DataFrame:
-    return articulate_rows(rows, arm_points(rows, DEPTH), **settings)

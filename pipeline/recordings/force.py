@@ -36,8 +36,10 @@ def force_rows(raw: Path, name: str, force: Force) -> tuple[pd.DataFrame, list[d
     Saturated or frozen samples are left out before the bias is subtracted, since ratings apply to
     the whole load. Raises ConfigError for an unknown format, RecordingError as :func:`remove_bias`.
     """
-    log, file = force.log, raw / force.configurations[name].file
-    calibration, ratings = None, None
+    log = force.log
+    file = raw / force.configurations[name].file
+    calibration = None
+    ratings = None
     if log.calibration is not None:
         calibration = read_calibration(raw / log.calibration)
         ratings = calibration.full_scale

@@ -68,7 +68,10 @@ def collecting(errors: list[PipelineError]) -> Iterator[None]:
 
 def _write(takes: list[Any], name: str, folder: Path, errors: list) -> list[dict]:
     """Write the table ``name`` and return the quality rows; append an error for equal takes."""
-    tables, parts, samples, quality = [], {}, {}, []
+    tables = []
+    parts = {}
+    samples = {}
+    quality = []
     for rows, quality_of_take in takes:
         take = rows.iloc[0, 0]
         if "part" in rows:
@@ -86,7 +89,9 @@ def _write(takes: list[Any], name: str, folder: Path, errors: list) -> list[dict
 def _motion(dataset: Dataset, raw: Path, folder: Path, errors: list) -> list[dict]:
     from pipeline.recordings import joint_logs, motion_capture
 
-    quality, takes, encoders = [], [], []
+    quality = []
+    takes = []
+    encoders = []
     if dataset.joint_log is not None:
         with collecting(errors):
             movements = joint_logs.read_movements(dataset, partial(collecting, errors))
@@ -137,7 +142,8 @@ def _depth(
     from pipeline.arm.model import arm_of
     from pipeline.recordings.depth import depth_paths, frame_rows
 
-    arm, results = arm_of(dataset.robot), []
+    arm = arm_of(dataset.robot)
+    results = []
     where = {"raw": raw, "folder": folder.resolve()}
     read = partial(frame_rows, depth=dataset.depth, arm=arm, **where)
     # set the bounds in each worker, since workers do not inherit them

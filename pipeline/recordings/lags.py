@@ -4,7 +4,8 @@ import numpy as np
 
 REACH = 0.01  # rad, least travel of a motion, and greatest distance of equal ends
 # least share of the speed, greatest error over the median, for a lag
-SLOW, FAR = 0.1, 5.0
+SLOW = 0.1
+FAR = 5.0
 OWN_LAG = 0.9  # a joint has its own lag if that reduces its rms error below this share
 # rounds of least squares, each with the command at the lag of the round before
 ROUNDS = 6
@@ -23,7 +24,8 @@ def lag(
     """
     if not np.ptp(command, axis=0).max(initial=0.0) > REACH:
         return np.nan
-    late, furthest = 0.0, furthest or len(command) / 4 / rate
+    late = 0.0
+    furthest = furthest or len(command) / 4 / rate
     for _ in range(ROUNDS):
         error, velocity = _errors_in_motion(command, measured, late * rate)
         velocity = velocity * rate

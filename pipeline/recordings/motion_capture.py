@@ -29,7 +29,9 @@ def trajectory_rows(file: Path, dataset: Dataset) -> pd.DataFrame:
     """Return the table ``trajectory`` of a file; RecordingError for another length or rate than
     ``dataset.motion``, and where neither the joints nor the task coordinates are the arm's.
     """
-    motion, table, joints = dataset.motion, read_trajectory(file), dataset.robot.joints
+    motion = dataset.motion
+    table = read_trajectory(file)
+    joints = dataset.robot.joints
     duration = table["t"].iloc[-1] - table["t"].iloc[0]
     # times may be rounded to microseconds: 1/120 s is written as 0.008333
     rated = abs(duration - motion.steps / motion.rate) < STEP_TOLERANCE
@@ -41,7 +43,8 @@ def trajectory_rows(file: Path, dataset: Dataset) -> pd.DataFrame:
             file=file,
         )
     chain = chain_of(dataset.robot)
-    names, task = members(table, "q"), members(table, "x")
+    names = members(table, "q")
+    task = members(table, "x")
     if chain.task == task:
         table.insert(0, "k", np.arange(len(table)))
         require_velocities(table, motion.rate, file)
@@ -55,14 +58,16 @@ def trajectory_rows(file: Path, dataset: Dataset) -> pd.DataFrame:
             key="dataset.robot.joints",
         )
     q = table[columns("q", joints)].to_numpy()
-    time, urdf = table["t"].to_numpy(), dataset.robot.urdf
+    time = table["t"].to_numpy()
+    urdf = dataset.robot.urdf
     require_speeds(time, {"target": q}, joints, urdf, file=file)
     return trajectory_table(chain, q, motion.rate, joints)
 
 
 def find_takes(raw: Path, mocap: Mocap) -> list[tuple[str, Path, str]]:
     """Return name, file and part of every take; RecordingError for no take, or two of one name."""
-    takes, training = [], {}
+    takes = []
+    training = {}
     if mocap.training:
         key = "dataset.mocap.training"
         training = named_takes(raw, mocap.training, key=key, what="training take")
@@ -103,7 +108,8 @@ def marker_rows(
     name in the header. Raises RecordingError for another rate or length, for a missing marker or
     body, and for the name of another file in the header.
     """
-    mocap, motion = dataset.mocap, dataset.motion
+    mocap = dataset.mocap
+    motion = dataset.motion
     take = read_take(file, mocap.unit)
     frames = take.frame - take.frame[0]
     if not np.isclose(take.rate, motion.rate) or frames[-1] != motion.steps:
@@ -121,7 +127,8 @@ def marker_rows(
     rotation = Rotation.from_euler("xyz", mocap.base.rpy).as_matrix()
     origin = np.array(mocap.base.position)
     k = np.arange(motion.steps + 1)
-    tables, missing = [], 0
+    tables = []
+    missing = 0
     identities = [*tracks, *((0, i) for i in range(1, len(stray) + 1))]
     for (link, marker), track in zip(identities, positions.swapaxes(0, 1), strict=True):
         xyz = np.full((len(k), 3), np.nan)
@@ -220,7 +227,9 @@ def _full_names(
     """Return name → name in the take of each marker or body, which may have its asset's name and a
     colon before it; RecordingError for a missing or ambiguous one.
     """
-    full_names, missing, ambiguous = {}, [], []
+    full_names = {}
+    missing = []
+    ambiguous = []
     for name in names:
         fits = [full for full in recorded if name in (full, full.rpartition(":")[2])]
         if name in fits:

@@ -65,7 +65,8 @@ def find_motions(
     fewest = 1 if resting else 2
     for log in logs.values():
         for first, last in _spans(log, resting, chain):
-            ends, steps = (log.target[first], log.target[last]), last - first
+            ends = (log.target[first], log.target[last])
+            steps = last - first
             if resting:
                 steps -= 1  # the first row is the last one at rest
             runs = _repetitions_in(logs, ends, steps, resting, circular)
@@ -175,7 +176,8 @@ def _least_singular(chain: Chain, angles: np.ndarray) -> np.ndarray:
 
 def logged_motions(dataset: Dataset) -> list[MotionSteps]:
     """Return the steps of the undisturbed repetitions per motion, most repetitions first."""
-    rate, robot = dataset.motion.rate, dataset.robot
+    rate = dataset.motion.rate
+    robot = dataset.robot
     movements = read_movements(dataset)
     logs = {name: movement.of(robot.joints) for name, movement in movements.items()}
     steps_of_motions: list[MotionSteps] = []
@@ -200,10 +202,12 @@ def _undisturbed_takes(
     """Return actual and target angles (2, K, n) rad of each undisturbed repetition with its rest
     before and after, without a repetition whose rest is cut off.
     """
-    rest, takes = motion.rest(rate), []
+    rest = motion.rest(rate)
+    takes = []
     for name, row in motion.places:
         log = logs[name]
-        first, last = max(row - 1 - rest, 0), row + motion.steps + rest
+        first = max(row - 1 - rest, 0)
+        last = row + motion.steps + rest
         if (name, row) not in motion.disturbed and last < len(log.actual):
             angles = np.stack([log.actual, log.target])
             takes.append(angles[:, first : last + 1])

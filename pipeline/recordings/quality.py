@@ -4,6 +4,7 @@ was lost and repaired; the limits of these measures, and the takes that they lea
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
+from functools import partial
 from itertools import combinations
 from typing import NamedTuple
 
@@ -16,7 +17,8 @@ from pipeline.recordings.lags import REACH, lag
 
 DEPTH_CAMERA = "depth camera"  # name of the instrument in the tables
 # counts of a movement: repetitions (takes), and prefix of the counts of left-out motions by reason
-REPETITIONS, LEFT_OUT = "repetitions", "excursions_"
+REPETITIONS = "repetitions"
+LEFT_OUT = "excursions_"
 # quantities of the table ``quality`` that do not depend on the length of a take
 MEASURES = (
     "missing_share longest_gap interpolated relabelled_share residual_rms dropped_share "
@@ -31,22 +33,27 @@ FEWEST = 2  # least number of takes of a part, for the covariance and for leavin
 SAME_SAMPLES = 2e-6  # m, rad or N: rounding to six decimals, below any noise
 DECIMALS = 9  # values that differ by less are one value, converted twice
 # likeness: rows over which noise averages out, and least number of such blocks in a take
-BLOCK, LEAST_BLOCKS = 10, 20
+BLOCK = 10
+LEAST_BLOCKS = 20
 # order of differences, and their variance of white noise of 1
-DIFFERENCES, NOISE_GAIN = 6, 924
+DIFFERENCES = 6
+NOISE_GAIN = 924
 WITHIN = 1.5  # noise, greatest distance of equal takes: 1 for white noise, 1.3 with heavy tails
 # a group of more than half of the takes is equal by copying only if so many takes are not in it:
 # else the arm repeats within the noise, and the few takes outside are disturbed
-LEAST_OUTSIDE, SHARE_OUTSIDE = 3, 0.25
+LEAST_OUTSIDE = 3
+SHARE_OUTSIDE = 0.25
 # disturbance: least scale of the score of a whole take (the second term over the number of takes:
 # few takes do not show their scale) and of its greatest window, over the median of the takes;
 # LEAST_OF_JOINT is the least scale of a joint, over the median of all joints
-LEAST_SPREAD, OF_FEW_TAKES, LEAST_IN_WINDOWS, LEAST_OF_JOINT = 0.15, 0.3, 0.6, 0.25
+LEAST_SPREAD = 0.15
+OF_FEW_TAKES = 0.3
+LEAST_IN_WINDOWS = 0.6
+LEAST_OF_JOINT = 0.25
 WINDOW = 0.25  # s, duration of a push by hand
 OVERLAP = 4  # number of windows that begin within the time of one window
-# images of another take: takes that are compared, frames that separate their shares, and the 0.8
-# quantile of a residual over its noise, below which takes are alike
-OTHERS, FEWEST_FRAMES, NOISE_MARGIN = 5, 40, 2.5
+# 0.8 quantile of a residual over its noise, below which images of two takes are alike
+NOISE_MARGIN = 2.5
 
 
 def quality_row(
@@ -68,9 +75,7 @@ def quality_rows(
     instrument: str,
     notes: Iterable[tuple],
 ) -> list[dict[str, object]]:
-    """Return a row of the table ``quality`` of each of the ``notes``: quantity, value, and unit
-    unless the value is a count.
-    """
+    """Return a row of the table ``quality`` for each note: quantity, value, unit unless a count."""
     return [quality_row(take, part, instrument, *note) for note in notes]
 
 
@@ -94,12 +99,9 @@ def are_equal(
     """Return whether two arrays are equal to within ``tolerance``, with NaN in the same places."""
     if first.shape != second.shape:
         return False
-    for rows in (slice(1), slice(None)):  # the first row suffices for most
-        if not np.array_equal(np.isnan(first[rows]), np.isnan(second[rows])):
-            return False
-        if np.any(np.abs(first[rows] - second[rows]) > tolerance):
-            return False
-    return True
+    close = partial(np.allclose, rtol=0.0, atol=tolerance, equal_nan=True)
+    # the first row suffices for most
+    return close(first[:1], second[:1]) and close(first, second)
 
 
 def rounding(samples: np.ndarray) -> np.ndarray:
@@ -181,12 +183,11 @@ def _distinct_takes(alike: Likeness, limit: float | None) -> np.ndarray:
     """Return the mask (takes,) of takes that are not copies of an earlier take: their likeness is
     within the ``limit``, or they are the first of their group.
     """
-    distinct = np.ones(len(alike.group), bool)
     if limit is None:
-        return distinct
-    for take, first_of_group in enumerate(alike.group):
-        is_copy = alike.ratio[take] > limit
-        distinct[take] = not (is_copy and first_of_group in alike.group[:take])
+        return np.ones(len(alike.group), bool)
+    _, firsts = np.unique(alike.group, return_index=True)
+    distinct = alike.ratio <= limit
+    distinct[firsts] = True
     return distinct
 
 
@@ -200,8 +201,10 @@ def likeness(angles: np.ndarray) -> Likeness:
     """
     number = len(angles)
     by_joint = noise_distances(angles)
-    ratio, size = np.ones(number), np.ones(number)
-    group, nearest = np.arange(number), np.full(number, np.nan)
+    ratio = np.ones(number)
+    size = np.ones(number)
+    group = np.arange(number)
+    nearest = np.full(number, np.nan)
     if number < 2 or not len(by_joint):
         return Likeness(ratio, size, group, nearest)
     of_all = by_joint.max(axis=0)
@@ -219,7 +222,8 @@ def likeness(angles: np.ndarray) -> Likeness:
                 groups.append((members, np.sqrt(distance)))
     for members, distance in groups:
         nearer = members[distance > ratio[members]]
-        ratio[nearer], size[nearer] = distance, len(members)
+        ratio[nearer] = distance
+        size[nearer] = len(members)
         group[nearer] = members.min()
     return Likeness(ratio, size, group, nearest)
 
@@ -401,7 +405,8 @@ def beside_limits(
     takes["beyond"] = size > takes["limit"]
     takes["left_out"] = takes["beyond"].groupby(takes["take"]).transform("any")
     takes["place"] = takes["measure"].map(MEASURES.index)
-    order, ascending = ["part", "take", "place"], [False, True, True]
+    order = ["part", "take", "place"]
+    ascending = [False, True, True]
     takes = takes.sort_values(order, ascending=ascending, ignore_index=True)
     return takes.drop(columns=["instrument", "place"])
 
@@ -468,7 +473,8 @@ def account(
         for quantity, count in lost.items():
             reason = quantity.removeprefix(LEFT_OUT).replace("_", " ")
             words.append(f"{reason} {count}")
-        total, repetitions = number.sum(), number[REPETITIONS]
+        total = number.sum()
+        repetitions = number[REPETITIONS]
         rows.append(("motions", movement, total, repetitions, ", ".join(words)))
 
     for part_name, of_part in takes.groupby("part", sort=False):

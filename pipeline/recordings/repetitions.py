@@ -114,7 +114,8 @@ def _find_passes(
     steps: int,
     circular: np.ndarray | bool,
 ) -> Repetitions:
-    runs, overlapping = [], []
+    runs = []
+    overlapping = []
     number = max(len(angles) - steps, 0)
     passing = np.stack([angles[:number], angles[steps:][:number]], axis=1)
     away = np.abs(apart(passing, np.array(ends), circular)).max(axis=(1, 2))

@@ -13,7 +13,8 @@ from pipeline.models.model import frobenius
 from pipeline.models.steps import Recorded
 from pipeline.recordings.commands import commanded_steps
 
-MOTION, TRACK = Path("data/ingest/motion"), Path("data/track")
+MOTION = Path("data/ingest/motion")
+TRACK = Path("data/track")
 
 
 def training_steps(robot: Robot, motion: Motion) -> Recorded:
@@ -41,7 +42,9 @@ def fitted_ranges(recorded: Recorded, rate: float) -> pd.DataFrame:
     """Return least and greatest value of the measured ``pose``, the commanded ``joint speed``, the
     commanded ``speed`` of each task coordinate (``rate`` in Hz), and the ``condition`` ‖J⁺‖.
     """
-    chain, joints, v = recorded.chain, recorded.joints, recorded.v
+    chain = recorded.chain
+    joints = recorded.joints
+    v = recorded.v
     speeds = rate * chain.nominal_step(recorded.q, v)
     norms = frobenius(chain.inverse_jacobian(recorded.q))[..., None]
     command = [*chain.task, *joints][: v.shape[-1]]

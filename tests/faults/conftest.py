@@ -30,10 +30,14 @@ from pipeline.formats.trajectory import write_trajectory
 from pipeline.laboratory.dynamics import desired_joints, desired_trajectory
 from pipeline.laboratory.kinect import DepthCamera, draw_bias
 from pipeline.laboratory.options import KinectOptions
-from pipeline.perception.articulation import articulate_rows
 from pipeline.perception.markers import follower
 from pipeline.recordings import depth, motion_capture
-from pipeline.recordings.depth_takes import CameraTake, arm_points, on_motion_clock
+from pipeline.recordings.depth_takes import (
+    CameraTake,
+    arm_points,
+    articulate_rows,
+    on_motion_clock,
+)
 
 ROOT = Path(__file__).parents[2]
 SAME = 1e-9  # rad: above the rounding of a sum, below the resolution of any instrument

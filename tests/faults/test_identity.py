@@ -15,10 +15,9 @@ from pipeline.core.errors import RecordingError
 from pipeline.core.options.dataset import Arrangement, Force, Limits
 from pipeline.formats.force.record import ForceRecord, sound_samples
 from pipeline.formats.motion.motive import read_motive, write_motive
-from pipeline.recordings.depth_takes import bias_warning, camera_residuals
+from pipeline.recordings.depth_takes import OTHERS, bias_warning, camera_residuals
 from pipeline.recordings.ingest import read_part
 from pipeline.recordings.quality import (
-    OTHERS,
     WITHIN,
     compare_takes,
     disturbances,

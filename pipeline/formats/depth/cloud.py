@@ -156,7 +156,8 @@ def _pcd_header(content: bytes) -> CloudHeader:
         key, *values = line.split() or [""]
         entries[key] = values
     record = _pcd_record(entries)
-    width, height = int(entries["WIDTH"][0]), int(entries["HEIGHT"][0])
+    width = int(entries["WIDTH"][0])
+    height = int(entries["HEIGHT"][0])
     points = int(entries["POINTS"][0])
     (form,) = entries["DATA"]
     if form not in PCD_FORMATS or width * height != points:
@@ -211,7 +212,8 @@ def _ply_header(content: bytes) -> CloudHeader:
     if not elements:
         raise ValueError("no line element")
     first, *further = elements
-    (mark, form, version), (_, element, count) = lines[0], lines[first]
+    mark, form, version = lines[0]
+    _, element, count = lines[first]
     properties = lines[first + 1 : further[0] if further else None]
     single = all(len(words) == 3 for words in properties)
     if (mark, element) != ("format", "vertex") or not single:
@@ -248,7 +250,8 @@ def _binary_points(
     file: Path,
 ) -> tuple[np.ndarray, int]:
     """Return the points (N, 3) float64, and the number of bytes behind the points."""
-    data, size = content[header.start :], header.count * header.point.itemsize
+    data = content[header.start :]
+    size = header.count * header.point.itemsize
     if header.form == "binary_compressed":
         return _unpacked_points(data, header, size)
     if len(data) < size:
@@ -322,7 +325,8 @@ def _text_points(
     first = content.count(b"\n", 0, header.start) + 1
     widths = [int(np.prod(header.point[name].shape)) for name in header.point.names]
     axes = [sum(widths[: header.point.names.index(axis)]) for axis in "xyz"]
-    rows, numbers = [], []
+    rows = []
+    numbers = []
     for number, line in enumerate(lines, first):
         words = line.lower().split()
         if not words or len(rows) == header.count:

@@ -181,7 +181,8 @@ def _with_fractions(whole: list[int], matches: list[re.Match]) -> list[int]:
     lengths = {len(digits) for digits in fractions}
     groups = -(-max(lengths) // 3)  # of three digits: ms, µs or ns
     unit = 10 ** (9 - 3 * groups)
-    decimals, counted = [], []
+    decimals = []
+    counted = []
     for seconds, digits in zip(whole, fractions, strict=True):
         start = seconds * NANO
         decimals.append(start + int(digits.ljust(9, "0")))

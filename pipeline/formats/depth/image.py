@@ -24,11 +24,17 @@ from pipeline.formats.depth import cloud
 from pipeline.formats.depth.frame_names import FrameSequence, frame_sequences
 from pipeline.formats.format import Format, Head, Kind, begins, file_content, matching
 
-PNG, TIFF, PGM = b"\x89PNG\r\n\x1a\n", (b"II*\0", b"MM\0*"), b"P5"
+PNG = b"\x89PNG\r\n\x1a\n"
+TIFF = (b"II*\0", b"MM\0*")
+PGM = b"P5"
 ENDINGS = (".png", ".tif", ".tiff", ".pgm", *cloud.ENDINGS)  # suffixes of depth frames
-WIDTH, LENGTH, DESCRIPTION = 256, 257, 270  # tags of TIFF 6.0, section 8
+# tags of TIFF 6.0, section 8
+WIDTH = 256
+LENGTH = 257
+DESCRIPTION = 270
 # s, limits of the median step; times in ms exceed them
-SHORTEST_STEP, LONGEST_STEP = 1e-4, 10.0
+SHORTEST_STEP = 1e-4
+LONGEST_STEP = 10.0
 PIXEL = 4  # bytes, size of the largest decoded pixel
 NO_DISPARITY = 2047  # value of the Kinect's 11-bit disparity without a measurement
 # run-length coded row differences: a fixed filter halves the time, level 6 would save 1 % of size
@@ -71,7 +77,8 @@ def metres(raw: RawDepth, encoding: Encoding, **evidence: object) -> np.ndarray:
     if encoding.kind != "plain" and raw.pixels.dtype != np.uint16:
         message = f"pixels are {raw.pixels.dtype}; the encoding {encoding.kind} requires uint16"
         raise RecordingError(message, **evidence)
-    values, invalid = raw.pixels, ~(raw.pixels > 0)
+    values = raw.pixels
+    invalid = ~(raw.pixels > 0)
     if encoding.saturation is not None:
         invalid |= raw.pixels >= encoding.saturation
     if encoding.kind == "rotated_bits":
@@ -114,7 +121,9 @@ def read_depth(file: Path, *, shape: tuple[int, int] | None = None) -> RawDepth:
     truncated content, another format or size, and pixels that are not one channel of 16 bits or of
     floating point.
     """
-    content, pixels, reason = file_content(file), None, ""
+    content = file_content(file)
+    pixels = None
+    reason = ""
     if not content.startswith((PNG, PGM, *TIFF)):
         message = (
             "the depth frame is no PNG, TIFF or PGM image; convert it to 16-bit PNG"
@@ -123,7 +132,8 @@ def read_depth(file: Path, *, shape: tuple[int, int] | None = None) -> RawDepth:
     try:
         size, description = _header(content, file)
         if shape not in (None, size):
-            (height, width), (rows, columns) = size, shape
+            height, width = size
+            rows, columns = shape
             raise RecordingError(
                 f"the image has {width} × {height} pixels where the camera has {columns} × {rows}; "
                 "check the intrinsics",
@@ -162,7 +172,8 @@ def _header(content: bytes, file: Path) -> tuple[tuple[int, int], str]:
         warnings.simplefilter("ignore")  # of Pillow, about odd tags and sizes
         if content.startswith(TIFF):
             tags = _tiff_tags(stream, file)
-            height, width = int(tags[LENGTH]), int(tags[WIDTH])
+            height = int(tags[LENGTH])
+            width = int(tags[WIDTH])
             _require_bounded(height, width, file)
             return (height, width), str(tags.get(DESCRIPTION, ""))
         with Image.open(stream, formats=("PNG", "PPM")) as image:

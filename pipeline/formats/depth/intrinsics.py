@@ -22,7 +22,8 @@ from pipeline.formats.format import Format, Head, Kind, read_alone
 FOCAL = ("fx", "fy", "cx", "cy")
 _STATED = read_yaml(Path(__file__).with_suffix(".yaml"))
 KEYS: dict[str, list[str]] = _STATED["keys"]  # item → keys that state it
-MATRIX, DISTORTION = KEYS["camera matrix"], KEYS["distortion"]
+MATRIX = KEYS["camera matrix"]
+DISTORTION = KEYS["distortion"]
 # key of RealSense → key of this module
 REALSENSE: dict[str, str] = _STATED["realsense"]
 # names of distortion models with OpenCV's coefficients

@@ -39,7 +39,9 @@ def read_calibration(file: Path) -> Calibration:
         line = {"line": error.position[0]} if hasattr(error, "position") else {}
         message = f"this is no XML ({error}); copy it again"
         raise RecordingError(message, file=file, **line) from None
-    serials, stated, axes = [], [], {}
+    serials = []
+    stated = []
+    axes = {}
     for element in elements:
         attributes = element.attrib
         if "Serial" in attributes:
@@ -50,7 +52,8 @@ def read_calibration(file: Path) -> Calibration:
             axes[element.get("Name")] = attributes
     try:
         (units,) = stated
-        force, torque = units["ForceUnits"], units["TorqueUnits"]
+        force = units["ForceUnits"]
+        torque = units["TorqueUnits"]
         newtons = UNITS["force"].get(plain_unit(force))
         newton_metres = UNITS["torque"].get(plain_unit(torque))
         matrix = _numbers(axes, "values", 6)

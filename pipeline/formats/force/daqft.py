@@ -103,7 +103,8 @@ def _gauges(
 
 def _rate(sheet: Sheet, options: ForceLogOptions) -> float:
     """Return the sample rate in Hz: sampling frequency over averaging level, else the option."""
-    numbers, rate = [], options.rate
+    numbers = []
+    rate = options.rate
     for key in ("Frequency", "Averaging Level"):
         text = sheet.settings.get(key, "")
         if sheet.decimal != ".":  # a point separates thousands

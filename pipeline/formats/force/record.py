@@ -26,7 +26,8 @@ from pipeline.formats.force.calibration import Calibration
 from pipeline.formats.format import Format, Head, Kind
 from pipeline.formats.number_sheet import Sheet, read_sheet
 
-FORCES, TORQUES = ("fx", "fy", "fz"), ("tx", "ty", "tz")
+FORCES = ("fx", "fy", "fz")
+TORQUES = ("tx", "ty", "tz")
 KINDS = {
     **dict.fromkeys(FORCES, "force"),
     **dict.fromkeys(TORQUES, "torque"),
@@ -100,7 +101,8 @@ def si_factor(
     log and options differ.
     """
     kind = KINDS[quantity]
-    units, option = UNITS[kind], getattr(options, f"{kind}_unit")
+    units = UNITS[kind]
+    option = getattr(options, f"{kind}_unit")
     calibrated = getattr(options.calibration, f"{kind}_unit", None)
     plain = spelled if kind == "time" else plain_unit
     words = [word for word in (stated, option, calibrated) if word]
@@ -173,7 +175,8 @@ def sound_samples(
         "saturated": saturated,
     }
     limits = {"frozen": "frozen_after", "saturated": "full_scale"}  # fault → option
-    sound, counts = np.ones(len(values), bool), {}
+    sound = np.ones(len(values), bool)
+    counts = {}
     for name, samples in faulty.items():
         number = int(samples.sum())
         if samples.mean() > share:
@@ -287,7 +290,8 @@ def axis_factors(
     """Return the columns of the forces, and of the torques if present, by options or labels, their
     factors to N and N·m, and kind → unit, from the units ``stated``, else from the header.
     """
-    named, doubled = dict(options.columns), ""
+    named = dict(options.columns)
+    doubled = ""
     named.pop("t", None)
     if not options.columns:
         for column, label in enumerate(sheet.labels):
@@ -308,7 +312,8 @@ def axis_factors(
             key=KEY,
         )
     columns = sheet.columns({axis: named[axis] for axis in wanted}, KEY)
-    units, factors = {}, []
+    units = {}
+    factors = []
     for axis, column in columns.items():
         units[axis] = stated[KINDS[axis]] if stated else sheet.unit(column)
         factors.append(si_factor(axis, units[axis], options, **where))
@@ -345,7 +350,8 @@ def sheet_record(
         if not steady:
             message = "the samples have no time: name a column t, or set rate in Hz"
             raise RecordingError(message, file=sheet.file, key=f"{OPTION}.rate")
-        time, more["rate"] = ticks / steady, steady
+        time = ticks / steady
+        more["rate"] = steady
     if not is_timed:
         return _record(time, values, **more)
     lines = [sheet.lines[row] for row in samples.rows]

@@ -22,7 +22,9 @@ from pipeline.formats.format import (
 from pipeline.formats.motion.take import MotionTake, checked_take, settle_unit
 
 KEY = 0x50  # the second byte of every C3D file
-INTEL, DEC, MIPS = 84, 85, 86
+INTEL = 84
+DEC = 85
+MIPS = 86
 BLOCK = 512  # bytes
 LONGEST = 0xFFFF  # greatest frame number that the header can hold
 AGAIN = "export or copy the take again"
@@ -79,10 +81,7 @@ def read_c3d(file: Path, unit: str | None = None) -> MotionTake:
     frames = contents.points.shape[2]
     again = f"truncated? {AGAIN}"
     counts = compare_announced("frames", announced, frames, again, file=file)
-    rate = contents.rate
-    if len(rate) != 1 or not 0 < rate[0] < np.inf:
-        message = f"the file has no frame rate; {AGAIN}"
-        raise RecordingError(message, file=file, key="POINT:RATE")
+    rate = _frame_rate(contents, file)
     stated = sorted({text.lower() for text in contents.units if text})
     unit = settle_unit(" and ".join(stated), unit, file, key="POINT:UNITS")
     samples = contents.points.transpose(1, 2, 0).copy()
@@ -92,7 +91,8 @@ def read_c3d(file: Path, unit: str | None = None) -> MotionTake:
     samples[contents.residuals < 0] = np.nan
 
     labels = [*contents.labels, *[""] * points]
-    labels, surplus = labels[:points], max(len(contents.labels) - points, 0)
+    labels = labels[:points]
+    surplus = max(len(contents.labels) - points, 0)
     names = _marker_names(labels, contents.outputs)
     if not names:
         raise RecordingError(
@@ -110,7 +110,7 @@ def read_c3d(file: Path, unit: str | None = None) -> MotionTake:
     raw = MotionTake(
         name=Path(file).stem,
         version="C3D",
-        rate=rate[0],
+        rate=rate,
         frame=np.arange(frames) + _first_frame(header, contents),
         time=np.zeros(0),
         markers={name: samples[point] for point, name in names.items()},
@@ -148,6 +148,14 @@ def _contents_of(file: Path, header: C3dHeader) -> tuple[C3dContents, int]:
     return contents, announced
 
 
+def _frame_rate(contents: C3dContents, file: Path) -> float:
+    """Return the frame rate in Hz; RecordingError for no rate > 0, and several."""
+    if len(contents.rate) == 1 and 0 < contents.rate[0] < np.inf:
+        return contents.rate[0]
+    message = f"the file has no frame rate; {AGAIN}"
+    raise RecordingError(message, file=file, key="POINT:RATE")
+
+
 def _first_frame(header: C3dHeader, contents: C3dContents) -> int:
     """Return the number of the first frame, by TRIAL where it agrees with the header's 16 bits."""
     stated = _long(contents.start)
@@ -176,7 +184,8 @@ def _marker_names(labels: list[str], outputs: list[str]) -> dict[int, str]:
 def _first_block(file: Path) -> C3dHeader:
     """Return the header; RecordingError for no C3D, and a file shorter than its header states."""
     with readable(file), Path(file).open("rb") as stream:
-        content, size = stream.read(256 * BLOCK), stream.seek(0, os.SEEK_END)
+        content = stream.read(256 * BLOCK)
+        size = stream.seek(0, os.SEEK_END)
     processor = _processor(require_content(content, file))
     if processor not in (INTEL, DEC):
         message = f"this is no C3D file, or its header is cut short; {AGAIN}"
@@ -190,7 +199,8 @@ def _first_block(file: Path) -> C3dHeader:
     start, ratio = struct.unpack_from("<2H", content, 16)
     # a negative scale means floating point; DEC stores the word with the sign first
     width = 4 if content[15 if processor == INTEL else 13] & 0x80 else 2
-    start, row = (max(start, 1) - 1) * BLOCK, width * (4 * points + analog)
+    start = (max(start, 1) - 1) * BLOCK
+    row = width * (4 * points + analog)
     frames = last - first + 1
     stored = frames if last != LONGEST else 1  # at LONGEST the length decides
     needed = start + stored * row
@@ -206,7 +216,8 @@ def _first_block(file: Path) -> C3dHeader:
 
 def _announced_frames(header: C3dHeader, contents: C3dContents) -> int:
     """Return the frames by the header, TRIAL, POINT:LONG_FRAMES or the file's length."""
-    start, end = _long(contents.start), _long(contents.end)
+    start = _long(contents.start)
+    end = _long(contents.end)
     stated = _long(contents.long_frames)
     if start is not None and end is not None:
         stated = max(end - start + 1, stated or 0)
@@ -243,7 +254,9 @@ def read_pieces(
     """Return points and residuals of ``frames``, which the library reads in pieces, since it only
     reads the frames of the header.
     """
-    content, points, residuals = Path(file).read_bytes(), [], []
+    content = Path(file).read_bytes()
+    points = []
+    residuals = []
     for first in range(0, frames, LONGEST - 1):
         count = min(LONGEST - 1, frames - first)
         piece = bytearray(content[: header.start])
@@ -266,7 +279,8 @@ def _contents(descriptor: int) -> C3dContents:
 
     def values(kind: type, group: str, *names: str) -> list:
         """Return all values of the parameters ``names``, none if there are none."""
-        collected, parameters = [], recording["parameters"].get(group, {})
+        collected = []
+        parameters = recording["parameters"].get(group, {})
         for name in names:
             if name in parameters:
                 collected += [kind(value) for value in parameters[name]["value"]]

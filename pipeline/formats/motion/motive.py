@@ -37,7 +37,9 @@ KEYS = (
     "Coordinate Space",
 )
 TIMES = ("Time", "Time (Seconds)")
-RAW, SOLVED, BODY = "Marker", "Rigid Body Marker", "Rigid Body"
+RAW = "Marker"
+SOLVED = "Rigid Body Marker"
+BODY = "Rigid Body"
 PLACE = tuple(f"Position {axis}" for axis in "XYZ")
 TURN = tuple(f"Rotation {axis}" for axis in "XYZW")
 # upper limit; headers have five to eight lines, including blank lines
@@ -113,7 +115,8 @@ def _header(lines: list[str], file: Path) -> Header:
             file=file,
             line=number,
         )
-    types, names = by_label.get("Type", rows[0]), by_label.get("Name", rows[1])
+    types = by_label.get("Type", rows[0])
+    names = by_label.get("Name", rows[1])
     identities = by_label.get("ID", ("",) * len(types))
     if len(rows) > 4 and not by_label:
         identities = rows[2]
@@ -162,7 +165,8 @@ def _assets_of(
 
 def _label_rows(lines: list[str], file: Path) -> tuple[list[tuple[str, ...]], int]:
     """Return the label rows, of equal lengths, and the line number of the last one."""
-    rows, number = [], 1
+    rows = []
+    number = 1
     for number, line in enumerate(lines[1:HEADER_LINES], start=2):
         cells = cells_of(line, ",", file=file, number=number)
         if any(cells):
@@ -300,7 +304,9 @@ def _tracks(
 
 def _rows(text: Text, header: Header, file: Path) -> tuple[list[str], list[int], int]:
     """Return frame rows, their lines, and repeated rows; RecordingError for a malformed row."""
-    rows, numbers, repeated = [], [], 0
+    rows = []
+    numbers = []
+    repeated = 0
     width = len(header.labelled)
     for number, line in enumerate(text.lines[header.line :], start=header.line + 1):
         if not line.strip(", \t"):

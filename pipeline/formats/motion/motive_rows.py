@@ -59,7 +59,8 @@ def _blocks(cells: list[str], *widths: int) -> Iterator[list[list[str]]]:
     place = 0
     for width in widths:
         count = _whole("".join(cells[place : place + 1]))
-        first, place = place + 1, place + 1 + count * width
+        first = place + 1
+        place = place + 1 + count * width
         if place > len(cells):
             raise ValueError(
                 f"the row lacks {place - len(cells)} cells that its counts require",
@@ -190,7 +191,8 @@ def _rows_of(text: Text, file: Path) -> tuple[_Rows, dict[str, int]]:
         "cut_rows": int(text.cut is not None),
         "repeated_rows": 0,
     }
-    rows, previous = _Rows(), None
+    rows = _Rows()
+    previous = None
     for number, line in enumerate(text.lines, start=1):
         if line.startswith("comment"):
             continue

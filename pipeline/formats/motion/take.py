@@ -122,7 +122,8 @@ def _is_contradicted(rate: float, frame: np.ndarray, printed: np.ndarray) -> boo
     median over all spans of a quarter of the take decides, since times may jump.
     """
     timed = np.isfinite(printed)
-    frame, time = frame[timed], printed[timed]
+    frame = frame[timed]
+    time = printed[timed]
     if len(time) < TELLING:
         return False
     lag = len(time) // 4
@@ -138,10 +139,12 @@ def rate_from_times(frame: np.ndarray, printed: np.ndarray) -> float | None:
     rounding or half a frame, and None where times do not increase.
     """
     timed = np.isfinite(printed)
-    frame, time = frame[timed], printed[timed]
+    frame = frame[timed]
+    time = printed[timed]
     if len(time) < 2 or time[-1] <= time[0]:
         return None
-    frames, seconds = frame - frame[0], time - time[0]
+    frames = frame - frame[0]
+    seconds = time - time[0]
     mean = frames[-1] / seconds[-1]
     whole = np.round(mean)
     off = np.abs(frames / max(whole, 1.0) - seconds)
@@ -181,7 +184,8 @@ def checked_take(
     late = np.abs(printed - printed[:1] - time) > TIME_ROUNDING
     step = np.diff(raw.frame)
     samples = _Samples(raw, file, lines, columns)
-    markers, bodies = {}, {}
+    markers = {}
+    bodies = {}
     for name, position in raw.markers.items():
         markers[name] = samples.position(position, name)
     _require_extent(markers, raw.unit, file)
@@ -221,8 +225,10 @@ class _Samples:
         lines: Sequence[int] | None,
         columns: Mapping[str, Sequence[int]] | None,
     ) -> None:
-        self.raw, self.file = raw, file
-        self.lines, self.columns = lines, columns
+        self.raw = raw
+        self.file = file
+        self.lines = lines
+        self.columns = columns
         self.counts = Counter({"zero_samples": 0, "partial_samples": 0})
 
     def position(self, position: np.ndarray, name: str) -> np.ndarray:
@@ -234,7 +240,8 @@ class _Samples:
         position = position / UNITS_PER_METRE[self.raw.unit]
 
         finite = np.isfinite(position)
-        sighted, whole = finite.any(axis=1), finite.all(axis=1)
+        sighted = finite.any(axis=1)
+        whole = finite.all(axis=1)
         self._require_plausible(position, sighted, name)
         self.counts["zero_samples"] += int(np.sum(zero))
         if filler.any():
