@@ -63,7 +63,8 @@ def read_text(file: Path) -> Text:
             "this is not plain text (the file has zero bytes); export it as UTF-8 text"
         )
         raise RecordingError(message, file=file)
-    *lines, last = BLANKS.sub(" ", text).replace("\ufeff", "").split("\n")
+    text = BLANKS.sub(" ", text).replace("\ufeff", "")
+    *lines, last = text.split("\n")
     return Text(lines, last or "\0" * content.endswith(b"\0\0") or None)
 
 
@@ -102,8 +103,9 @@ def numbers_of(
     ``gaps``.
     """
     values = _fast_numbers(rows, columns, separator, decimal)
-    sound = len(values) == len(rows) and not (np.abs(values) > GREATEST).any()
-    sound = sound and (gaps or not np.isnan(values).any())
+    too_large = (np.abs(values) > GREATEST).any()
+    incomplete = not gaps and np.isnan(values).any()
+    sound = len(values) == len(rows) and not (too_large or incomplete)
     if sound and len({row.count(separator) for row in rows}) == 1:
         return values
     width = 0
@@ -199,10 +201,10 @@ def counts_on(cells: list[str]) -> bool:
     """Return whether ``cells`` are pandas' column numbers: empty or a word, then 0, 1, 2, …"""
     if len(cells) < 3 or is_number(cells[0]):
         return False
-    numbers = [int(cell) for cell in cells[1:] if re.fullmatch(r"\d{1,4}", cell)]
-    return bool(numbers) and numbers == [
-        *range(numbers[0], numbers[0] + len(cells) - 1),
-    ]
+    if not all(re.fullmatch(r"\d{1,4}", cell) for cell in cells[1:]):
+        return False
+    first, *further = map(int, cells[1:])
+    return further == [*range(first + 1, first + 1 + len(further))]
 
 
 def is_rowlike(line: str) -> bool:
@@ -222,7 +224,7 @@ def separator_of(line: str) -> str:
             return mark
     pieces = line.split()
     # if no comma touches a blank, blanks separate the cells and commas are decimal marks
-    touched = any(piece.startswith(",") or piece.endswith(",") for piece in pieces)
+    touched = any(piece[0] == "," or piece[-1] == "," for piece in pieces)
     # a blank may also be between a date and a time
     numbers = 2 * count_numbers(pieces) >= len(pieces) or "," not in line
     if len(pieces) > 1 and not touched and numbers and '"' not in line:
@@ -287,6 +289,7 @@ def unit_in_name(name: str, kind: str) -> str:
     """Return the unit of the ``kind`` (angle or time) that is a word of ``name``, as in q_deg_0 and
     t_ms; "" for none, or two.
     """
-    words = {spelled(word) for word in re.findall(r"[A-Za-zµ]{2,}", name)}
-    stated = words & {*UNITS[kind], *UNITS[f"unread_{kind}"]}
+    words = map(spelled, re.findall(r"[A-Za-zµ]{2,}", name))
+    units = {*UNITS[kind], *UNITS[f"unread_{kind}"]}
+    stated = units.intersection(words)
     return stated.pop() if len(stated) == 1 else ""

@@ -218,9 +218,10 @@ def _in_long_gaps(x: np.ndarray, numbers: np.ndarray) -> np.ndarray:
     """Return (N,) whether a row of a column, with ``numbers`` in some rows, is in a gap of more
     than LONGEST_GAP of its median steps over ``x`` (N,).
     """
-    after = np.searchsorted(numbers, np.arange(len(x))).clip(1, len(numbers) - 1)
+    following = np.searchsorted(numbers, np.arange(len(x)))
     steps = np.diff(x[numbers])
-    return steps[after - 1] > LONGEST_GAP * np.median(steps)
+    step_of_row = steps[following.clip(1, len(steps)) - 1]
+    return step_of_row > LONGEST_GAP * np.median(steps)
 
 
 def _cell(cells: list[str], column: int) -> str:

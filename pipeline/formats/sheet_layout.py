@@ -190,10 +190,11 @@ def _sampled_cells(body: list[Line], mark: str) -> list[list[str]]:
 
 def _is_cut(sampled: list[list[str]]) -> bool:
     """Return whether the last row has fewer cells than the two rows before it."""
-    widths = {len(cells) for cells in sampled[-3:-1]}
-    if len(widths) != 1 or len(sampled[-1]) >= max(widths):
+    *before, last = sampled[-3:]
+    widths = {len(cells) for cells in before}
+    if len(widths) != 1 or len(last) >= max(widths):
         return False
-    return count_numbers(sampled[-2]) > 0
+    return count_numbers(before[-1]) > 0
 
 
 def _numeric_columns(sampled: list[list[str]]) -> list[int]:

@@ -48,7 +48,8 @@ class JointPath:
         """Function (times (...) in s, order) → angles (..., n) or their derivatives."""
         from scipy.interpolate import PchipInterpolator
 
-        return PchipInterpolator(np.arange(len(self.joints)) / self.rate, self.joints)
+        times = np.arange(len(self.joints)) / self.rate
+        return PchipInterpolator(times, self.joints)
 
     def require_followable(self, chain: Chain) -> None:
         """Raise ConfigError, with the first step beyond the limits of ``chain``."""
@@ -65,7 +66,8 @@ def _require_followable(
     speed: np.ndarray,
     motion: str,
 ) -> None:
-    slow = np.all(np.abs(speed) <= (1 + ROUNDING) * chain.max_speed, axis=1)
+    greatest = (1 + ROUNDING) * chain.max_speed
+    slow = np.all(np.abs(speed) <= greatest, axis=1)
     lower = chain.lower
     upper = chain.upper
     fastest = chain.max_speed
@@ -100,7 +102,8 @@ def _out_and_back(
     peak = 1.0 / (moving - ramp)
 
     # time since the start of one way, to the nearer end of it, and within the ramp
-    s = np.clip(np.minimum(t, motion.duration - t) - motion.rest, 0.0, moving)
+    from_rest = np.minimum(t, motion.duration - t) - motion.rest
+    s = np.clip(from_rest, 0.0, moving)
     back = np.minimum(s, moving - s)
     inside = np.minimum(back, ramp)
 
@@ -118,10 +121,15 @@ def desired_path(chain: Chain, options: TrajectoryOptions) -> np.ndarray:
     if len(options.folded) != len(chain.lower):
         message = f"folded and extended must have {len(chain.lower)} angles each"
         raise ConfigError(f"{key}: {message}")
-    grid = np.arange(round(options.duration * options.rate) + 1) / options.rate
-    q, speed = desired_joints(grid, options)
+    q, speed = desired_joints(motion_grid(options), options)
     _require_followable(chain, q, speed, f"{key}: the motion")
     return q
+
+
+def motion_grid(options: TrajectoryOptions) -> np.ndarray:
+    """Return the times (M+1,) in s of the steps of the motion."""
+    steps = round(options.duration * options.rate)
+    return np.arange(steps + 1) / options.rate
 
 
 def desired_trajectory(chain: Chain, options: TrajectoryOptions) -> pd.DataFrame:
@@ -137,10 +145,13 @@ def lagged_noise(
     """Draw stationary normal paths of variance 1 along the last axis: white noise behind LAGS."""
     from scipy.signal import lfilter
 
-    denominator = np.poly(np.full(LAGS, np.exp(-1.0 / steps_per_lag)))
+    poles = np.full(LAGS, np.exp(-1.0 / steps_per_lag))
+    denominator = np.poly(poles)
     settled = int(np.ceil(SETTLED * steps_per_lag))
-    response = lfilter([1.0], denominator, np.eye(1, settled)[0])
-    noise = rng.standard_normal((*shape[:-1], settled + shape[-1]))
+    impulse = np.eye(1, settled)[0]
+    response = lfilter([1.0], denominator, impulse)
+    *paths, steps = shape
+    noise = rng.standard_normal((*paths, settled + steps))
     passed_on = lfilter([1.0], denominator, noise, axis=-1)
     return passed_on[..., settled:] / np.linalg.norm(response)
 
@@ -230,13 +241,16 @@ def swing(
     servo = _servo_angles(chain, goal, speed, options, chance)
 
     pace = np.linalg.norm(speed, axis=1) / np.linalg.norm(chain.max_speed)
-    share = options.sway_rest + (1 - options.sway_rest) * pace**options.speed_exponent
+    in_motion = pace**options.speed_exponent
+    share = options.sway_rest + (1 - options.sway_rest) * in_motion
     sway = chance.sway * options.sway_std
     sway *= share[:, None]
 
     inverse = chain.inverse_jacobian(servo, what="time of the laboratory")
-    ripple = options.encoder_ripple * np.sin(goal + chance.phase[..., None, :])
-    q = servo + offset + ripple + np.einsum("...ij,...j->...i", inverse, sway)
+    phase = chance.phase[..., None, :]
+    ripple = options.encoder_ripple * np.sin(goal + phase)
+    swayed = np.einsum("...ij,...j->...i", inverse, sway)
+    q = servo + offset + ripple + swayed
 
     play = 2 * ndtr(chance.play) - 1
     joint = options.play_joint - 1
@@ -263,7 +277,8 @@ def _servo_angles(
     for i in range(len(goal) - 1):
         now = servo[..., i, :]
         wanted = speed[i] + options.servo_gain * (goal[i] - now)
-        turned = np.clip(gain[..., i, :] * wanted, -chain.max_speed, chain.max_speed)
+        turning = gain[..., i, :] * wanted
+        turned = np.clip(turning, -chain.max_speed, chain.max_speed)
         servo[..., i + 1, :] = now + dt * turned
     return servo
 
@@ -277,12 +292,14 @@ def expose(
 ) -> np.ndarray:
     """Return true joint angles (K, n) rad at the times ``at`` (K,) s plus random jitter."""
     jitter = options.jitter_std * rng.standard_normal(at.shape)
-    return joints_at(np.clip(at + jitter, t[0], t[-1]), t, q)
+    exposed = np.clip(at + jitter, t[0], t[-1])
+    return joints_at(exposed, t, q)
 
 
 def joints_at(instants: np.ndarray, t: np.ndarray, q: np.ndarray) -> np.ndarray:
     """Return ``q`` (N, n) rad, given at ``t`` (N,) s, interpolated at ``instants`` (K,): (K, n)."""
-    return np.stack([np.interp(instants, t, joint) for joint in q.T], axis=-1)
+    joints = [np.interp(instants, t, joint) for joint in q.T]
+    return np.stack(joints, axis=-1)
 
 
 class Session(NamedTuple):
@@ -316,7 +333,7 @@ def perform(
     """Draw one take of the trajectory and the exposures of the motion capture."""
     chance = draw(session.chain, trajectory, options, rng)
     take = swing(session.chain, session.encoder, trajectory, options, chance)
-    grid = np.arange(round(trajectory.duration * trajectory.rate) + 1) / trajectory.rate
+    grid = motion_grid(trajectory)
     watched = expose(take.t, take.q, grid, options, rng)
     return PerformedMotion(take, watched, joints_at(grid, take.t, take.q))
 
@@ -337,7 +354,8 @@ def depth_frames(
     rng: Generator,
 ) -> DepthFrames:
     """Draw the frames of a take of ``duration`` s."""
-    frames = np.arange(int(duration * clock.rate) + 1) / clock.rate
+    number = int(duration * clock.rate) + 1
+    frames = np.arange(number) / clock.rate
     jitter = clock.jitter_std * rng.standard_normal(frames.shape)
     exposed = np.clip(frames + jitter, 0.0, duration)
     offset = clock.offset + clock.offset_std * rng.standard_normal()
@@ -354,7 +372,8 @@ def log_joints(
     (N, n) in rad. The encoders measure the motors' angles, rounded to the encoders' resolution,
     without errors of the zeros and motion behind the gears.
     """
-    t = np.arange(int(trajectory.duration * encoders.rate) + 1) / encoders.rate
+    rows = int(trajectory.duration * encoders.rate) + 1
+    t = np.arange(rows) / encoders.rate
     target, _ = desired_joints(t, trajectory)
     motors = joints_at(t, take.t, take.servo)
     counts = np.round(motors / encoders.resolution)

@@ -33,7 +33,9 @@ def _autoregressive(
     """Return x (N, m), x_k = decay·x_{k−1} + innovation_k, with x_{−1} = ``start`` (m,)."""
     from scipy.signal import lfilter
 
-    return lfilter([1.0], [1.0, -decay], innovation, axis=0, zi=decay * start[None])[0]
+    before = decay * start[None]
+    path, _ = lfilter([1.0], [1.0, -decay], innovation, axis=0, zi=before)
+    return path
 
 
 def wander(
@@ -71,8 +73,10 @@ def slipping(
         step = np.repeat(np.arange(samples), slips)
         loss = rng.exponential(size=len(step))
         since = rng.uniform(size=len(step))  # part of a sample from the slip to its end
-        lost[:, robot] = np.bincount(step, loss * np.exp(-since / fade), samples)
-    paths = _autoregressive(lost, np.exp(-1 / fade), rng.gamma(nu, size=len(sd)))
+        remaining = loss * np.exp(-since / fade)
+        lost[:, robot] = np.bincount(step, remaining, samples)
+    start = rng.gamma(nu, size=len(sd))
+    paths = _autoregressive(lost, np.exp(-1 / fade), start)
     return sd / np.sqrt(nu) * (nu - paths)
 
 
@@ -93,9 +97,11 @@ def directions(
     azimuth = np.asarray(cables.direction, dtype=float)
     concentration = np.asarray(robots.concentration)
     if cables.elevation is None:
-        sd = np.sqrt(-2 * np.log(i1e(concentration) / i0e(concentration)))
+        length = i1e(concentration) / i0e(concentration)
+        sd = np.sqrt(-2 * np.log(length))
         angle = azimuth + wander(sd, robots.wander_time, samples, rate, rng)
-        return np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=-1)
+        level = np.zeros_like(angle)
+        return np.stack([np.cos(angle), np.sin(angle), level], axis=-1)
     sd = np.array([_angle_in_space(kappa) for kappa in concentration])
     up = wander(sd, robots.wander_time, samples, rate, rng)[..., None]
     aside = wander(sd, robots.wander_time, samples, rate, rng)[..., None]
@@ -168,7 +174,8 @@ def record_force(
     measured = []
     for i, true in enumerate((force, torque)):
         bias = rng.normal(0.0, transducer.bias[i], 3)
-        drift = rng.normal(0.0, transducer.drift[i], 3) * time[:, None]
+        drift_rate = rng.normal(0.0, transducer.drift[i], 3)
+        drift = drift_rate * time[:, None]
         noise = rng.normal(0.0, transducer.noise[i], true.shape)
         measured.append(true + bias + drift + noise)
     return RiggedForce(time, *measured, pull, e)

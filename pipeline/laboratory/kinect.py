@@ -72,7 +72,8 @@ def prism(outline: np.ndarray, low: float, high: float) -> np.ndarray:
             "a solid is wider than long, or has no extent; make it longer or narrower"
         )
         raise ConfigError(message, key="laboratory.kinect.scene")
-    return np.stack([np.insert(outline, 1, y, axis=1) for y in (low, high)])
+    ends = [np.insert(outline, 1, y, axis=1) for y in (low, high)]
+    return np.stack(ends)
 
 
 def _rectangle(left: float, right: float, bottom: float, top: float) -> np.ndarray:
@@ -82,8 +83,11 @@ def _rectangle(left: float, right: float, bottom: float, top: float) -> np.ndarr
 def _rounded_bar(bottom: float, top: float, width: float) -> np.ndarray:
     """Return the outline of a bar along z with half circles around (0, bottom) and (0, top)."""
     angle = np.linspace(0.0, np.pi, ARC + 1)
-    cap = width / 2 * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-    return np.concatenate([cap + np.array([0.0, top]), np.array([0.0, bottom]) - cap])
+    circle = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    cap = width / 2 * circle
+    upper = cap + np.array([0.0, top])
+    lower = np.array([0.0, bottom]) - cap
+    return np.concatenate([upper, lower])
 
 
 Span = tuple[float, float]  # least and greatest coordinate in m
@@ -176,7 +180,8 @@ def cast(
     depth = np.full(shape, np.inf)
     grazing = np.zeros(shape)
     enter = enter[met]
-    ray_length = np.sqrt(x * x + (y * y + 1)[:, None])[met]
+    square = x * x + (y * y + 1)[:, None]
+    ray_length = np.sqrt(square)[met]
     cosine = distance[met] * enter / ray_length
     depth[met] = 1.0 / enter
     grazing[met] = _arccos(np.minimum(cosine, 1.0))
@@ -257,7 +262,8 @@ class DepthCamera:
         self._background = depth, grazing
 
     def _in_camera(self, solid: np.ndarray) -> np.ndarray:
-        return place_solid(solid, self._rotation.T, -self._rotation.T @ self._position)
+        to_camera = self._rotation.T
+        return place_solid(solid, to_camera, -to_camera @ self._position)
 
     def _draw(
         self,
@@ -267,7 +273,8 @@ class DepthCamera:
         grazing: np.ndarray,
     ) -> None:
         """Draw a solid, given in the camera's frame, into the ``window`` of the images."""
-        images = cast(solid, self._x[window[1]], self._y[window[0]])
+        rows, columns = window
+        images = cast(solid, self._x[columns], self._y[rows])
         nearer = images[0] < depth[window]
         for image, new in zip((depth, grazing), images, strict=True):
             np.copyto(image[window], new, where=nearer, casting="same_kind")
@@ -307,7 +314,9 @@ class DepthCamera:
 
 def _pixels_over(coordinate: np.ndarray) -> slice:
     """Return the pixels that cover the least to the greatest ``coordinate`` in px."""
-    return slice(int(np.floor(coordinate.min())), int(np.ceil(coordinate.max())) + 1)
+    first = int(np.floor(coordinate.min()))
+    last = int(np.ceil(coordinate.max()))
+    return slice(first, last + 1)
 
 
 def draw_bias(options: KinectOptions, rng: Generator) -> np.ndarray:
@@ -365,7 +374,9 @@ def _measure(depth, grazing, source, noise, sensor, edges):
         angle = grazing[source[pixel]]
         if z > 0 and z <= farthest and angle <= sensor.grazing_limit:
             term = angle / (QUARTER_TURN - angle)
-            std = a + z * (b + c * z) + d * z * np.sqrt(z) * (term * term)
+            by_distance = a + z * (b + c * z)
+            by_angle = d * z * np.sqrt(z) * (term * term)
+            std = by_distance + by_angle
             shifted = z + sensor.bias[int(z * BIAS_STEPS)]
             noise[pixel] = noise[pixel] * std + shifted
         else:
@@ -401,13 +412,14 @@ def read_depth(
     near = cv2.erode(exact, **around)
     far = cv2.dilate(exact, **around)
     edge = far > near * np.float32(1 + options.edge_ratio)
-    window = np.ones((2 * REACH + 1, 2 * REACH + 1), np.uint8)
-    band = np.flatnonzero(cv2.dilate(edge.view(np.uint8), window))
+    side = 2 * REACH + 1
+    around_edge = cv2.dilate(edge.view(np.uint8), np.ones((side, side), np.uint8))
+    band = np.flatnonzero(around_edge)
 
     # lateral noise: a pixel near an edge shows a neighbouring pixel
     lateral = lateral_deviation(grazing.ravel()[band], options)
-    shift = np.rint(lateral * rng.standard_normal((2, band.size), dtype=np.float32))
-    shift = shift.clip(-REACH, REACH).astype(np.intp)
+    variates = rng.standard_normal((2, band.size), dtype=np.float32)
+    shift = np.rint(lateral * variates).clip(-REACH, REACH).astype(np.intp)
     places = np.stack(np.unravel_index(band, grazing.shape)) + shift
     source = np.arange(depth.size, dtype=np.int32)
     source[band] = np.ravel_multi_index(tuple(places), grazing.shape, mode="clip")

@@ -80,7 +80,8 @@ def _lose_labels(
     """
     rate = options.lost_label_rate
     mean = options.lost_label_frames
-    _, lost = bursts(len(observed), observed.shape[1:2], rate, mean, rng)
+    frames, markers, _ = observed.shape
+    _, lost = bursts(frames, (markers,), rate, mean, rng)
     lost &= ~np.isnan(observed[..., 0])
     edges = np.diff(lost.astype(np.int8), axis=0, prepend=0, append=0)
 
@@ -90,7 +91,7 @@ def _lose_labels(
     columns = {}
     for number, i in enumerate(np.lexsort((marker, first))):
         burst = slice(first[i], last[i])
-        column = np.full((len(observed), 3), np.nan)
+        column = np.full((frames, 3), np.nan)
         column[burst] = observed[burst, marker[i]]
         columns[f"Unlabeled {FIRST_UNLABELED + number}"] = column
     return np.where(lost[..., None], np.nan, observed), columns
@@ -111,11 +112,13 @@ def capture(
     axes, origin = segment_frames(arm.chain, q)
     plane = np.einsum("njab,jmb->njma", axes, markers) + origin[:, :, None, :]
     rotation, place = base
-    observed = _observe(arm.to_base(plane) @ rotation.T + place, options, rng)
+    world = arm.to_base(plane) @ rotation.T + place
+    observed = _observe(world, options, rng)
     observed = _exchange_labels(observed, options, rng)
     labelled, unlabeled = _lose_labels(observed.reshape(-1, 9, 3), options, rng)
     names = [f"link{link}_{label}" for link in (1, 2, 3) for label in LABELS]
-    return {name: labelled[:, i] for i, name in enumerate(names)} | unlabeled
+    columns = np.swapaxes(labelled, 0, 1)
+    return dict(zip(names, columns, strict=True)) | unlabeled
 
 
 def _observe(world: np.ndarray, options: MocapOptions, rng: Generator) -> np.ndarray:
@@ -144,7 +147,8 @@ class MarkerCluster(NamedTuple):
 
 def as_built(link: SerialChain, arm: SerialChain) -> SerialChain:
     """Return the chain to a ``link`` with the joint placements of the true ``arm``."""
-    placements = [*arm.placements[: len(link.placements) - 1], link.placements[-1]]
+    joints = len(link.placements) - 1
+    placements = [*arm.placements[:joints], link.placements[-1]]
     return replace(link, placements=np.array(placements))
 
 
@@ -167,9 +171,11 @@ def capture_bodies(
     bodies = {}
     rotation_of_arm, place_of_arm = base
     for name, cluster in clusters.items():
-        pose = cluster.chain.pose(q[:, : len(cluster.chain.lower)])
+        joints = len(cluster.chain.lower)
+        pose = cluster.chain.pose(q[:, :joints])
         turn = pose[:, 3:].reshape(-1, 3, 3)
-        places = pose[:, None, :3] + cluster.places @ np.swapaxes(turn, -1, -2)
+        levers = cluster.places @ np.swapaxes(turn, -1, -2)
+        places = pose[:, None, :3] + levers
         world = places @ rotation_of_arm.T + place_of_arm
         observed = _observe(world, options, rng)
         rotation, position = rigid_motion(cluster.shape, observed)

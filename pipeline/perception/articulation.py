@@ -29,6 +29,8 @@ MAX_STEPS = 2000  # of the simplex
 # rad; offset of the first frame's start poses from the commanded pose
 START_SPREAD = 0.15
 START_TURNS = np.array([[0, 0, 0], [1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]])
+# O2, O3, EE: nodes that a search moves with the command, from the fit of the frame before
+MOVED_NODES = np.array([[0.0], [1.0], [1.0]])
 LOST = 2.0  # objective, in least objectives of the take, above which the arm counts as lost
 # headings of the first segment from which a search for a lost arm starts
 LOST_HEADINGS = 24
@@ -249,7 +251,8 @@ def variables(frame: Frame, nodes: np.ndarray, end: str) -> np.ndarray:
     """Return the argument v of :func:`rank` for ``nodes`` (3, 2) O2, O3, EE in m and ``end``."""
     if end == "commanded":
         return nodes[:2].ravel()
-    x, z = np.diff(np.vstack([frame.nodes[0], nodes]), axis=0).T
+    all_nodes = np.vstack([frame.nodes[0], nodes])
+    x, z = np.diff(all_nodes, axis=0).T
     middle, half = _lengths_of(frame)
     stretched = (np.hypot(x, z) - middle) / half
     share = np.clip(stretched[:2], -1.0, 1.0)
@@ -260,7 +263,8 @@ def variables(frame: Frame, nodes: np.ndarray, end: str) -> np.ndarray:
 
 def _lengths_of(frame: Frame) -> tuple[np.ndarray, np.ndarray]:
     """Return the middle and half of the range (3,) in m of the segments' lengths."""
-    return frame.bounds.mean(axis=1), np.diff(frame.bounds)[:, 0] / 2
+    shortest, longest = frame.bounds.T
+    return frame.bounds.mean(axis=1), (longest - shortest) / 2
 
 
 def nodes_of(frame: Frame, v: np.ndarray) -> np.ndarray:
@@ -406,9 +410,9 @@ def fit_sequence(
 ) -> FittedSequence:
     """Solve Eq. (KinObj) frame by frame through one take.
 
-    ``clouds`` are the arm's points (I, 2) m of each frame in the plane; ``o1`` (2,) and ``ee`` (F, 2)
-    m are commanded. The first search starts around ``q_start`` (3,) rad, a later one from the
-    previous fit moved with the command, and for a lost arm also from poses that join O1 and EE.
+    ``clouds`` are the arm's points (I, 2) m of each frame in the plane; ``o1`` (2,) and ``ee``
+    (F, 2) m are commanded. The first search starts around ``q_start`` (3,) rad, a later one from
+    the previous fit moved with the command, and for a lost arm from poses that join O1 and EE.
     Raises RecordingError for a long gap or an EE out of reach, SolverError for no convergence.
     """
     end = options.end_point
@@ -432,7 +436,7 @@ def fit_sequence(
         if gap:
             continue
 
-        starts = starts + np.array([[0.0], [1.0], [1.0]]) * (goal - ee[last])
+        starts = starts + MOVED_NODES * (goal - ee[last])
         problem = frame_of(cloud.T, o1, goal, bounds, gammas)
         fits = [_fit(problem, end, start) for start in starts]
         if min(fit[1] for fit in fits) > LOST * least:

@@ -23,7 +23,8 @@ def errors_of(angles: pd.DataFrame, joints: pd.DataFrame) -> pd.DataFrame:
     truth_by_take = dict(list(joints.groupby("take")))
     for take, rows in angles.groupby("take"):
         truth = truth_by_take[take]
-        rows = rows[rows["t"].between(0, truth["t"].iloc[-1])]
+        end = truth["t"].iloc[-1]
+        rows = rows[rows["t"].between(0, end)]
         error = values(rows, "q") - _interpolate(rows["t"], truth, names)
         table = rows[["take", "frame", "t"]].assign(**spread("e", names, error))
         tables.append(table)
@@ -57,13 +58,16 @@ def leave_one_out(errors: pd.DataFrame, *, window: int) -> pd.DataFrame:
         mean = by_frame[components].mean()
         time = by_frame["t"].mean()
         frames = mean.index.to_numpy()
-        centred = used[components].to_numpy() - mean.loc[used["frame"]].to_numpy()
+        mean_of_rows = mean.loc[used["frame"]].to_numpy()
+        centred = used[components].to_numpy() - mean_of_rows
 
         scatter = np.zeros((len(frames), n, n))
         place = np.searchsorted(frames, used["frame"])
-        np.add.at(scatter, place, centred[:, :, None] * centred[:, None, :])
+        products = centred[:, :, None] * centred[:, None, :]
+        np.add.at(scatter, place, products)
 
-        near = np.abs(frames[:, None] - frames[None, :]) <= window
+        apart = frames[:, None] - frames[None, :]
+        near = np.abs(apart) <= window
         # each frame's mean takes one degree of freedom
         freedom = near @ (by_frame.size().to_numpy() - 1)
         samples = int(freedom.min()) if len(frames) else 0

@@ -39,8 +39,8 @@ class JointTrack(NamedTuple):
 def follower(robot: Robot, mocap: Mocap) -> Callable[..., JointTrack]:
     """Return a function that tracks one ``take`` from its rows of the table ``markers``."""
     if robot.plane:
-        template = np.array([list(link.values()) for link in mocap.markers.values()])
-        points = points_in_plane(arm_of(robot), template, mocap.gate)
+        places = [list(link.values()) for link in mocap.markers.values()]
+        points = points_in_plane(arm_of(robot), np.array(places), mocap.gate)
     else:
         points = points_in_space(robot, mocap)
 
@@ -85,7 +85,8 @@ def track(
     present = ~np.isnan(markers[solved][..., 0])
     pairs = 0
     for on_link in points.link_masks():
-        pairs += int((present[:, on_link].sum(axis=1) == 2).sum())
+        number = present[:, on_link].sum(axis=1)
+        pairs += int(np.sum(number == 2))
 
     q, filled = fill_gaps(q, solved, points.sliding, max_gap, take)
     counts = {"missing": int(missing.sum())} | moved
@@ -196,7 +197,9 @@ def _correct_labels(
     moved = {"relabelled": 0, "adopted": 0, "rejected": 0}
     there = np.isfinite(positions).all(axis=-1)
     markers = positions[:, :labels].copy()
-    incomplete = ~there[:, :labels].all(axis=-1) & there[:, labels:].any(axis=-1)
+    complete = there[:, :labels].all(axis=-1)
+    has_unlabelled = there[:, labels:].any(axis=-1)
+    incomplete = has_unlabelled & ~complete
     doubtful = np.isnan(residual) | incomplete
     if not doubtful.any():
         return markers, moved
@@ -227,7 +230,8 @@ def _correct_labels(
         q[[k]], residual[[k]], *_ = points.solve(markers[[k]], expected)
         moved["relabelled"] += int((labelled & (sample != label)).sum())
         moved["adopted"] += int((~labelled).sum())
-        moved["rejected"] += int(there[k, :labels].sum()) - int(labelled.sum())
+        recorded = int(there[k, :labels].sum())
+        moved["rejected"] += recorded - int(labelled.sum())
     return markers, moved
 
 
@@ -266,9 +270,11 @@ def fill_gaps(
             frames=f"{first} to {last}",
         )
 
-    continuous = np.where(sliding, q[frames], np.unwrap(q[frames], axis=0))
+    unwrapped = np.unwrap(q[frames], axis=0)
+    continuous = np.where(sliding, q[frames], unwrapped)
     k = np.arange(len(q))
     joints = [np.interp(k, frames, joint) for joint in continuous.T]
-    held = int(frames[0] + len(q) - 1 - frames[-1])
+    held_at_end = len(q) - 1 - frames[-1]
+    held = int(frames[0] + held_at_end)
     interpolated = len(q) - len(frames) - held
     return np.stack(joints, axis=1), {"interpolated": interpolated, "held": held}

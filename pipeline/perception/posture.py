@@ -63,9 +63,11 @@ class MarkedArm:
 
     def _levers(self, link: int, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return a link's position (S, 3) and its points relative to it (S, points, 3) in m."""
-        pose = self.chains[link].pose(q[:, : len(self.chains[link].lower)])
-        turn = np.swapaxes(pose[:, 3:].reshape(-1, 3, 3), -1, -2)
-        return pose[:, :3], self.places[self.owner == link] @ turn
+        chain = self.chains[link]
+        pose = chain.pose(q[:, : len(chain.lower)])
+        rotation = pose[:, 3:].reshape(-1, 3, 3)
+        places = self.places[self.owner == link]
+        return pose[:, :3], places @ np.swapaxes(rotation, -1, -2)
 
     def solve(self, measured: np.ndarray, starts: np.ndarray) -> Solution:
         """Return the least-squares joint angles for ``measured`` (S, P, 3) m from ``starts`` (S, n)
@@ -103,8 +105,9 @@ class MarkedArm:
             damping[moving] = np.where(nearer, less, more)
 
         decided = np.linalg.eigvalsh(normal)[:, 0] >= LEAST_LEVER**2
-        number = np.maximum((~np.isnan(measured[..., 0])).sum(axis=-1), 1)
-        rms = np.sqrt((distances**2).sum(axis=-1) / number)
+        number = np.sum(~np.isnan(measured[..., 0]), axis=-1)
+        mean_square = (distances**2).sum(axis=-1) / np.maximum(number, 1)
+        rms = np.sqrt(mean_square)
         fits = decided & (distances <= self.gate).all(axis=-1)
         residual = np.where(fits, rms, np.nan)
         return Solution(q, residual, distances, normal, decided)
@@ -148,7 +151,8 @@ class MarkedArm:
         for arrays in zip(*self.solve(points, starts), strict=True):
             solution = Solution(*arrays)
             turns = np.round((solution.q - centre) / (2 * np.pi))
-            q = solution.q - 2 * np.pi * np.where(self.sliding, 0.0, turns)
+            turns = np.where(self.sliding, 0.0, turns)
+            q = solution.q - 2 * np.pi * turns
 
             in_limits = np.all((q >= lower) & (q <= upper))
             if solution.distances.max() > self.gate or not in_limits:
@@ -192,7 +196,10 @@ def _point_jacobian(jacobian: np.ndarray, lever: np.ndarray) -> np.ndarray:
     """
     wx, wy, wz = jacobian[:, 3:, None].swapaxes(0, 1)
     x, y, z = lever.T[..., None].swapaxes(1, 2)
-    turning = np.stack([wy * z - wz * y, wz * x - wx * z, wx * y - wy * x], axis=2)
+    turning_x = wy * z - wz * y
+    turning_y = wz * x - wx * z
+    turning_z = wx * y - wy * x
+    turning = np.stack([turning_x, turning_y, turning_z], axis=2)
     return jacobian[:, None, :3] + turning
 
 

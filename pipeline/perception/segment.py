@@ -58,7 +58,9 @@ class ArmSegmenter:
 
         across = np.flatnonzero(sees.any(axis=0))
         down = np.flatnonzero(sees.any(axis=1))
-        self.window = (slice(down[0], down[-1] + 1), slice(across[0], across[-1] + 1))
+        rows = slice(down[0], down[-1] + 1)
+        columns = slice(across[0], across[-1] + 1)
+        self.window = (rows, columns)
         self.across_plane = rays[1][self.window].copy()
         self.in_plane = [rays[i][self.window].ravel() for i in (0, 2)]
 
@@ -104,7 +106,8 @@ def _rays(camera: Intrinsics) -> ndarray:
     frame.
     """
     rows, columns = np.indices((camera.height, camera.width))
-    pixels = np.stack([columns, rows], axis=-1).reshape(-1, 1, 2).astype(float)
+    pixels = np.stack([columns, rows], axis=-1).astype(float)
+    pixels = pixels.reshape(-1, 1, 2)
     # without distortion, None saves OpenCV's iterations
     bend = np.array(camera.distortion) if np.any(camera.distortion) else None
     ideal = cv2.undistortPoints(
@@ -153,10 +156,12 @@ def _near_arm(x: ndarray, z: ndarray, arm: Arm, crop: Workspace) -> ndarray:
     beside_column = np.abs(right) > crop.column_half_width
     above_column = up > crop.column_top
     above_floor = z > crop.floor
-    return in_reach & (beside_column | above_column) & above_floor
+    off_column = beside_column | above_column
+    return in_reach & off_column & above_floor
 
 
 def _thin(points: ndarray, crop: Workspace) -> ndarray:
     """Return at most ``max_points`` of the ``points``, evenly spaced in their order."""
     count = min(len(points), crop.max_points)
-    return points[np.arange(count) * len(points) // max(count, 1)]
+    chosen = np.arange(count) * len(points) // max(count, 1)
+    return points[chosen]

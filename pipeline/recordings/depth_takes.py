@@ -146,7 +146,9 @@ def _least_unexplained(
     """
     from scipy.optimize import minimize_scalar
 
-    grid = np.linspace(*search, max(3, round((search[1] - search[0]) / GRID) + 1))
+    low, high = search
+    number = max(3, round((high - low) / GRID) + 1)
+    grid = np.linspace(low, high, number)
     least = max(MIN_OVERLAP * len(signals.t_a), 2 * len(signals.centre) + 4)
     overlaps = [signals.inside(tau).sum() >= least for tau in grid]
     grid = grid[overlaps]
@@ -260,7 +262,8 @@ def camera_residuals(
     residuals = []
     for rows in joints:
         table = rows.drop(columns="residual").dropna()
-        nodes = arm.chain.points(values(table, "q"))[:, 1:].reshape(len(table), -1)
+        nodes = arm.chain.points(values(table, "q"))[:, 1:]
+        nodes = nodes.reshape(len(table), -1)
         path = table["t"].to_numpy(), np.ascontiguousarray(nodes)
         try:
             residuals.append(find_offset(*seen, *path, search=search).residual)

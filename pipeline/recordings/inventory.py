@@ -27,7 +27,8 @@ def raw_folder(recordings: str) -> Path:
     """
     stated = Path(recordings)
     pulled = PULLED / stated.name
-    return pulled if stated.parts[:1] == ("..",) and any(raw_files(pulled)) else stated
+    beside = stated.parts[:1] == ("..",)
+    return pulled if beside and any(raw_files(pulled)) else stated
 
 
 def raw_files(folder: Path) -> Iterator[Path]:
@@ -127,10 +128,11 @@ def other_files(evidence: pd.DataFrame | None, inventory: Path) -> str:
         return "does not name its raw files; run the dataset again"
     present = by_place(pd.read_csv(inventory)).set_index("place")["sha256"]
     before = evidence.set_index("place")["sha256"]
-    changed = {place for place, _ in {*before.items()} ^ {*present.items()}}
+    changed = {*before.items()} ^ {*present.items()}
     if not changed:
         return ""
-    names = ", ".join(sorted(changed))
+    places = {place for place, _ in changed}
+    names = ", ".join(sorted(places))
     return f"was written with other files than {inventory} lists: {names}"
 
 

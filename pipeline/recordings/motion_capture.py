@@ -32,7 +32,8 @@ def trajectory_rows(file: Path, dataset: Dataset) -> pd.DataFrame:
     motion = dataset.motion
     table = read_trajectory(file)
     joints = dataset.robot.joints
-    duration = table["t"].iloc[-1] - table["t"].iloc[0]
+    times = table["t"]
+    duration = times.iloc[-1] - times.iloc[0]
     # times may be rounded to microseconds: 1/120 s is written as 0.008333
     rated = abs(duration - motion.steps / motion.rate) < STEP_TOLERANCE
     if len(table) != motion.steps + 1 or not rated:
@@ -129,15 +130,17 @@ def marker_rows(
     k = np.arange(motion.steps + 1)
     tables = []
     missing = 0
-    identities = [*tracks, *((0, i) for i in range(1, len(stray) + 1))]
+    identities = [*tracks]
+    identities += [(0, number) for number in range(1, len(stray) + 1)]
     for (link, marker), track in zip(identities, positions.swapaxes(0, 1), strict=True):
         xyz = np.full((len(k), 3), np.nan)
         xyz[frames] = (np.ascontiguousarray(track) - origin) @ rotation
         if link:
             missing += int(np.isnan(xyz[:, 0]).sum())
-        row = {"take": name, "part": part, "k": k, "t": k / motion.rate}
-        row |= {"link": link, "marker": marker}
-        tables.append(pd.DataFrame(row | dict(zip("xyz", xyz.T, strict=True))))
+        columns_of_marker = {"take": name, "part": part, "k": k, "t": k / motion.rate}
+        columns_of_marker |= {"link": link, "marker": marker}
+        columns_of_marker |= zip("xyz", xyz.T, strict=True)
+        tables.append(pd.DataFrame(columns_of_marker))
 
     counts = dict(take.counts)
     counts["missing_samples"] = missing
@@ -155,8 +158,10 @@ def _frozen_frames(positions: np.ndarray) -> np.ndarray:
     """
     gone = np.isnan(positions)
     equal = positions[1:] == positions[:-1]
-    same = (equal | (gone[1:] & gone[:-1])).all(axis=(1, 2))
-    return np.append(False, same & ~gone[1:].all(axis=(1, 2)))
+    both_gone = gone[1:] & gone[:-1]
+    same = (equal | both_gone).all(axis=(1, 2))
+    empty = gone[1:].all(axis=(1, 2))
+    return np.append(False, same & ~empty)
 
 
 def _is_named_by(stated: str, file: Path) -> bool:
@@ -266,7 +271,8 @@ def _require_size(
         seen = np.stack([tracks[number, n] for n in range(1, len(places) + 1)])
         sizes = np.sort(np.linalg.norm(seen.std(axis=0), axis=1))
         middle = sizes[np.isfinite(sizes).sum() // 2]  # NaN if no row has all
-        size = middle / np.linalg.norm(np.std([*places.values()], axis=0))
+        planned = np.std([*places.values()], axis=0)
+        size = middle / np.linalg.norm(planned)
         if size >= ANOTHER_UNIT or size <= 1 / ANOTHER_UNIT:
             raise RecordingError(
                 f"the markers of {link} are {size:.3g} times as far apart as in the template: "
@@ -279,7 +285,7 @@ def _require_size(
 def _carry(pose: RigidBody, mounted: Pose, places: np.ndarray) -> np.ndarray:
     """Return the positions (P, N, 3) m of ``places`` (P, 3) m on a link by a body's ``pose``."""
     position, quaternion = pose
-    tracked = np.isfinite(position).all(axis=1) & np.isfinite(quaternion).all(axis=1)
+    tracked = np.isfinite(np.hstack(pose)).all(axis=1)
     mount = Rotation.from_euler("xyz", mounted.rpy).as_matrix()
     on_body = (places - np.array(mounted.position)) @ mount
     carried = np.full((len(places), len(tracked), 3), np.nan)

@@ -43,7 +43,8 @@ class FoundMotion:
         """Return the steps of rest to keep before and after: KEPT, or half the shortest pause."""
         if self.pause is None:
             return 0
-        return max(min(round(KEPT * rate), (self.pause - 2 * SLACK - 2) // 2), 1)
+        half_pause = (self.pause - 2 * SLACK - 2) // 2
+        return max(min(round(KEPT * rate), half_pause), 1)
 
 
 def find_motions(
@@ -167,7 +168,8 @@ def _regular_stretches(angles: np.ndarray, chain: Chain) -> list[tuple[int, int]
     prominence = LEAST_TURN * np.ptp(joint)
     highest, _ = find_peaks(joint, prominence=prominence)
     lowest, _ = find_peaks(-joint, prominence=prominence)
-    return list(pairwise(sorted([*highest.tolist(), *lowest.tolist()])))
+    turns = sorted([*highest.tolist(), *lowest.tolist()])
+    return list(pairwise(turns))
 
 
 def _least_singular(chain: Chain, angles: np.ndarray) -> np.ndarray:

@@ -367,7 +367,8 @@ def _scores(distance: np.ndarray, distinct: np.ndarray, least: float) -> np.ndar
     deviations of these, at least ``least`` of the median.
     """
     median = np.median(distance[distinct])
-    deviation = 1.4826 * np.median(np.abs(distance[distinct] - median))
+    deviations = np.abs(distance[distinct] - median)
+    deviation = 1.4826 * np.median(deviations)
     scale = max(deviation, least * median)
     return (distance - median) / scale if scale > 0 else np.zeros_like(distance)
 

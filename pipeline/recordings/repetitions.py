@@ -62,18 +62,18 @@ def excursions(
         speeds = np.diff(angles, axis=0, prepend=angles[:1]) * speeds
     moved = []
     for first, last in _runs(np.any(np.abs(speeds) > rest_speed, axis=1)):
-        travel = np.ptp(angles[max(first - 1, 0) : last + 1], axis=0).max()
-        if travel > REACH:
+        before = max(first - 1, 0)
+        travel = np.ptp(angles[before : last + 1], axis=0)
+        if travel.max() > REACH:
             moved.append((first, last))
 
-    starts = [first for first, _ in moved]
-    stops = [last for _, last in moved]
+    stops_before = [0, *(last for _, last in moved)]
+    starts_after = [*(first for first, _ in moved[1:]), len(angles)]
     motions = []
     for i, (first, last) in enumerate(moved):
-        before = first - (stops[i - 1] if i else 0)
-        after = (starts[i + 1] if i + 1 < len(moved) else len(angles)) - last
+        pause = min(first - stops_before[i], starts_after[i] - last)
         whole = first > 0 and last < len(angles)
-        motions.append(Excursion(first, last, whole, min(before, after)))
+        motions.append(Excursion(first, last, whole, pause))
     return motions
 
 
@@ -95,7 +95,9 @@ def find_repetitions(
     runs: list[Excursion] = []
     left_out = {"cut_off": [], "other_motion": [], "too_little_rest": []}
     for run in motions:
-        reached = angles[[max(run.first - 1, 0), min(run.last, len(angles) - 1)]]
+        before = max(run.first - 1, 0)
+        last = min(run.last, len(angles) - 1)
+        reached = angles[[before, last]]
         away = np.abs(apart(reached, np.stack(ends), circular)).max()
         if not run.whole:
             left_out["cut_off"].append(run.first)

@@ -166,7 +166,8 @@ def _pcd_header(content: bytes) -> CloudHeader:
             f"HEIGHT, DATA one of {', '.join(PCD_FORMATS)}",
         )
     viewpoint = tuple(map(float, entries.get("VIEWPOINT", UNTURNED)))
-    if len(viewpoint) != 7 or not abs(np.linalg.norm(viewpoint[3:]) - 1) < 1e-3:
+    length = np.linalg.norm(viewpoint[3:])
+    if len(viewpoint) != 7 or not abs(length - 1) < 1e-3:
         raise ValueError(
             f"VIEWPOINT is {viewpoint}, which must be a position and a unit quaternion; 0 0 0 1 0 "
             "0 0 is the sensor's frame",
@@ -272,7 +273,8 @@ def _unpacked_points(
     """Return the points (N, 3) of compressed ``data``, which unpack to ``size`` bytes, and the
     number of bytes behind them.
     """
-    packed, unpacked = np.frombuffer(data[:8].ljust(8, b"\0"), "<u4").tolist()
+    sizes = data[:8].ljust(8, b"\0")
+    packed, unpacked = np.frombuffer(sizes, "<u4").tolist()
     end = 8 + packed
     if len(data) < end or unpacked != size:
         raise ValueError(_lacking(data, end, unpacked, header))
@@ -305,7 +307,8 @@ def _unpacked_points(
         raise ValueError("the data cannot be decompressed")
     # damaged numbers may be huge or NaN
     with np.errstate(invalid="ignore", over="ignore"):
-        return cloud.point.positions.numpy().astype(float), len(data) - end
+        points = cloud.point.positions.numpy().astype(float)
+    return points, len(data) - end
 
 
 def _lacking(data: bytes, size: int, unpacked: int, header: CloudHeader) -> str:
@@ -337,11 +340,13 @@ def _text_points(
                 file=file,
                 line=number,
             )
-        rows.append(",".join("nan" if word in NO_POSITION else word for word in words))
+        cells = ["nan" if word in NO_POSITION else word for word in words]
+        rows.append(",".join(cells))
         numbers.append(number)
     where = {"file": file, "line": first + len(lines) - 1}
     compare_announced("points", header.count, len(rows), AGAIN, **where)
-    behind = "\n".join(lines[numbers[-1] - first + 1 :])
+    end = numbers[-1] - first + 1
+    behind = "\n".join(lines[end:])
     points = numbers_of(rows, numbers, axes, file=file, gaps=True)
     return points, len(behind) if behind.strip() else 0
 

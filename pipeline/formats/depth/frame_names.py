@@ -73,7 +73,8 @@ def _split(files: list[Path]) -> list[FrameSequence]:
         values = [int(number) for number in columns[frame]]
     else:
         separate = []
-        values = [int(column[0]) for column in columns[-1:]] * len(files)
+        last_numbers = [int(column[0]) for column in columns[-1:]]
+        values = last_numbers * len(files)
     if not separate or len({*values}) == len(files):
         return [_sequence(files, varying, values, timed)]
     by_separate = {}
@@ -88,7 +89,8 @@ def _split(files: list[Path]) -> list[FrameSequence]:
 
 def _likeness(column: Sequence[str]) -> tuple[bool, int]:
     """Return how like a frame's number a ``column`` is: padded by zeros, with many values."""
-    padded = len({len(number) for number in column}) == 1 and len(column[0]) > 2
+    lengths = {len(number) for number in column}
+    padded = len(lengths) == 1 and len(column[0]) > 2
     return padded, len({*column})
 
 
@@ -135,8 +137,8 @@ def _times(stems: list[str], varying: Sequence[int]) -> tuple[list[int], range]:
 def _across_midnight(times: list[int]) -> list[int]:
     """Return the ``times`` of day in ns, those behind the longest gap as of the day before."""
     ordered = sorted(times)
-    gap = int(np.argmax(np.diff([*ordered, ordered[0] + DAY])))
-    last = ordered[gap]  # of the second day
+    steps = np.diff([*ordered, ordered[0] + DAY])
+    last = ordered[int(steps.argmax())]  # of the second day
     return [time - DAY if time > last else time for time in times]
 
 
@@ -167,7 +169,8 @@ def _seconds(match: re.Match) -> int | None:
         except ValueError:
             return None
     if match.re is DAYTIME:
-        return int(np.dot([*map(int, match.groups()[:3])], [3600, 60, 1]))
+        hours, minutes, seconds = map(int, match.groups()[:3])
+        return 3600 * hours + 60 * minutes + seconds
     whole = int(match["s"])
     return whole if match.re is DECIMAL or whole in EPOCH else None
 

@@ -254,9 +254,10 @@ def read_index(file: Path) -> DepthIndex:
 
 def dropped_frames(time: np.ndarray) -> int:
     """Return the number of missing frames between frames at ``time`` (F,) s, by the median step."""
-    steps = np.diff(time)
-    lost = np.rint(steps / median_step(time)) - 1 if len(steps) else steps
-    return int(np.sum(np.maximum(lost, 0)))
+    if len(time) < 2:
+        return 0
+    steps = np.rint(np.diff(time) / median_step(time))
+    return int(np.sum(np.maximum(steps - 1, 0)))
 
 
 def median_step(time: np.ndarray) -> float:

@@ -147,9 +147,10 @@ def read_intrinsics(
         advice="export it again",
     )
     calibration = _Calibration(Path(file), values)
-    stated = calibration.side("width"), calibration.side("height")
-    size = width or stated[0] or ANY_SIZE[0], height or stated[1] or ANY_SIZE[1]
-    calibrated_at = stated[0] or size[0], stated[1] or size[1]
+    stated_width = calibration.side("width")
+    stated_height = calibration.side("height")
+    width = width or stated_width or ANY_SIZE[0]
+    height = height or stated_height or ANY_SIZE[1]
     camera = calibration.camera_matrix(matrix)
     coefficients = calibration.numbers("distortion", distortion)
     if coefficients is None:
@@ -163,8 +164,8 @@ def read_intrinsics(
     return pinhole(
         camera,
         coefficients.ravel(),
-        size,
-        stated=calibrated_at,
+        (width, height),
+        stated=(stated_width or width, stated_height or height),
         model=values.get("distortion_model"),
         file=file,
     )
@@ -198,7 +199,7 @@ class _Calibration(NamedTuple):
             return matrix.reshape(3, 3, order="F" if by_columns else "C")
         if {*FOCAL} <= {*self.values}:
             fx, fy, cx, cy = (self.numbers(name, count=1).item() for name in FOCAL)
-            return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+            return Intrinsics(fx, fy, cx, cy, *ANY_SIZE).matrix
         raise RecordingError(
             f"no camera matrix; {self.keys}: name its key by option, or write at the outermost "
             f"level one of fx, fy, cx, cy or {', '.join(MATRIX)}",

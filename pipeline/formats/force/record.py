@@ -120,11 +120,9 @@ def si_factor(
 
 def repeats(values: np.ndarray) -> dict[str, int]:
     """Return ``repeated_rows`` (equal to the row before) and ``zero_rows`` of (N, axes) values."""
-    repeated = (values[1:] == values[:-1]).all(axis=1).sum()
-    return {
-        "repeated_rows": int(repeated),
-        "zero_rows": int((values == 0).all(axis=1).sum()),
-    }
+    repeated = (values[1:] == values[:-1]).all(axis=1)
+    zero = (values == 0).all(axis=1)
+    return {"repeated_rows": int(repeated.sum()), "zero_rows": int(zero.sum())}
 
 
 def axis_of(label: str) -> str | None:
@@ -162,8 +160,8 @@ def sound_samples(
     """
     require_record(record, file)
     values = np.hstack([record.force, np.nan_to_num(record.torque)])
-    changed = np.append(True, (values[1:] != values[:-1]).any(axis=1))
-    starts = np.flatnonzero(changed)
+    changed = (values[1:] != values[:-1]).any(axis=1)
+    starts = np.flatnonzero(np.append(True, changed))
     ends = np.append(starts[1:], len(values))
     lasting = record.time[ends - 1] - record.time[starts]
     saturated = plateau(values)

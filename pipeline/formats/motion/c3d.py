@@ -235,8 +235,10 @@ def _long(words: list[float]) -> int | None:
     """Return the number of one or two ``words``, the low one first; None for no number."""
     if len(words) not in (1, 2) or not np.isfinite(words).all():
         return None
-    low, *high = map(int, words)
-    return low % 2**16 + high[0] % 2**16 * 2**16 if high else low
+    if len(words) == 1:
+        return int(words[0])
+    low, high = (int(word) % 2**16 for word in words)
+    return low + high * 2**16
 
 
 def read_contents(file: str) -> C3dContents:
@@ -305,9 +307,11 @@ def _contents(descriptor: int) -> C3dContents:
 
 def _processor(content: bytes) -> int:
     """Return the processor, byte 4 of the parameter block; 0 where ``content`` is not a C3D."""
-    at = (content[0] - 1) * BLOCK + 3 if content and content[0] else len(content)
-    is_c3d = len(content) >= BLOCK and content[1] == KEY and at < len(content)
-    return content[at] if is_c3d and content[at] in (INTEL, DEC, MIPS) else 0
+    if len(content) < BLOCK or content[1] != KEY or not content[0]:
+        return 0
+    place = (content[0] - 1) * BLOCK + 3
+    processor = content[place] if place < len(content) else 0
+    return processor if processor in (INTEL, DEC, MIPS) else 0
 
 
 def _begins(head: Head) -> bool:

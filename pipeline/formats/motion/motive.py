@@ -61,9 +61,10 @@ def read_motive(file: Path, unit: str | None = None) -> MotionTake:
     nor body; where its unit is not ``unit``; where times contradict the rate; for malformed rows.
     """
     text = read_text(file)
-    first = ""
+    cells = []
     if text.lines:
-        first, *_ = cells_of(text.lines[0], ",", file=file, number=1) or [""]
+        cells = cells_of(text.lines[0], ",", file=file, number=1)
+    first = cells[0] if cells else ""
     if first == "Format Version":
         return _read_columns(text, Path(file), unit)
     if first in ROW_TYPES:
@@ -392,7 +393,8 @@ def write_motive(file: Path, take: MotionTake, *, start: str) -> None:
     for body in take.bodies.values():
         blocks += [body.quaternion, body.position]
     table = np.column_stack([*blocks, *take.markers.values()])
-    row = ",".join(["%d", *["%.6f"] * (table.shape[1] - 1)]) + "\r\n"
+    _, width = table.shape
+    row = "%d" + ",%.6f" * (width - 1) + "\r\n"
     numbers = tuple(table.ravel().tolist())
     rows = (row * len(table) % numbers).replace("nan", "")
     text = "\r\n".join(header) + "\r\n" + rows

@@ -197,7 +197,7 @@ def checked_take(
     for position in markers.values():
         missing_samples += int(np.sum(np.isnan(position[:, 0])))
     for position, quaternion in bodies.values():
-        lost = np.isnan(position).any(axis=1) | np.isnan(quaternion[:, 0])
+        lost = np.isnan(position[:, 0]) | np.isnan(quaternion[:, 0])
         missing_poses += int(np.sum(lost))
     listed_first = {name: more[name] for name in BEFORE if name in more}
     counts = {
@@ -275,8 +275,10 @@ class _Samples:
                 f"({FARTHEST:g} m): are lengths in {self.raw.unit}, and is the decimal mark a "
                 "point?"
             )
-        column = {"column": self.columns[name][axis] + 1} if self.columns else {}
-        raise self._fault(message, row, **column)
+        evidence = {}
+        if self.columns:
+            evidence["column"] = self.columns[name][axis] + 1
+        raise self._fault(message, row, **evidence)
 
     def rotation(self, quaternion: np.ndarray, name: str) -> np.ndarray:
         """Return the ``quaternion`` (N, 4) of a body, NaN where it is lost; RecordingError for a
