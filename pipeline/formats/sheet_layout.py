@@ -126,9 +126,8 @@ def _plain_cells(
     """Return the ``lines`` with one blank between cells if blanks separate them, and with
     semicolons in place of ``detected`` commas between quoted decimals; and the separator.
     """
-    quoted = False
-    if detected and mark == ",":
-        quoted = delimited.has_quoted_decimals([line.text for line in lines[-SAMPLED:]])
+    sampled = [line.text for line in lines[-SAMPLED:]]
+    quoted = detected and mark == "," and delimited.has_quoted_decimals(sampled)
     separated = []
     for number, text in lines:
         if mark == delimited.SPACE:

@@ -332,15 +332,19 @@ def sheet_record(
     equally spaced at ``rate()`` in Hz (default the option).
     """
     clock = _clock_column(sheet, options)
-    is_timed = clock is not None
-    samples = sheet.samples([clock, *columns] if is_timed else columns, clock)
-    values = samples.values[:, int(is_timed) :]
+    if clock is None:
+        samples = sheet.samples(columns)
+        ticks = samples.rows
+        values = samples.values
+    else:
+        samples = sheet.samples([clock, *columns], clock)
+        ticks = samples.values[:, 0]
+        values = samples.values[:, 1:]
     values = values * factors if factors.ndim == 1 else values @ factors.T
     more["counts"] = sheet.counts | samples.counts | more.get("counts", {})
     more["marks"] = {"separator": sheet.separator, "decimal": sheet.decimal}
-    ticks = samples.values[:, 0] if is_timed else samples.rows
     ticks = ticks - ticks[0]
-    if is_timed and not _counts_samples(sheet, clock):
+    if clock is not None and not _counts_samples(sheet, clock):
         where = {"file": sheet.file, "line": sheet.label_line}
         time = ticks * si_factor("t", sheet.unit(clock, "time"), options, **where)
     else:
@@ -350,7 +354,7 @@ def sheet_record(
             raise RecordingError(message, file=sheet.file, key=f"{OPTION}.rate")
         time = ticks / steady
         more["rate"] = steady
-    if not is_timed:
+    if clock is None:
         return _record(time, values, **more)
     lines = [sheet.lines[row] for row in samples.rows]
     return timed_record(time, values, "line", lines, sheet.file, **more)
@@ -372,9 +376,9 @@ def _clock_column(sheet: Sheet, options: ForceLogOptions) -> int | None:
 
 def _counts_samples(sheet: Sheet, column: int) -> bool:
     """Return whether a ``column`` has sample numbers, by its label."""
-    return (
-        bool(sheet.labels) and NUMBERS.fullmatch(bare(sheet.labels[column])) is not None
-    )
+    if not sheet.labels:
+        return False
+    return NUMBERS.fullmatch(bare(sheet.labels[column])) is not None
 
 
 def read_force_bag(file: Path, options: ForceLogOptions = NO_OPTIONS) -> ForceRecord:
