@@ -18,14 +18,14 @@ from pipeline.recordings.quality import REPETITIONS, require_distinct, rounding
 
 
 def read_part(
-    part: str,
+    part_name: str,
     dataset: Dataset,
     compute: Any,
     folder: Path,
     errors: list | None = None,
 ) -> list[dict]:
-    """Write the tables of ``part`` (motion, depth or force) into ``folder``, within the bounds of
-    ``dataset.reading``, and return the rows of the table ``quality``.
+    """Write the tables of ``part_name`` (motion, depth or force) into ``folder``, within the
+    bounds of ``dataset.reading``, and return the rows of the table ``quality``.
 
     Append all errors to ``errors``; without ``errors``, raise the first error.
     """
@@ -36,7 +36,7 @@ def read_part(
     }
     refused: list[PipelineError] = []
     raw = raw_folder(dataset.recordings)
-    quality = within(dataset.reading, readers[part], dataset, raw, folder, refused)
+    quality = within(dataset.reading, readers[part_name], dataset, raw, folder, refused)
     if errors is not None:
         errors += refused
         return quality

@@ -141,11 +141,13 @@ def by_part(files: pd.DataFrame, dataset: Dataset) -> dict[str, pd.DataFrame]:
     raw = raw_folder(dataset.recordings)
     paths = [raw / name for name in files["file"]]
     claimed = pd.DataFrame(index=files.index)
-    for part, keys in KEYS.items():
+    for part_name, keys in KEYS.items():
         places = _places(raw, dataset, keys.split())
-        claimed[part] = [not places.isdisjoint([file, *file.parents]) for file in paths]
+        claimed[part_name] = [
+            not places.isdisjoint([file, *file.parents]) for file in paths
+        ]
     unclaimed = ~claimed.any(axis=1)
-    return {part: files[claimed[part] | unclaimed] for part in KEYS}
+    return {name: files[claimed[name] | unclaimed] for name in KEYS}
 
 
 def _places(raw: Path, dataset: Dataset, keys: list[str]) -> set[Path]:

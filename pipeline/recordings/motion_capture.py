@@ -98,7 +98,7 @@ def read_take(file: Path, unit: str | None) -> MotionTake:
 def marker_rows(
     name: str,
     file: Path,
-    part: str,
+    part_name: str,
     dataset: Dataset,
 ) -> tuple[pd.DataFrame, list[dict]]:
     """Return the markers of the take ``name`` in m in the arm's base frame, and the quality rows.
@@ -137,8 +137,8 @@ def marker_rows(
         xyz[frames] = (np.ascontiguousarray(track) - origin) @ rotation
         if link:
             missing += int(np.isnan(xyz[:, 0]).sum())
-        columns_of_marker = {"take": name, "part": part, "k": k, "t": k / motion.rate}
-        columns_of_marker |= {"link": link, "marker": marker}
+        columns_of_marker = {"take": name, "part": part_name, "k": k}
+        columns_of_marker |= {"t": k / motion.rate, "link": link, "marker": marker}
         columns_of_marker |= zip("xyz", xyz.T, strict=True)
         tables.append(pd.DataFrame(columns_of_marker))
 
@@ -148,7 +148,7 @@ def marker_rows(
     counts["frozen_frames"] = int(frozen.sum())
     if not _is_named_by(take.name, file):
         counts["named_otherwise"] = 1
-    quality = quality_rows(name, part, "motion capture", counts.items())
+    quality = quality_rows(name, part_name, "motion capture", counts.items())
     return pd.concat(tables, ignore_index=True), quality
 
 

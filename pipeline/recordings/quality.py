@@ -58,25 +58,25 @@ NOISE_MARGIN = 2.5
 
 def quality_row(
     take: str,
-    part: str,
+    part_name: str,
     instrument: str,
     quantity: str,
     value: float,
     unit: str = "count",
 ) -> dict[str, object]:
     """Return one row of the table ``quality``."""
-    row = {"take": take, "part": part, "instrument": instrument, "quantity": quantity}
-    return row | {"value": float(value), "unit": unit}
+    row = {"take": take, "part": part_name, "instrument": instrument}
+    return row | {"quantity": quantity, "value": float(value), "unit": unit}
 
 
 def quality_rows(
     take: str,
-    part: str,
+    part_name: str,
     instrument: str,
     notes: Iterable[tuple],
 ) -> list[dict[str, object]]:
     """Return a row of the table ``quality`` for each note: quantity, value, unit unless a count."""
-    return [quality_row(take, part, instrument, *note) for note in notes]
+    return [quality_row(take, part_name, instrument, *note) for note in notes]
 
 
 def summarise(quality: pd.DataFrame) -> pd.DataFrame:
