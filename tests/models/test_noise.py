@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.random import default_rng
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 from random_arm import motion, random_arm
 
 from pipeline.core.errors import ModelDomainError
@@ -43,26 +43,24 @@ def test_the_noise_put_into_a_motion_comes_out_measured_minus_nominal(chain):
     q = np.empty((4, 7, 3))
     q[:, 0] = [0.3, 1.6, -0.2]
     for k in range(6):
-        q[:, k + 1] = q[:, k] + chain.inverse_jacobian(q[:, k]) @ v[k] + noise[:, k]
+        nominal = chain.inverse_jacobian(q[:, k]) @ v[k]
+        q[:, k + 1] = q[:, k] + nominal + noise[:, k]
 
     assert_allclose(process_noise(chain, q, v), noise, atol=1e-15)
 
 
 def test_the_measurement_noise_is_what_moves_at_rest():
-    rng = default_rng(4)
-    noise = rng.multivariate_normal(np.zeros(3), np.diag([1.0, 4.0, 9.0]), (400, 8))
+    variances = np.diag([1.0, 4.0, 9.0])
+    noise = default_rng(4).multivariate_normal(np.zeros(3), variances, (400, 8))
     v = np.zeros((8, 3))
     v[3:6, 1] = 0.01
     noise[:, 3:6] *= 10
 
-    assert_allclose(
-        measurement_covariance(noise, v),
-        np.diag([1.0, 4.0, 9.0]),
-        atol=0.5,
-    )
+    assert_allclose(measurement_covariance(noise, v), variances, atol=0.5)
 
     # control: with the moving steps it would be far larger
-    assert np.trace(takes_moments(noise)[1].mean(axis=0)) > 30 * 14 / 2
+    _, covariances = takes_moments(noise)
+    assert np.trace(covariances.mean(axis=0)) > 30 * 14 / 2
     with pytest.raises(ModelDomainError, match="never rests"):
         measurement_covariance(noise, np.ones((8, 3)))
 
@@ -96,59 +94,46 @@ def test_at_the_recorded_level_the_total_variance_is_the_recorded_one(name, size
     data, model = recorded(size, m), MODELS[name]
     if m == 2 and name == "wishart":
         model = replace(model, decomposition=Decomposition("qr"))
+
     scaled = at_recorded_level(model, data)
+
+    total = model_trace(scaled, data) + np.trace(MEASUREMENT)
     of_noise = float(np.trace(mean_covariance(data.noise)))
-
-    assert model_trace(scaled, data) + np.trace(MEASUREMENT) == pytest.approx(
-        of_noise,
-        rel=1e-9,
-    )
-
+    assert total == pytest.approx(of_noise, rel=1e-9)
     # other parameters do not change, nor does the covariance over time of a normal model
     assert type(scaled) is type(model)
-    for name in ("u", "decomposition"):
-        assert getattr(scaled, name, None) == getattr(model, name, None)
-
+    for parameter in ("u", "decomposition"):
+        assert getattr(scaled, parameter, None) == getattr(model, parameter, None)
     if not isinstance(model, WishartModel):
-        at = data.chain, data.q, data.v
+        place = data.chain, data.q, data.v
         ratio = model_trace(scaled, data) / model_trace(model, data)
-        assert_allclose(
-            scaled.covariance(*at),
-            ratio * model.covariance(*at),
-            rtol=1e-12,
-        )
+        covariance = ratio * model.covariance(*place)
+        assert_allclose(scaled.covariance(*place), covariance, rtol=1e-12)
 
     # in a closed loop every take has its own commands
-    closed = at_recorded_level(
-        model,
-        replace(data, v=np.tile(data.v, (len(data.q), 1, 1))),
-    )
-
-    assert model_trace(closed, data) == pytest.approx(
-        model_trace(scaled, data),
-        rel=1e-12,
-    )
+    commands = np.tile(data.v, (len(data.q), 1, 1))
+    closed = at_recorded_level(model, replace(data, v=commands))
+    expected = pytest.approx(model_trace(scaled, data), rel=1e-12)
+    assert model_trace(closed, data) == expected
 
 
-def test_there_is_no_level_without_noise_of_the_motion():
-    at_rest = replace(recorded(), v=np.zeros_like(recorded().v))
-    for model in MODELS.values():
-        with pytest.raises(
-            ModelDomainError,
-            match="does not exceed the measurement noise",
-        ):
-            at_recorded_level(model, recorded(1e-6))
-    for name in ("gaussian", "wishart"):
-        with pytest.raises(
-            ModelDomainError,
-            match=r"no noise at any step|at rest at every step",
-        ):
-            at_recorded_level(MODELS[name], at_rest)
-    with pytest.raises(
-        ModelDomainError,
-        match=r"at the limit .* of a finite covariance",
-    ):
-        at_recorded_level(MODELS["wishart"], recorded(1e3))
+AT_REST = r"no noise at any step|at rest at every step"
+NO_LEVEL = [  # model, size of the noise in rad, and the refusal
+    *[(name, 1e-6, "does not exceed the measurement noise") for name in MODELS],
+    ("gaussian", None, AT_REST),
+    ("wishart", None, AT_REST),
+    ("wishart", 1e3, r"at the limit .* of a finite covariance"),
+]
+
+
+@pytest.mark.parametrize(("name", "size", "words"), NO_LEVEL)
+def test_there_is_no_level_without_noise_of_the_motion(name, size, words):
+    if size is None:
+        data = replace(recorded(), v=np.zeros_like(recorded().v))
+    else:
+        data = recorded(size)
+    with pytest.raises(ModelDomainError, match=words):
+        at_recorded_level(MODELS[name], data)
 
 
 STD = np.array([1e-3, 2e-3, 3e-3])
@@ -164,8 +149,14 @@ def rng() -> np.random.Generator:
 
 def takes(poses: np.ndarray, count: int, steps: int) -> np.ndarray:
     """(count, steps + 1, 3) recorded angles that wander about ``poses``."""
-    wander = default_rng(22).normal(0, 0.01, (count, steps + 1, 3)).cumsum(axis=1)
-    return poses[:count, None] + wander
+    moves = default_rng(22).normal(0, 0.01, (count, steps + 1, 3))
+    return poses[:count, None] + moves.cumsum(axis=1)
+
+
+def nominal_end(chain, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Poses after a step without noise from ``q`` (..., 3) under ``v`` (3,) or (..., 3)."""
+    step = np.linalg.solve(chain.jacobian(q), v[..., None])
+    return q + step[..., 0]
 
 
 def test_without_noise_single_steps_start_where_the_recording_was_and_a_free_run_adds_them_up(
@@ -174,31 +165,35 @@ def test_without_noise_single_steps_start_where_the_recording_was_and_a_free_run
     step,
     rng,
 ):
-    q = takes(poses, 5, 8)
-    v = np.tile(step, (8, 1))
-    recorded = q.copy()
-    single, run = (realize(SILENT, chain, q, v, mode, rng) for mode in MODES)
-    nominal = (
-        q[:, :-1] + np.linalg.solve(chain.jacobian(q[:, :-1]), v[..., None])[..., 0]
+    q, v = takes(poses, 5, 8), np.tile(step, (8, 1))
+    before = q.copy()
+    (single, *lost), (run, *lost_run) = (
+        realize(SILENT, chain, q, v, mode, rng) for mode in MODES
     )
 
-    assert_allclose(single[0][:, 1:], nominal, rtol=1e-10)
-
-    at = q[:, 0]
+    assert_allclose(single[:, 1:], nominal_end(chain, q[:, :-1], v), rtol=1e-10)
     for k in range(8):
-        at = at + np.linalg.solve(chain.jacobian(at), v[k][:, None])[..., 0]
-        assert_allclose(run[0][:, k + 1], at, rtol=1e-10)
+        expected = nominal_end(chain, run[:, k], v[k])
+        assert_allclose(run[:, k + 1], expected, rtol=1e-10)
+    assert lost == lost_run == [0, 0]
+    assert_array_equal(run[:, 0], q[:, 0])
+    assert_array_equal(q, before)
 
-    assert single[1:] == run[1:] == (0, 0)
-    assert np.array_equal(run[0][:, 0], q[:, 0]) and np.array_equal(q, recorded)
 
-    # recorded poses that differ do not count as spread of single steps
-    _, deviation = realized_moments(chain, q, v, "one_step", single[0])
-    assert deviation.max() < 1e-12 < single[0].std(axis=0).min()
+def test_the_deviation_of_single_steps_has_no_spread_of_the_recorded_poses(
+    chain,
+    poses,
+    step,
+    rng,
+):
+    q, v = takes(poses, 5, 8), np.tile(step, (8, 1))
+    single, run = (realize(SILENT, chain, q, v, mode, rng)[0] for mode in MODES)
+    _, deviation = realized_moments(chain, q, v, "one_step", single)
+    assert deviation.max() < 1e-12 < single.std(axis=0).min()
 
     # of a free run the angles are compared, whatever the recorded ones do meanwhile
-    _, deviation = realized_moments(chain, q, v, "free_running", run[0])
-    assert_allclose(deviation, run[0].std(axis=0, ddof=1))
+    _, deviation = realized_moments(chain, q, v, "free_running", run)
+    assert_allclose(deviation, run.std(axis=0, ddof=1))
 
 
 def test_the_bias_of_a_step_is_the_mean_of_many_draws_and_zero_for_a_normal_law(
@@ -209,16 +204,18 @@ def test_the_bias_of_a_step_is_the_mean_of_many_draws_and_zero_for_a_normal_law(
     q = np.tile(takes(poses, 5, 3), (2000, 1, 1))
     v = np.tile([0.0, 0.0, 0.01], (3, 1))
     wishart = WishartModel(0.3, Decomposition("pivoted_lu"))
+    drawn, *_ = realize(wishart, chain, q, v, "one_step", rng)
+    nominal = q[:, :-1] + chain.nominal_step(q[:, :-1], v)
+    off = (drawn[:, 1:] - nominal).mean(axis=0)
+
     bias = mean_bias(wishart, chain, q, v)
-    drawn = realize(wishart, chain, q, v, "one_step", rng)[0][:, 1:]
-    off = (drawn - q[:, :-1] - chain.nominal_step(q[:, :-1], v)).mean(axis=0)
+    without_bias = mean_bias(MODELS["gaussian"], chain, q, v)
+    without_mean = mean_bias(MODELS["wishart without a covariance"], chain, q, v)
 
     assert bias[0] == 0 < bias[1:].min()
     assert_allclose(np.linalg.norm(off, axis=-1), bias[1:], rtol=0.3)
-    assert mean_bias(MODELS["gaussian"], chain, q, v).max() < 1e-12
-    assert np.isnan(
-        mean_bias(MODELS["wishart without a covariance"], chain, q, v),
-    ).all()
+    assert without_bias.max() < 1e-12
+    assert np.isnan(without_mean).all()
 
 
 def test_a_free_run_that_reaches_a_singular_pose_is_lost_and_counted(chain, poses, rng):
@@ -227,12 +224,12 @@ def test_a_free_run_that_reaches_a_singular_pose_is_lost_and_counted(chain, pose
     straight = first.copy()
     straight[1] = chain.straight
     v[0] = chain.jacobian(first) @ (straight - first)  # the others arrive elsewhere
+
     single, _, lost_single = realize(SILENT, chain, q, v, "one_step", rng)
     run, _, lost_run = realize(SILENT, chain, q, v, "free_running", rng)
 
     assert (lost_single, lost_run) == (0, 1)
     assert np.isfinite(single).all()
-
     lost = np.isnan(run).any(axis=-1)
     assert lost.sum(axis=1).tolist() == [3, 0, 0]
     assert lost[0].tolist() == [False, False, True, True, True]
@@ -248,14 +245,12 @@ def test_the_spread_stays_step_by_step_and_grows_with_the_root_of_time_running_f
 ):
     count, steps = 2000, 16
     q = np.tile(poses[0], (count, steps + 1, 1))
-    spread = realize(NOISY, chain, q, np.zeros((steps, 3)), mode, rng)[0].std(axis=0)[
-        1:
-    ]
-    stated = STD * np.arange(1, steps + 1)[:, None] ** growth
+    drawn, *_ = realize(NOISY, chain, q, np.zeros((steps, 3)), mode, rng)
+    spread = drawn.std(axis=0)[1:]
+    time = np.arange(1, steps + 1)[:, None]
     band = 4 / np.sqrt(2 * count)
 
-    assert_allclose(spread, stated, rtol=band)
-
+    assert_allclose(spread, STD * time**growth, rtol=band)
     # control: the other mode's law is far outside the band
-    of_other_mode = STD * np.arange(1, steps + 1)[:, None] ** (0.5 - growth)
+    of_other_mode = STD * time ** (0.5 - growth)
     assert np.abs(spread / of_other_mode - 1).max() > 5 * band

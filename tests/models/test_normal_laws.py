@@ -21,7 +21,6 @@ from pipeline.models.model import frobenius, root
 from pipeline.models.steps import mean_covariance
 
 SIGMA = 1e-5 * np.array([[3.0, -2.0, 1.0], [-2.0, 4.0, -1.5], [1.0, -1.5, 9.0]])
-NONE = np.zeros((3, 3))
 MEASUREMENT = np.array([[0.6, -0.6, 0.0], [-0.6, 1.5, -0.9], [0.0, -0.9, 1.7]]) * 1e-6
 MODELS = {
     "additive": build({"noise_covariance": SIGMA}),
@@ -34,43 +33,55 @@ FLAT = {
 every_model = pytest.mark.parametrize("model", MODELS.values(), ids=MODELS)
 
 
+def normal_densities(means, covariances, points) -> list[float]:
+    """SciPy's log density of each point."""
+    densities = []
+    for mean, covariance, point in zip(means, covariances, points, strict=True):
+        densities.append(stats.multivariate_normal(mean, covariance).logpdf(point))
+    return densities
+
+
 @every_model
 @pytest.mark.parametrize("measurement", [None, MEASUREMENT])
 def test_the_log_density_is_scipys(model, measurement, chain, poses, step):
     q_next = poses + 0.02 * default_rng(0).standard_normal(poses.shape)
-    result = model.log_density(chain, poses, step, q_next, measurement)
     means = model.mean(chain, poses, step)
-    covariances = model.covariance(chain, poses, step)
+    without = model.covariance(chain, poses, step)
+    covariances = [without, without + MEASUREMENT]
+    if measurement is not None:
+        covariances.reverse()
+    expected, unlike = (normal_densities(means, c, q_next) for c in covariances)
 
-    def scipys(added: np.ndarray) -> list[float]:
-        laws = zip(q_next, means, covariances, strict=True)
-        return [stats.multivariate_normal(m, c + added).logpdf(x) for x, m, c in laws]
+    result = model.log_density(chain, poses, step, q_next, measurement)
 
-    assert_allclose(
-        result,
-        scipys(NONE if measurement is None else measurement),
-        1e-9,
-    )
-
+    assert_allclose(result, expected, 1e-9)
     # control: the other noise is another density
-    unlike = scipys(MEASUREMENT if measurement is None else NONE)
     assert np.abs(result - unlike).min() > 1e-6
 
 
+@pytest.mark.parametrize("is_at_rest", [True, False])
 @pytest.mark.parametrize("kind", FLAT)
-def test_a_singular_covariance_is_a_model_without_a_density(kind, chain, poses, step):
+def test_a_singular_covariance_is_a_model_without_a_density(
+    kind,
+    is_at_rest,
+    chain,
+    poses,
+    step,
+):
     model = FLAT[kind]
-    beyond = np.array([0.0, np.deg2rad(20.0), 0.0])
-    for q, v in ((poses[0], np.zeros(3)), (beyond, step)):
-        mean = model.mean(chain, q, v)
-        with pytest.raises(ModelDomainError, match="singular at 1 of 1 step"):
-            model.log_density(chain, q, v, mean)
-        total = model.covariance(chain, q, v) + MEASUREMENT
-        expected = stats.multivariate_normal(mean, total).logpdf(mean + 1e-3)
-        density = model.log_density(chain, q, v, mean + 1e-3, MEASUREMENT)
-        assert_allclose(density, expected, rtol=1e-9)
-        with pytest.raises(ModelDomainError, match="a covariance must be"):
-            model.log_density(chain, q, v, mean, -MEASUREMENT)
+    q, v = np.array([0.0, np.deg2rad(20.0), 0.0]), step
+    if is_at_rest:
+        q, v = poses[0], np.zeros(3)
+    mean = model.mean(chain, q, v)
+    total = model.covariance(chain, q, v) + MEASUREMENT
+
+    with pytest.raises(ModelDomainError, match="singular at 1 of 1 step"):
+        model.log_density(chain, q, v, mean)
+    with pytest.raises(ModelDomainError, match="a covariance must be"):
+        model.log_density(chain, q, v, mean, -MEASUREMENT)
+    expected = stats.multivariate_normal(mean, total).logpdf(mean + 1e-3)
+    density = model.log_density(chain, q, v, mean + 1e-3, MEASUREMENT)
+    assert_allclose(density, expected, rtol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -95,7 +106,7 @@ def test_the_papers_covariance_is_about_the_mean_of_each_step():
     noise += 0.01 * rng.standard_normal((320, 3))
 
     def error(covariance: np.ndarray) -> float:
-        return float(np.linalg.norm(covariance - SIGMA) / np.linalg.norm(SIGMA))
+        return np.linalg.norm(covariance - SIGMA) / np.linalg.norm(SIGMA)
 
     assert error(mean_covariance(noise)) < 0.02
     # control: pooled over the steps, the spread of the means would enter
@@ -105,19 +116,17 @@ def test_the_papers_covariance_is_about_the_mean_of_each_step():
 def test_shrinkage_is_nearer_to_the_truth_where_takes_are_few_and_vanishes_where_they_are_many():
     rng = default_rng(5)
     true = np.diag([1.0, 1.5, 2.0])
-    errors = np.zeros(2)
+    shrunk, unshrunk = [], []
     for _ in range(200):
         noise = rng.multivariate_normal(np.zeros(3), true, (3, 4))
-        shrunk, intensity = shrunk_covariance(noise)
+        covariance, intensity = shrunk_covariance(noise)
         assert 0 < intensity <= 1
-        errors[0] += np.sum((shrunk - true) ** 2)
-        errors[1] += np.sum((mean_covariance(noise) - true) ** 2)
+        shrunk.append(np.sum((covariance - true) ** 2))
+        unshrunk.append(np.sum((mean_covariance(noise) - true) ** 2))
+    assert np.mean(shrunk) < 0.6 * np.mean(unshrunk)
 
-    assert errors[0] < 0.6 * errors[1]
-
-    _, intensity = shrunk_covariance(
-        rng.multivariate_normal(np.zeros(3), true, (400, 10)),
-    )
+    many = rng.multivariate_normal(np.zeros(3), true, (400, 10))
+    _, intensity = shrunk_covariance(many)
     assert intensity < 0.02
 
 
@@ -127,6 +136,7 @@ STEPS = 320
 INVERSE_NORM = 15.25 + 1.75 * np.cos(np.linspace(0, 4 * np.pi, STEPS))  # 13.5 … 17
 STEP_NORM = 0.03 * np.abs(np.sin(np.linspace(0, 2 * np.pi, STEPS)))
 EXTENSIONS = np.geomspace(0.02, 17.0, 200)
+OF_MEANS = 0.5 * STEPS * np.sqrt(3) * 0.01  # the means' part of the objective at β₁ = ½
 
 
 @pytest.mark.parametrize(
@@ -142,19 +152,15 @@ def test_the_closed_form_solves_the_log_det_problem(norm, alpha, u):
     assert np.abs(solved - 1.05 * expected).max() > 100 * band
 
 
-def test_a_wrong_scale_is_seen_and_a_problem_without_an_optimum_yields_no_number(
-    monkeypatch,
-):
+def test_a_wrong_scale_is_seen(monkeypatch):
     norms, right = np.array([13.6, 16.4]), convex.noise_scale
     assert convex.noise_covariance_gap(norms, 0.1, 18.0, 3, 3) < 1e-3
 
-    monkeypatch.setattr(
-        convex,
-        "noise_scale",
-        lambda *arguments: 1.05 * right(*arguments),
-    )
-
+    monkeypatch.setattr(convex, "noise_scale", lambda *values: 1.05 * right(*values))
     assert convex.noise_covariance_gap(norms[:1], 0.1, 18.0, 3, 3) > 0.04
+
+
+def test_a_problem_without_an_optimum_yields_no_number():
     with pytest.raises(SolverError):
         solve_noise_covariance(19.0, 0.1, 18.0, 3, 3)
 
@@ -164,18 +170,15 @@ def test_independent_rows_make_the_step_isotropic_with_variance_v_sigma_v(step):
     give ‖v‖²Σ.
     """
     sigma = np.diag([4.0, 1.0, 0.25])
-    rng = default_rng(2)
-    drawn = (
-        stats.matrix_normal(np.zeros((3, 3)), colcov=sigma).rvs(
-            200_000,
-            random_state=rng,
-        )
-        @ step
-    )
-    covariance = np.cov(drawn.T) / (step @ sigma @ step)
+    law = stats.matrix_normal(np.zeros((3, 3)), colcov=sigma)
+    drawn = law.rvs(200_000, random_state=default_rng(2)) @ step
+    variance = step @ sigma @ step
+    other_order = (step @ step) * sigma
+
+    covariance = np.cov(drawn.T) / variance
 
     assert_allclose(covariance, np.eye(3), atol=0.02)
-    assert np.abs(covariance - (step @ step) * sigma / (step @ sigma @ step)).max() > 1
+    assert np.abs(covariance - other_order / variance).max() > 1
 
 
 def test_the_law_of_a_step_is_that_of_algorithm_2(chain, step):
@@ -184,30 +187,26 @@ def test_the_law_of_a_step_is_that_of_algorithm_2(chain, step):
     """
     rng = default_rng(3)
     model = GaussianModel(0.1, 18.0)
-    q = np.tile(POSE, (DRAWS, 1))
     inverse = chain.inverse_jacobian(POSE)
-    sigma = solve_noise_covariance(
-        float(np.linalg.norm(inverse)),
-        model.alpha,
-        model.u,
-        3,
-        3,
-    )
+    norm = float(np.linalg.norm(inverse))
+    sigma = solve_noise_covariance(norm, model.alpha, model.u, 3, 3)
     law = stats.matrix_normal(inverse, colcov=sigma)
     matrices = POSE + law.rvs(DRAWS, random_state=rng) @ step
-    drawn, clipped = draw_steps(model, chain, q, step, rng)
-    wrong, _ = draw_steps(GaussianModel(0.105, 18.0), chain, q, step, rng)
     mean = model.mean(chain, POSE, step)
 
+    q = np.tile(POSE, (DRAWS, 1))
+    drawn, clipped = draw_steps(model, chain, q, step, rng)
+    wrong, _ = draw_steps(GaussianModel(0.105, 18.0), chain, q, step, rng)
+
     def p_value(sample: np.ndarray) -> float:
-        return stats.ks_2samp(
-            *(np.linalg.norm(x - mean, axis=1) for x in (sample, matrices)),
-        ).pvalue
+        lengths = [np.linalg.norm(x - mean, axis=1) for x in (sample, matrices)]
+        return stats.ks_2samp(*lengths).pvalue
 
-    assert clipped == 0 and p_value(drawn) > 0.01 > 1e-4 > p_value(wrong)
-    for j in range(3):
-        assert stats.ks_2samp(drawn[:, j], matrices[:, j]).pvalue > 0.01
-
+    assert clipped == 0
+    assert p_value(drawn) > 0.01
+    assert p_value(wrong) < 1e-4
+    for ours, expected in zip(drawn.T, matrices.T, strict=True):
+        assert stats.ks_2samp(ours, expected).pvalue > 0.01
     covariance = model.covariance(chain, POSE, step)
     assert np.abs(np.cov(matrices.T) - covariance).max() < 0.04 * covariance[0, 0]
 
@@ -217,99 +216,83 @@ def test_the_noise_shrinks_as_the_pose_nears_the_bound_and_is_clipped_and_counte
     step,
 ):
     """Against the paper's motivation: nearer a singularity the inverse form gives less noise."""
-    q = np.stack(
-        [np.zeros(4), np.deg2rad([100.0, 70.0, 50.0, 20.0]), np.zeros(4)],
-        axis=-1,
-    )
+    q = np.zeros((4, 3))
+    q[:, 1] = np.deg2rad([100.0, 70.0, 50.0, 20.0])
     norms = frobenius(chain.inverse_jacobian(q))
     model = GaussianModel(0.1, float(norms[2]) + 0.1)
+
     variance = model.covariance(chain, q, step)[:, 0, 0]
-
-    assert (
-        np.all(np.diff(norms) > 0)
-        and np.all(np.diff(variance) < 0)
-        and variance[3] == 0.0
-    )
-
     drawn, clipped = draw_steps(model, chain, q, step, default_rng(4))
-    assert clipped == 1
+
+    assert np.all(np.diff(norms) > 0)
+    assert np.all(np.diff(variance) < 0)
+    assert variance[3] == 0.0 and clipped == 1
     assert_allclose(drawn[3], model.mean(chain, q, step)[3], atol=1e-14)
     with pytest.raises(ModelDomainError, match="1 of 4 poses"):
         noise_scale(norms, 0.1, model.u, 3, 3)
 
 
-def model_covariance(alpha: float, extension: float) -> np.ndarray:
+def model_variance(alpha: float, extension: float) -> np.ndarray:
+    """(STEPS,) variance of each joint's step under the Gaussian matrix model."""
     u = INVERSE_NORM.max() + extension
-    return (alpha**2 * (u**2 - INVERSE_NORM**2) / 9 * STEP_NORM**2)[
-        :,
-        None,
-        None,
-    ] * np.eye(3)
+    return alpha**2 * (u**2 - INVERSE_NORM**2) / 9 * STEP_NORM**2
 
 
-def traces_of(alpha: float, extension: float) -> np.ndarray:
-    return np.trace(model_covariance(alpha, extension), axis1=1, axis2=2)
-
-
-def fit(
-    covariance: np.ndarray,
-    beta1: float = 0.5,
-    extensions: np.ndarray = EXTENSIONS,
-):
+def fit_to(variance: np.ndarray, beta1: float = 0.5):
+    """Fit (ũ, α) to joints of equal ``variance`` (STEPS,) in each step."""
+    covariance = variance[:, None, None] * np.eye(3)
     mean = np.full((STEPS, 3), 0.01)
-    return fit_distance(
-        (mean, covariance),
-        STEP_NORM,
-        INVERSE_NORM,
-        3,
-        beta1,
-        extensions,
-    )
+    norms = STEP_NORM, INVERSE_NORM
+    return fit_distance((mean, covariance), *norms, 3, beta1, EXTENSIONS)
 
 
 @pytest.mark.parametrize(("alpha", "extension"), [(0.1, 1.0), (0.3, 5.0)])
 def test_the_models_own_moments_return_its_parameters(alpha, extension):
-    result = fit(model_covariance(alpha, extension))
+    variance = model_variance(alpha, extension)
+    result = fit_to(variance)
+
     assert result.alpha == pytest.approx(alpha, rel=1e-3)
     assert result.u == pytest.approx(INVERSE_NORM.max() + extension, rel=1e-3)
     assert not result.at_end and not result.unbounded
-
     # β₁ weighs a constant: the mean of one step is the nominal one whatever the parameters
-    assert result.objective == pytest.approx(0.5 * STEPS * np.sqrt(3) * 0.01, rel=1e-5)
-
-    reweighted = fit(model_covariance(alpha, extension), beta1=0.9)
+    assert result.objective == pytest.approx(OF_MEANS, rel=1e-5)
+    reweighted = fit_to(variance, beta1=0.9)
     assert reweighted.alpha == pytest.approx(result.alpha, rel=1e-3)
 
 
 def test_alpha_is_the_best_for_each_extension():
-    rng = default_rng(3)
-    covariance = model_covariance(0.1, 1.0) * rng.uniform(0.5, 2, (STEPS, 1, 1))
-    result, target = fit(covariance), np.trace(covariance, axis1=1, axis2=2)
+    factors = default_rng(3).uniform(0.5, 2, STEPS)
+    variance = factors * model_variance(0.1, 1.0)
+    result = fit_to(variance)
+
     for i in (0, 80, 199):
         alphas = np.linspace(0.5, 2, 301) * result.alphas[i]
-        distance = np.abs(
-            alphas[:, None] ** 2 * traces_of(1.0, EXTENSIONS[i]) - target,
-        ).sum(axis=1)
-        rivals = 0.5 * distance + 0.5 * STEPS * np.sqrt(3) * 0.01
+        at_one = model_variance(1.0, EXTENSIONS[i])
+        distance = 3 * np.abs(np.outer(alphas**2, at_one) - variance).sum(axis=1)
+        rivals = 0.5 * distance + OF_MEANS
         assert result.objectives[i] <= rivals.min() * (1 + 1e-12)
-
     assert result.objective <= result.objectives.min()
 
 
 def test_noise_that_follows_the_speed_alone_runs_to_the_end_of_the_interval_along_the_ridge():
     """u → ∞ with αu fixed is one model: such data do not determine u, and the fit says so."""
-    result = fit((1e-3 * STEP_NORM**2)[:, None, None] * np.eye(3))
-    assert result.at_end and result.unbounded and result.extension == EXTENSIONS[-1]
+    result = fit_to(1e-3 * STEP_NORM**2)
+
+    assert result.at_end and result.unbounded
+    assert result.extension == EXTENSIONS[-1]
     alphas = result.alphas[-50:]
-    product = (result.alphas * (INVERSE_NORM.max() + EXTENSIONS))[-50:]
-    assert np.ptp(product) / product[-1] < 0.5 * np.ptp(alphas) / alphas[-1]
+    products = alphas * (INVERSE_NORM.max() + EXTENSIONS[-50:])
+    assert np.ptp(products) / products[-1] < 0.5 * np.ptp(alphas) / alphas[-1]
 
 
 def test_the_printed_objective_without_the_absolute_value_rewards_no_noise_at_all():
     """tr{Cov(q) − Cov(q̃)} as printed falls all the way to α = 0; its absolute value does not."""
     alphas = np.linspace(0, 0.3, 61)
-    difference = np.array(
-        [traces_of(alpha, 1.0) - traces_of(0.1, 1.0) for alpha in alphas],
-    )
-    assert alphas[difference.sum(axis=1).argmin()] == 0
-    assert alphas[np.abs(difference).sum(axis=1).argmin()] == pytest.approx(0.1)
+    variances = np.array([model_variance(alpha, 1.0) for alpha in alphas])
+    difference = 3 * (variances - model_variance(0.1, 1.0))
+
+    printed = difference.sum(axis=1)
+    absolute = np.abs(difference).sum(axis=1)
+
+    assert alphas[printed.argmin()] == 0
+    assert alphas[absolute.argmin()] == pytest.approx(0.1)

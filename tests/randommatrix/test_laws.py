@@ -11,6 +11,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy import stats
 from scipy.optimize import brentq
 from scipy.special import digamma
+from standard_errors import largest_score, mean_scores
 
 from pipeline.arm.rows import block_rows
 from pipeline.core.errors import ModelDomainError
@@ -23,29 +24,19 @@ def maxent(d: float, n: int):
     return stats.wishart(d, np.eye(n) / d)
 
 
-def largest_score(samples: np.ndarray, expected: np.ndarray) -> float:
-    """Largest |sample mean − expected| over the entries, in standard errors."""
-    error = samples.std(axis=0, ddof=1) / np.sqrt(len(samples))
-    return float(np.abs((samples.mean(axis=0) - expected) / error).max())
-
-
 @pytest.mark.parametrize("sigma_b", [0.1, 0.25, 0.7, 1.2])
 def test_the_maxent_law_has_the_mean_and_the_dispersion_it_was_asked_for(sigma_b):
     n = 3
     d = wishart.degrees_of_freedom(sigma_b, n)
-    assert d == pytest.approx((n + 1) / sigma_b**2, rel=1e-14)
-
     draws = maxent(d, n).rvs(40_000, random_state=8)
-    assert largest_score(draws, np.eye(n)) < 4.5
-
     squared = ((draws - np.eye(n)) ** 2).sum(axis=(-1, -2)) / n
-    assert largest_score(squared, np.array(sigma_b**2)) < 4.5
-    assert largest_score(squared, np.array((1.1 * sigma_b) ** 2)) > 4.5
-    assert_allclose(
-        wishart.normalized_std(draws, np.eye(n)),
-        np.sqrt(squared.mean()),
-        rtol=1e-12,
-    )
+
+    assert d == pytest.approx((n + 1) / sigma_b**2, rel=1e-14)
+    assert largest_score(draws, np.eye(n)) < 4.5
+    assert largest_score(squared, sigma_b**2) < 4.5
+    assert largest_score(squared, (1.1 * sigma_b) ** 2) > 4.5
+    std = wishart.normalized_std(draws, np.eye(n))
+    assert_allclose(std, np.sqrt(squared.mean()), rtol=1e-12)
 
 
 def inverse_wishart_of_the_same_constraints(d: float, n: int):
@@ -67,53 +58,46 @@ def test_of_two_laws_that_meet_the_constraints_the_wishart_law_has_the_greater_e
     sigma_b,
 ):
     n, draws, rng = 3, 4000, default_rng(1)
-    d, wide = (wishart.degrees_of_freedom(factor * sigma_b, n) for factor in (1.0, 1.1))
-    rival = inverse_wishart_of_the_same_constraints(d, n)
-    of_other = rival.rvs(draws, random_state=rng)
+    d = wishart.degrees_of_freedom(sigma_b, n)
+    law, rival = maxent(d, n), inverse_wishart_of_the_same_constraints(d, n)
+    of_rival = rival.rvs(draws, random_state=rng)
+    of_law = law.rvs(draws, random_state=rng)
+    log_density = law.logpdf(np.moveaxis(of_law, 0, -1))
+    cross = law.logpdf(np.moveaxis(of_rival, 0, -1))
 
     # the log density is a function of the constraints alone, so both laws have one expectation of
     # it: minus the entropy of the first
-    of_own = maxent(d, n).rvs(draws, random_state=rng)
-    log_density, cross = (
-        maxent(d, n).logpdf(np.moveaxis(drawn, 0, -1)) for drawn in (of_own, of_other)
-    )
-
-    assert abs(log_density.mean() - cross.mean()) < 4.5 * np.sqrt(
-        (log_density.var() + cross.var()) / draws,
-    )
-
+    assert largest_score(log_density - cross) < 4.5
     # so the entropies differ by the divergence of the other law from this one
-    divergence = rival.logpdf(np.moveaxis(of_other, 0, -1)) - cross
-    assert divergence.mean() > 4.5 * divergence.std() / np.sqrt(draws)
-
+    divergence = rival.logpdf(np.moveaxis(of_rival, 0, -1)) - cross
+    assert mean_scores(divergence) > 4.5
     # control: a law of a wider dispersion, which does not meet the constraints, has more
+    wide = wishart.degrees_of_freedom(1.1 * sigma_b, n)
     assert maxent(wide, n).entropy() > -log_density.mean() + 0.1
 
 
-def test_theta_follows_the_papers_equation_for_any_size():
-    for n in (2, 3, 6):
-        mean, sigma_b = np.eye(n), 0.3
-        printed = (1 + np.trace(mean) ** 2 / np.trace(mean @ mean)) / sigma_b**2 - (
-            n + 1
-        )
-        assert wishart.maxent_theta(sigma_b, n) == pytest.approx(printed, rel=1e-14)
+@pytest.mark.parametrize("n", [2, 3, 6])
+def test_theta_follows_the_papers_equation_for_any_size(n):
+    mean, sigma_b = np.eye(n), 0.3
+    ratio = np.trace(mean) ** 2 / np.trace(mean @ mean)
+    printed = (1 + ratio) / sigma_b**2 - (n + 1)
+    assert wishart.maxent_theta(sigma_b, n) == pytest.approx(printed, rel=1e-14)
 
 
 def test_the_limits_of_the_dispersion_are_where_density_mean_and_variance_of_the_inverse_end():
     for moments, d in [(0, 2), (1, 4), (2, 6)]:
-        assert 4 / wishart.largest_dispersion(
-            3,
-            inverse_moments=moments,
-        ) ** 2 == pytest.approx(d)
-    for sigma_b in (0.0, -0.2, np.sqrt(2), 3.0, np.nan):
-        with pytest.raises(
-            ModelDomainError,
-            match=r"sigma_B must lie between 0 and 1\.414",
-        ):
-            wishart.degrees_of_freedom(sigma_b, 3)
+        largest = wishart.largest_dispersion(3, inverse_moments=moments)
+        assert 4 / largest**2 == pytest.approx(d)
 
 
 POSES, BUFFER = 20_000, block_rows(7, 6)
+
+
+@pytest.mark.parametrize("sigma_b", [0.0, -0.2, np.sqrt(2), 3.0, np.nan])
+def test_a_dispersion_beyond_the_limits_is_refused(sigma_b):
+    words = r"sigma_B must lie between 0 and 1\.414"
+    with pytest.raises(ModelDomainError, match=words):
+        wishart.degrees_of_freedom(sigma_b, 3)
 
 
 @pytest.mark.parametrize("degrees", [0.02, 1.0, 1.9999, 2.0, 2.0001, 3.7, 1e6])
@@ -123,19 +107,16 @@ def test_chi_squares_are_numpys_and_so_are_the_normals_behind_them(
     count,
     normals,
 ):
-    rng, numpy_rng = default_rng(7), default_rng(7)
-    block = np.full((BUFFER.size, POSES), np.nan)
     freedom = np.array([degrees, 5.0])
+    block = np.full((BUFFER.size, POSES), np.nan)
+    rng, numpy_rng = default_rng(7), default_rng(7)
     first, then = BUFFER.chi_square, BUFFER.normal
+
     from_python(draw_variates)(freedom, normals, block, first, then, 0, count, rng)
 
-    assert np.isnan(block[:, count:]).all()
-    for k, d in enumerate(freedom):
-        assert_array_equal(
-            block[first + k, :count],
-            numpy_rng.chisquare(d, count),
-        )
-
+    for row, d in zip(block[first:], freedom, strict=False):
+        assert_array_equal(row[:count], numpy_rng.chisquare(d, count))
     rows = block[then : then + normals, :count]
-    assert_array_equal(rows, numpy_rng.standard_normal((count, normals)).T)
+    assert_array_equal(rows.T, numpy_rng.standard_normal((count, normals)))
     assert rng.random() == numpy_rng.random()
+    assert np.isnan(block[:, count:]).all()

@@ -50,92 +50,94 @@ def arm_problems(n: int, m: int, decomposition: Decomposition, share: float):
     return arm.jacobian(q[:-1]), v[:, :m], a, back, noise
 
 
-@pytest.mark.parametrize(
-    ("n", "m", "name"),
-    [
-        (1, 1, "pivoted_lu"),
-        (4, 4, "qr"),
-        (6, 6, "qr_transposed"),
-        (2, 1, "qr_transposed"),
-        (5, 3, "pivoted_lu"),
-        (8, 3, "qr"),
-    ],
-)
+SHAPES = [  # joints, task rows and decomposition
+    (1, 1, "pivoted_lu"),
+    (4, 4, "qr"),
+    (6, 6, "qr_transposed"),
+    (2, 1, "qr_transposed"),
+    (5, 3, "pivoted_lu"),
+    (8, 3, "qr"),
+]
+
+
+@pytest.mark.parametrize(("n", "m", "name"), SHAPES)
 def test_the_perturbations_are_those_of_the_problem_as_printed(n, m, name):
-    """Under the bound too: whatever m, one eigenvalue of ddᵀ/2x − I alone can be positive. B⁻¹ to
-    what a conic solver leaves of a flat optimum; controls: a wrong objective, the next step's B⁻¹.
+    """Under the bound too: whatever m, one eigenvalue of ddᵀ/2x − I alone can be positive. Control:
+    a wrong objective.
     """
     decomposition = Decomposition(name)
     jacobians, v, a, back, noise = arm_problems(n, m, decomposition, 1.5)
     fits = fit_perturbations(noise, a, back, WEIGHTS, FLOOR)
-    b_inverse = np.eye(m) + fits.s
 
-    assert np.linalg.eigvalsh(b_inverse).min() > FLOOR - 1e-10
-
+    assert np.linalg.eigvalsh(np.eye(m) + fits.s).min() > FLOOR - 1e-10
     for kind in (fits.bound, ~fits.bound):
         at = np.flatnonzero(kind)[:2]
         assert len(at) == 2
-        printed = fits.objective[at], jacobians[at], v[at], noise[at]
-        assert perturbation_gap(printed, decomposition, WEIGHTS, FLOOR) < 1e-5
-    wrong = 1.01 * printed[0], *printed[1:]
+        objective, *problem = (x[at] for x in (fits.objective, jacobians, v, noise))
+        right, wrong = ((f * objective, *problem) for f in (1, 1.01))
+        assert perturbation_gap(right, decomposition, WEIGHTS, FLOOR) < 1e-5
+        assert perturbation_gap(wrong, decomposition, WEIGHTS, FLOOR) > 0.009
 
-    assert perturbation_gap(wrong, decomposition, WEIGHTS, FLOOR) > 0.009
 
-    if name != "qr":  # only there J₁ = I
-        return
-    moved = np.flatnonzero(np.linalg.norm(fits.s, axis=(1, 2)) > 0.05)[:3]
+@pytest.mark.parametrize(("n", "m"), [(4, 4), (8, 3)])
+def test_the_perturbations_are_the_conic_solvers(n, m):
+    """B⁻¹ to what a conic solver leaves of a flat optimum. Control: the next step's B⁻¹."""
+    qr = Decomposition("qr")  # only here J₁ = I
+    jacobians, v, a, back, noise = arm_problems(n, m, qr, 1.5)
+    s = fit_perturbations(noise, a, back, WEIGHTS, FLOOR).s
+
+    moved = np.flatnonzero(np.linalg.norm(s, axis=(1, 2)) > 0.05)[:3]
     for i in moved:
         problem = noise[i], v[i], np.eye(m), jacobians[i]
-        b_inv, _ = solve_perturbation(*problem, WEIGHTS, FLOOR)
-        band = 5e-3 * np.abs(b_inv).max()
-        assert_allclose(b_inverse[i], b_inv, atol=band)
-    difference = fits.s[moved[0]] - fits.s[moved[1]]
-
-    assert np.abs(difference).max() > 0.02
+        b_inverse, _ = solve_perturbation(*problem, WEIGHTS, FLOOR)
+        band = 5e-3 * np.abs(b_inverse).max()
+        assert_allclose(np.eye(m) + s[i], b_inverse, atol=band)
+    assert np.abs(s[moved[0]] - s[moved[1]]).max() > 0.02
 
 
 def test_many_of_those_problems_are_held_back_by_the_bound(chain, poses, step):
     """A smaller bound only lowers the objective."""
     noise, a, back = scene(chain, poses, step, 0.02)
-    fit, looser = (
-        fit_perturbations(noise, a, back, weights(1e-3), floor)
-        for floor in (0.1, 0.001)
-    )
+    fit = fit_perturbations(noise, a, back, weights(1e-3), 0.1)
+    looser = fit_perturbations(noise, a, back, weights(1e-3), 0.001)
 
     assert fit.bound.sum() > 20
-    assert np.all(looser.objective <= fit.objective * (1 + 1e-9))
-    assert np.any(looser.objective[fit.bound] < fit.objective[fit.bound] * (1 - 1e-3))
+    ratio = looser.objective / fit.objective
+    assert np.all(ratio <= 1 + 1e-9)
+    assert np.any(ratio[fit.bound] < 1 - 1e-3)
     assert_array_equal(looser.s[~fit.bound], fit.s[~fit.bound])
 
 
 def test_equal_weights_return_the_identity_for_every_step(chain, poses, step):
     """The paper's weights are not given: with α₁ = α₂ = ½ every fit is B = I, and σ̂_B = 0."""
-    noise, a, back = scene(chain, poses, step, 0.006)
-    assert not np.any(fit_perturbations(noise, a, back, (0.5, 0.5), 0.01).s)
+    problem = scene(chain, poses, step, 0.006)
 
-    fits = (
-        fit_perturbations(noise, a, back, weights(ratio), 0.01) for ratio in (0.3, 3e-3)
-    )
-    few, most = (fit_of_ratio.s.any(axis=(1, 2)).mean() for fit_of_ratio in fits)
+    def share_perturbed(weights: tuple[float, float]) -> float:
+        s = fit_perturbations(*problem, weights, 0.01).s
+        return s.any(axis=(1, 2)).mean()
 
-    assert few < 0.1 < 0.9 < most
+    assert share_perturbed((0.5, 0.5)) == 0
+    assert share_perturbed(weights(0.3)) < 0.1
+    assert share_perturbed(weights(3e-3)) > 0.9
 
 
 def test_an_exact_fit_inverts_the_model(chain, poses, step):
     """(B⁻¹ − I)a = J₂ω, with ω measured minus nominal; with the printed sign of (OmgReal) the
     perturbation comes out reversed.
     """
-    b_inv = np.eye(3) + 0.1 * np.array([[1.0, 0.5, 0], [0.5, -1.0, 0.3], [0, 0.3, 0.5]])
+    b_inverse = np.eye(3)
+    b_inverse += 0.1 * np.array([[1.0, 0.5, 0], [0.5, -1.0, 0.3], [0, 0.3, 0.5]])
     a, back, _ = factors(chain, poses, step, PIVOTED_LU)
-    q = np.stack([poses, poses + np.matvec(back, a @ b_inv)], axis=1)
-    noise = process_noise(chain, q, step[None])[:, 0]
-    image, reverse = (
-        np.matvec(fit_perturbations(deviation, a, back, weights(1e-9), 0.01).s, a)
-        for deviation in (noise, -noise)
-    )
+    end = poses + np.matvec(back, a @ b_inverse)
+    noise = process_noise(chain, np.stack([poses, end], axis=1), step[None])[:, 0]
 
-    assert_allclose(a + image, a @ b_inv, atol=1e-12)
-    assert np.linalg.norm(reverse - image) > np.linalg.norm(image)
+    def image(noise: np.ndarray) -> np.ndarray:
+        s = fit_perturbations(noise, a, back, weights(1e-9), 0.01).s
+        return np.matvec(s, a)
+
+    assert_allclose(a + image(noise), a @ b_inverse, atol=1e-12)
+    reversed_by = np.linalg.norm(image(-noise) - image(noise))
+    assert reversed_by > np.linalg.norm(image(noise))
 
 
 @pytest.mark.parametrize("m", [3, 6])
@@ -153,8 +155,8 @@ def recorded(chain, poses, step, sigma_b: float, measured: float) -> Recorded:
     rng = default_rng(31)
     v = np.vstack([np.zeros((REST, 3)), np.tile(step, (MOVING, 1))])
     q = np.tile(poses[: REST + MOVING], (100, 1, 1))
-    noise = draw_steps(WishartModel(sigma_b), chain, q, v, rng)[0]
-    noise -= q + np.matvec(chain.inverse_jacobian(q), v)
+    moved, _ = draw_steps(WishartModel(sigma_b), chain, q, v, rng)
+    noise = moved - q - np.matvec(chain.inverse_jacobian(q), v)
     noise += measured * rng.standard_normal(noise.shape)
     return Recorded(chain, q, v, noise, ("a", "b", "c"))
 
@@ -165,15 +167,18 @@ def test_at_rest_nothing_is_perturbed_and_the_mean_over_time_counts_those_steps(
     step,
 ):
     data = recorded(chain, poses, step, 0.2, 1e-4)
-    resting = np.sqrt(np.mean(np.sum(data.noise[:, :REST] ** 2, axis=-1)))
+    squares = np.sum(data.noise[:, :REST] ** 2, axis=-1)
+    resting = np.sqrt(np.mean(squares))
     steps = problem_steps(data, PIVOTED_LU)
+
     b, fits = solve_problems(steps, objective_weights(resting, 3), FLOOR)
-    squares = np.sum((b - np.eye(3)) ** 2, axis=(-2, -1)) / 3
-    dispersions = np.sqrt(squares.mean(axis=0))
     result = fit_paper(data, PIVOTED_LU, FLOOR)
 
+    distances = np.sum((b - np.eye(3)) ** 2, axis=(-2, -1)) / 3
+    dispersions = np.sqrt(distances.mean(axis=0))
     assert not fits.s.reshape(100, -1, 3, 3)[:, :REST].any()
-    assert not dispersions[:REST].any() and np.all(dispersions[REST:] > 0)
+    assert not dispersions[:REST].any()
+    assert np.all(dispersions[REST:] > 0)
     assert_allclose(result.estimates["sigma_b"], dispersions.mean())
 
 
@@ -200,7 +205,8 @@ def test_noise_that_is_not_finite_and_a_motion_without_noise_at_rest_are_refused
 
 def fit(noise, e, matrix, ratio: float, floor: float) -> Perturbations:
     """Fit ω (N, n), e (N, m), A (N, n, m), λ and ε; objective (‖ω − Ay‖ + λ‖S‖)/(1 + λ)."""
-    back = ROOT * matrix + (1 - ROOT) * np.matvec(matrix, e)[:, :, None] * e[:, None, :]
+    along = np.matvec(matrix, e)[:, :, None] * e[:, None, :]
+    back = ROOT * matrix + (1 - ROOT) * along
     return fit_perturbations(noise, e, back, weights(ratio), floor)
 
 
@@ -212,9 +218,14 @@ def parts(s: np.ndarray, e: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return y, np.trace(s, axis1=1, axis2=2) - along
 
 
+def misfit(noise, matrix, y) -> np.ndarray:
+    """‖ω − Ay‖ (N,)."""
+    return np.linalg.norm(noise - np.matvec(matrix, y), axis=1)
+
+
 def objective(noise, e, matrix, ratio: float, s: np.ndarray) -> np.ndarray:
-    rest = np.linalg.norm(noise - np.matvec(matrix, parts(s, e)[0]), axis=1)
-    return rest + ratio * np.linalg.norm(s, axis=(1, 2))
+    y, _ = parts(s, e)
+    return misfit(noise, matrix, y) + ratio * np.linalg.norm(s, axis=(1, 2))
 
 
 def problems(
@@ -226,11 +237,11 @@ def problems(
 ) -> tuple[np.ndarray, ...]:
     """ω, e and A of 800 random problems; of what ω has across the range of A a share ``across``."""
     rng = default_rng(seed)
-    noise, e, matrix = (
-        rng.standard_normal((800, *shape)) for shape in ((n,), (m,), (n, m))
-    )
+    noise = rng.standard_normal((800, n))
+    e = rng.standard_normal((800, m))
+    matrix = rng.standard_normal((800, n, m))
     if n > m:
-        axes = np.linalg.qr(matrix)[0]
+        axes, _ = np.linalg.qr(matrix)
         within = np.matvec(axes, np.vecmat(noise, axes))
         noise = within + across * (noise - within)
     return size * noise, e / np.linalg.norm(e, axis=1)[:, None], matrix
@@ -246,31 +257,29 @@ def dual_bound(noise, e, matrix, y, c, ratio, floor) -> np.ndarray:
     delta = 1 - floor
     x = np.vecdot(e, y)
     size = np.sqrt(np.vecdot(y, y) + c**2)
-    size = np.where(size > 0, size, 1.0)
-    u = ratio * y / size[:, None]
-    w = ratio * c / size
+    scale = ratio / np.where(size > 0, size, 1.0)
+    u, w = scale[:, None] * y, scale * c
+
     # p = r/‖r‖, and where the fit is exact what makes m normal to the cone
     residual = noise - np.matvec(matrix, y)
     length = np.linalg.norm(residual, axis=1)
+    is_exact = length < 1e-9 * np.linalg.norm(noise, axis=1)
     normal = (w / (delta + x))[:, None] * ((delta + c + x)[:, None] * e - y)
-    of_exact = np.linalg.solve(np.swapaxes(matrix, 1, 2), (u - normal)[..., None])[
-        ...,
-        0,
-    ]
-    exact = length < 1e-9 * np.linalg.norm(noise, axis=1)
-    p = np.where(
-        exact[:, None],
-        of_exact,
-        residual / np.where(exact, 1.0, length)[:, None],
-    )
+    transposed = np.swapaxes(matrix, 1, 2)
+    of_exact = np.linalg.solve(transposed, (u - normal)[..., None])[..., 0]
+    of_others = residual / np.where(is_exact, 1.0, length)[:, None]
+    p = np.where(is_exact[:, None], of_exact, of_others)
     p /= np.maximum(1.0, np.linalg.norm(p, axis=1))[:, None]
+
     image = np.vecmat(p, matrix)
     value = np.vecdot(p, noise)
     free = value * np.minimum(1.0, ratio / np.linalg.norm(image, axis=1))
+
     m = u - image
     along = np.vecdot(e, m)
     with np.errstate(divide="ignore", invalid="ignore"):
-        lifted = np.maximum(np.vecdot(m - along[:, None] * e, m) / (2 * w), along)
+        across = m - along[:, None] * e
+        lifted = np.maximum(np.vecdot(across, across) / (2 * w), along)
         u = u + (lifted - along)[:, None] * e
         shrink = np.minimum(1.0, ratio / np.sqrt(np.vecdot(u, u) + w**2))
         held = shrink * (value - delta * (lifted + w))
@@ -283,85 +292,85 @@ def test_every_optimum_is_feasible_and_certified_by_its_dual(ratio, floor, size)
     noise, e, matrix = problems(1, size, 3, 3)
     s, _, bound = fit(noise, e, matrix, ratio, floor)
     y, c = parts(s, e)
+    least = np.linalg.eigvalsh(s)[:, 0] - (floor - 1)
 
     def gap(y: np.ndarray) -> np.ndarray:
-        rest = np.linalg.norm(noise - np.matvec(matrix, y), axis=1)
-        norm = np.vecdot(y, y) + c**2
-        value = rest + ratio * np.sqrt(norm)
-        return (value - dual_bound(noise, e, matrix, y, c, ratio, floor)) / value
+        size = np.sqrt(np.vecdot(y, y) + c**2)
+        value = misfit(noise, matrix, y) + ratio * size
+        return 1 - dual_bound(noise, e, matrix, y, c, ratio, floor) / value
 
     norms = np.sqrt(np.vecdot(y, y) + c**2)
-    assert_allclose(
-        np.linalg.norm(s, axis=(1, 2)),
-        norms,
-        rtol=1e-9,
-        atol=1e-15,
-    )
-
-    least = np.linalg.eigvalsh(s)[:, 0] - (floor - 1)
-    assert least.min() > -1e-10 and np.array_equal(least < 1e-9, bound)
+    of_s = np.linalg.norm(s, axis=(1, 2))
+    assert_allclose(of_s, norms, rtol=1e-9, atol=1e-15)
+    assert least.min() > -1e-10
+    assert_array_equal(least < 1e-9, bound)
     assert 30 < bound.sum() < 770
     for kind in (bound, ~bound):
-        assert np.quantile(gap(y)[kind], 0.99) < 1e-8 and gap(y)[kind].max() < 1e-5
+        gaps = gap(y)[kind]
+        assert np.quantile(gaps, 0.99) < 1e-8 and gaps.max() < 1e-5
         # the control: the dual point of a place beside the optimum certifies nothing
         assert np.median(gap(y * (1 + 1e-3))[kind]) > 1e-6
 
 
+SQUARE = [(1, 1, 1.0), (2, 2, 1.0), (6, 6, 1.0)]  # n, m, share of the noise across
+TALL = [(3, 2), (7, 6), (8, 3)]
+ACROSS = [(n, m, share) for n, m in TALL for share in (0, 1e-13, 1e-9, 1e-3, 1)]
+
+
 @pytest.mark.parametrize(
-    ("n", "m", "across"),
-    [
-        *[(n, n, 1.0) for n in (1, 2, 6)],
-        *[
-            (n, m, across)
-            for n, m in ((3, 2), (7, 6), (8, 3))
-            for across in (0, 1e-13, 1e-9, 1e-3, 1)
-        ],
-    ],
+    ("ratio", "floor", "size"),
+    [(1e-3, 0.01, 3.0), (0.03, 0.2, 1.0), (0.3, 0.01, 3.0)],
 )
-def test_every_minimum_of_any_size_is_reached_and_none_beside_it_is_lower(n, m, across):
+@pytest.mark.parametrize(("n", "m", "across"), [*SQUARE, *ACROSS])
+def test_every_minimum_of_any_size_is_reached_and_none_beside_it_is_lower(
+    n,
+    m,
+    across,
+    ratio,
+    floor,
+    size,
+):
     """However little of the noise lies across the range of A, where F all but has no gradient."""
     rng = default_rng(5)
-    for ratio, floor, size in ((1e-3, 0.01, 3.0), (0.03, 0.2, 1.0), (0.3, 0.01, 3.0)):
-        noise, e, matrix = problems(4, size, n, m, across)
-        s, _, bound = fit(noise, e, matrix, ratio, floor)
-        case = noise, e, matrix, ratio
-        least = objective(*case, s)
-        assert bound.any()
-        assert np.linalg.eigvalsh(s).min() > floor - 1 - 1e-9
-        for step in (1e-4, 1e-2):
-            root = np.sqrt(step) * rng.standard_normal((len(s), m, m))
-            inward = root @ np.swapaxes(root, 1, 2)
-            inward += (floor - 1) * np.eye(m)
-            beside = objective(*case, s + step * (inward - s))
-            assert np.all(beside >= least * (1 - 1e-9))
+    problem = problems(4, size, n, m, across)
+    s, _, bound = fit(*problem, ratio, floor)
+    least = objective(*problem, ratio, s)
+
+    assert bound.any()
+    assert np.linalg.eigvalsh(s).min() > floor - 1 - 1e-9
+    for step in (1e-4, 1e-2):
+        root = np.sqrt(step) * rng.standard_normal((len(s), m, m))
+        feasible = root @ np.swapaxes(root, 1, 2) + (floor - 1) * np.eye(m)
+        beside = s + step * (feasible - s)
+        assert np.all(objective(*problem, ratio, beside) >= least * (1 - 1e-9))
 
 
-def test_along_its_own_direction_the_perturbation_stops_at_the_bound():
+@pytest.mark.parametrize(("aside", "tolerance"), [(0.0, 1e-12), (1e-7, 1e-6)])
+def test_along_its_own_direction_the_perturbation_stops_at_the_bound(aside, tolerance):
     """With A = −I and ω along e the free optimum is x = −2 < ε − 1; the bounded one is x = ε − 1,
     no cross term and no block.
     """
-    e = np.array([0.6, 0.8, 0.0])
-    for aside, tolerance in ((0.0, 1e-12), (1e-7, 1e-6)):
-        noise = 2 * e + aside * np.array([0.0, 0.0, 1.0])
-        s = fit(noise[None], e[None], -np.eye(3)[None], 1e-3, 0.1).s[0]
-        assert_allclose(s, -0.9 * np.outer(e, e), atol=tolerance)
+    e = np.array([[0.6, 0.8, 0.0]])
+    noise = 2 * e + [0.0, 0.0, aside]
+    (s,) = fit(noise, e, -np.eye(3)[None], 1e-3, 0.1).s
+    assert_allclose(s, -0.9 * e.T @ e, atol=tolerance)
 
 
-def test_a_minimum_that_was_not_reached_and_an_all_but_singular_arm_are_refused(
-    monkeypatch,
-):
+def near_singular(far: float) -> tuple[np.ndarray, ...]:
+    """ω, e and A of a problem whose A is ``far`` from a singular one."""
+    matrix = np.array([[[1.0, 1.0], [1.0, 1.0 + far]]])
+    return np.array([[1.0, 2.0]]), np.array([[0.6, 0.8]]), matrix
+
+
+@pytest.mark.parametrize("far", [1e-7, 1e-15])
+def test_an_all_but_singular_arm_is_refused(far):
     """Rounding would decide the fit there; a hundred times as far from singular it is solved."""
-    e = np.array([[0.6, 0.8]])
-    noise = np.array([[1.0, 2.0]])
-    matrices = {
-        far: np.array([[[1.0, 1.0], [1.0, 1.0 + far]]]) for far in (1e-5, 1e-7, 1e-15)
-    }
+    with pytest.raises(SolverError, match="not solved to optimality"):
+        fit(*near_singular(far), 0.03, 0.2)
+    assert fit(*near_singular(1e-5), 0.03, 0.2).objective[0] > 0
 
-    assert fit(noise, e, matrices.pop(1e-5), 0.03, 0.2).objective[0] > 0
-    for matrix in matrices.values():
-        with pytest.raises(SolverError, match="not solved to optimality"):
-            fit(noise, e, matrix, 0.03, 0.2)
 
+def test_a_minimum_that_was_not_reached_is_refused(monkeypatch):
     monkeypatch.setattr(perturbation, "STEPS", 2)
     with pytest.raises(SolverError, match="not solved to optimality") as refusal:
         fit(*problems(1, 1.0, 3, 3), 0.03, 0.2)
