@@ -27,14 +27,13 @@ def motions(
     tails: float = np.inf,
 ):
     """Noise proportional to the speed and to a power of a pose quantity."""
+    t = np.linspace(0, 2 * np.pi, STEPS)
     listed = []
     for number in range(MOTIONS):
-        t = np.linspace(0, 2 * np.pi, STEPS)
-        dq = 1e-3 * np.stack(
-            [np.sin(t + number), np.sin(2 * t) + 1.2, np.zeros(STEPS)],
-            axis=1,
-        )
-        x = np.exp(swing * np.sin(3 * t + 0.7 * number))[:, None] * np.ones(3)
+        speeds = [np.sin(t + number), np.sin(2 * t) + 1.2, np.zeros(STEPS)]
+        dq = 1e-3 * np.stack(speeds, axis=1)
+        wave = np.exp(swing * np.sin(3 * t + 0.7 * number))
+        x = np.stack([wave] * 3, axis=1)
         unit = rng.standard_normal((STEPS, 3))
         if np.isfinite(tails):
             unit = rng.standard_t(tails, (STEPS, 3))
@@ -52,15 +51,16 @@ def test_the_exponent_is_recovered_and_told_from_the_other(exponent, tails):
         effect = pose_effect(windows_of(motions(exponent, 0.5, rng, tails)), rng)
         low, high = effect.exponent.low, effect.exponent.high
         inside.append(low <= exponent <= high)
-        assert effect.power > POWER and not low <= 1 - exponent <= high
-
+        assert effect.power > POWER
+        assert not low <= 1 - exponent <= high
     assert np.mean(inside) >= 0.8
 
 
 def test_a_motion_through_equal_poses_cannot_tell_and_names_the_range_that_would():
     rng = default_rng(1)
     narrow = pose_effect(windows_of(motions(1.0, 0.02, rng)), rng)
-    assert narrow.power < POWER and narrow.exponent.low < 0 < narrow.exponent.high
+    assert narrow.power < POWER
+    assert narrow.exponent.low < 0 < narrow.exponent.high
     assert narrow.needed > narrow.spread
 
     rng = default_rng(2)
@@ -76,37 +76,43 @@ def test_blocks_stand_for_motions_where_there_is_one_and_too_few_windows_tell_no
     assert pose_effect(windows_of([(noise[:50], dq[:50], x[:50])]), rng) is None
 
 
+@pytest.fixture
+def runs_of_arm(chain) -> list[JointRun]:
+    """Runs whose noise grows with ‖J⁻¹‖; the elbow passes through straight, near which the norm
+    changes within a window.
+    """
+    rng, t = default_rng(5), np.linspace(0, 2 * np.pi, 801)
+    zero = np.zeros(3)
+    runs = []
+    for number in range(4):
+        phase = number * np.pi / 4
+        waves = [np.sin(t + phase), np.sin(3 * t + phase), np.sin(2 * t + phase)]
+        command = np.array([0.3, 1.0, -0.4]) + np.transpose(waves) * [0.5, 1.5, 0.4]
+        q = np.where(chain.singular(command)[:, None], 1.5, command)
+        norms = frobenius(chain.inverse_jacobian(q[:-1]))
+        steps = np.diff(command, axis=0)
+        noise = 1e-4 * np.abs(steps) * norms[:, None] * rng.standard_normal(steps.shape)
+        measured = command + np.vstack([zero, np.cumsum(noise, axis=0)])
+        recorded = "r", 100.0, command, measured, ("a", "b", "c")
+        runs.append(JointRun(*recorded, zero, zero, None, f"{number}"))
+    return runs
+
+
 def test_the_table_has_the_exponent_of_noise_that_grows_with_the_norm_but_for_singular_poses(
     chain,
+    runs_of_arm,
 ):
-    rng, t, runs = default_rng(5), np.linspace(0, 2 * np.pi, 801), []
-    for number in range(4):
-        # the elbow passes through straight: near it ‖J⁻¹‖ changes within a window
-        phase = number * np.pi / 4
-        moves = [
-            0.5 * np.sin(t + phase),
-            1.5 * np.sin(3 * t + phase),
-            0.4 * np.sin(2 * t + phase),
-        ]
-        command = np.array([0.3, 1.0, -0.4]) + np.transpose(moves)
-        dq, q = (
-            np.diff(command, axis=0),
-            np.where(chain.singular(command)[:, None], 1.5, command),
-        )
-        size = 1e-4 * np.abs(dq) * frobenius(chain.inverse_jacobian(q[:-1]))[:, None]
-        drift = np.cumsum(size * rng.standard_normal(dq.shape), axis=0)
-        measured = command + np.vstack([np.zeros(3), drift])
-        still = [np.zeros(3)] * 2
-        known = "r", 100.0, command, measured, tuple("abc"), *still
-        runs.append(JointRun(*known, None, f"{number}"))
-    (row,) = pose_table(runs, chain, {}, partial(stream, 5)).itertuples()
+    (row,) = pose_table(runs_of_arm, chain, {}, partial(stream, 5)).itertuples()
+    assert row.groups == 4
+    assert 0.5 < row.low < 1 < row.high
 
-    assert row.groups == 4 and 0.5 < row.low < 1 < row.high
 
-    start = replace(runs[0], command=command[:30], measured=measured[:30])
-    # too few windows: numbers without rows
+def test_too_few_windows_are_numbers_without_rows(chain, runs_of_arm):
+    run = runs_of_arm[0]
+    start = replace(run, command=run.command[:30], measured=run.measured[:30])
     table = pose_table([start], chain, {}, partial(stream, 5))
-    assert table.empty and set(table.dtypes[2:].astype(str)) == {"float64", "int64"}
+    assert table.empty
+    assert {*table.dtypes[2:].astype(str)} == {"float64", "int64"}
 
 
 def test_noise_parts_are_what_repeats_and_what_differs_with_the_variance_of_one_run():
