@@ -39,14 +39,21 @@ from pipeline.verdicts.claims import parse_claims
 
 ROOT = CONF.parents[1]
 TAKES = 60
-DATASETS = {
-    values["laboratory"]["cause"]: values
-    for values in map(dataset_values, sorted((CONF / "dataset").glob("youbot*.yaml")))
-    if values["name"] != "youbot_redundant" and values.get("laboratory")
-}
-PUBLISHED = published_values(
-    parse_claims(read_yaml(ROOT / "pipeline/verdicts/claims.yaml")["claims"]),
-)
+
+
+def youbot_datasets() -> dict[str, dict]:
+    """Values of the dataset of each cause of the laboratory, by the cause."""
+    datasets = {}
+    for file in sorted((CONF / "dataset").glob("youbot*.yaml")):
+        values = dataset_values(file)
+        if values.get("laboratory") and values["name"] != "youbot_redundant":
+            datasets[values["laboratory"]["cause"]] = values
+    return datasets
+
+
+DATASETS = youbot_datasets()
+CLAIMS = read_yaml(ROOT / "pipeline/verdicts/claims.yaml")["claims"]
+PUBLISHED = published_values(parse_claims(CLAIMS))
 TEXT = (ROOT / "pipeline/laboratory/README.md").read_text(encoding="utf-8")
 FREE = "–"
 
@@ -97,14 +104,14 @@ def session(cause: str, **changes: object) -> Session:
     """Perform TAKES takes under ``cause``, with ``changes`` of its dynamics."""
     laboratory = DATASETS[cause]["laboratory"]
     dynamics = replace(dynamics_type(cause)(**laboratory["dynamics"]), **changes)
-    trajectory, rng = (
-        TrajectoryOptions(**laboratory["trajectory"]),
-        default_rng(5),
-    )
+    trajectory = TrajectoryOptions(**laboratory["trajectory"])
+    rng = default_rng(5)
     drawn = [draw(ARM.chain, trajectory, dynamics, rng) for _ in range(TAKES)]
     chance = Chance(*map(np.stack, zip(*drawn, strict=True)))
     take = swing(ARM.chain, np.zeros(3), trajectory, dynamics, chance)
-    v = commanded_steps(desired_trajectory(ARM.chain, trajectory), trajectory.rate)
+
+    desired = desired_trajectory(ARM.chain, trajectory)
+    v = commanded_steps(desired, trajectory.rate)
     grid = np.arange(len(v) + 1) / trajectory.rate
     true = np.stack([joints_at(grid, take.t, path) for path in take.q])
     seen = np.stack([expose(take.t, path, grid, dynamics, rng) for path in take.q])
@@ -137,13 +144,14 @@ def covariance_numbers(recorded: Session) -> dict[str, float]:
     values = recorded.deviation if recorded.cause == "poses" else recorded.noise
     covariance = mean_covariance(values)
     std = np.sqrt(np.diag(covariance))
+    correlations = covariance / np.outer(std, std)
+    # of joint 3 given the others
+    left = 1 / np.linalg.inv(covariance)[-1, -1]
+    share = left / PUBLISHED.covariance[-1, -1]
+
     numbers = {f"standard deviation of joint {j + 1}": std[j] for j in range(3)}
     for i, j in PAIRS:
-        correlation = covariance[i, j] / std[i] / std[j]
-        numbers[f"correlation of joints {i + 1} and {j + 1}"] = correlation
-    last = covariance[:-1, -1]
-    left = covariance[-1, -1] - last @ np.linalg.solve(covariance[:-1, :-1], last)
-    share = left / PUBLISHED.covariance[-1, -1]
+        numbers[f"correlation of joints {i + 1} and {j + 1}"] = correlations[i, j]
     numbers["variance of joint 3 that the others leave, over the published one"] = share
     return numbers
 
@@ -170,19 +178,18 @@ def torque_numbers(cause: str) -> dict[str, float]:
     t, q, motion = recorded.take.t, recorded.take.q, recorded.trajectory
     speed = np.gradient(q, t[1] - t[0], axis=1)
     acceleration = np.gradient(speed, t[1] - t[0], axis=1)
-    commanded = desired_joints(np.clip(t, 0.0, motion.duration), motion)[1]
+    _, commanded = desired_joints(np.clip(t, 0.0, motion.duration), motion)
     pace = np.linalg.norm(commanded, axis=1)
     full = np.flatnonzero(pace > 0.99 * pace.max())[::20]
+
     model = reduced_robot()
     data = model.createData()
-    states = np.stack([q, speed, acceleration])[:, :, full].reshape(3, -1, 3)
-    torques = [pin.rnea(model, data, *state) for state in states.swapaxes(0, 1)]
+    states = np.stack([q, speed, acceleration], axis=-2)[:, full]
+    torques = [pin.rnea(model, data, *state) for state in states.reshape(-1, 3, 3)]
     by_take = np.array(torques).reshape(TAKES, -1, 3)
-    needed = (np.abs(by_take.mean(axis=0)) + by_take.std(axis=0)).mean(axis=0)
-    return {
-        f"torque of joint {j} at full speed": value
-        for j, value in enumerate(needed, start=1)
-    }
+    needed = np.abs(by_take.mean(axis=0)) + by_take.std(axis=0)
+    rows = [f"torque of joint {j} at full speed" for j in (1, 2, 3)]
+    return dict(zip(rows, needed.mean(axis=0), strict=True))
 
 
 def reduced_robot() -> pin.Model:
@@ -203,29 +210,20 @@ def speed_numbers(recorded: Session) -> dict[str, float]:
     backwards.
     """
     rigid = session(recorded.cause, clearance=0.0)
-    scores, of_rigid = (
-        arm_speeds(recorded.true, recorded),
-        arm_speeds(rigid.true, rigid),
-    )
-    fast, backwards = "greatest_speed_rad_per_s", "fast_steps_backwards_share"
-    numbers = {
-        f"greatest speed of joint {j}": scores[f"true_joint_{j}_{fast}"]
-        for j in (1, 2, 3)
-    }
-    beyond = "moving steps beyond a joint's speed limit, share"
-    share = "true_moving_steps_beyond_a_speed_limit_share"
+    true = arm_speeds(recorded.true, recorded)
+    of_rigid = arm_speeds(rigid.true, rigid)
     seen = arm_speeds(recorded.seen, recorded)
-    return numbers | {
-        "greatest speed of joint 3 without its play": of_rigid[f"true_joint_3_{fast}"],
-        beyond: scores[share],
-        f"{beyond}, without play": of_rigid[share],
-        "fast steps of joint 2 that run backwards, share": scores[
-            f"true_joint_2_{backwards}"
-        ],
-        "recorded fast steps of joint 2 that run backwards, share": seen[
-            f"true_joint_2_{backwards}"
-        ],
-    }
+
+    share = "true_moving_steps_beyond_a_speed_limit_share"
+    beyond = "moving steps beyond a joint's speed limit, share"
+    numbers = {beyond: true[share], f"{beyond}, without play": of_rigid[share]}
+    fast = "true_joint_{}_greatest_speed_rad_per_s"
+    for joint in (1, 2, 3):
+        numbers[f"greatest speed of joint {joint}"] = true[fast.format(joint)]
+    numbers["greatest speed of joint 3 without its play"] = of_rigid[fast.format(3)]
+    backwards = "true_joint_2_fast_steps_backwards_share"
+    row = "fast steps of joint 2 that run backwards, share"
+    return numbers | {row: true[backwards], f"recorded {row}": seen[backwards]}
 
 
 def arm_speeds(q: np.ndarray, recorded: Session) -> Mapping[str, float]:
@@ -235,36 +233,31 @@ def arm_speeds(q: np.ndarray, recorded: Session) -> Mapping[str, float]:
     return speed_scores(np.diff(q, axis=1), nominal, limits, rate, names)
 
 
+MEAN_PATH = "distance of joint 2's mean path from the command, over its standard error"
+
+
 def time_numbers(recorded: Session) -> dict[str, float]:
-    """Numbers of the noise that the paper does not print: size at rest, size of a pose, and what is
-    left a step or a depth frame later.
+    """Numbers of the noise of joint 2 that the paper does not print: size at rest, size of a pose,
+    and what is left a step or a depth frame later.
     """
-    noise, deviation = recorded.noise, recorded.deviation
+    noise, deviation = recorded.noise[..., 1], recorded.deviation[..., 1]
     still = ~np.any(recorded.v, axis=-1)
-    at_rest = noise[:, still, 1].std(axis=0).mean()
-    moving = noise[:, recorded.full_speed, 1].std(axis=0).mean()
-    later = np.mean(deviation[:, 3:] * deviation[:, :-3], axis=(0, 1))
-    left = later / np.mean(deviation**2, axis=(0, 1))
+    std = noise.std(axis=0)
+    at_rest = std[still].mean() / std[recorded.full_speed].mean()
+    next_step, _ = later_noise(recorded.noise, recorded.full_speed, 1)
+    later = np.mean(deviation[:, 3:] * deviation[:, :-3]) / np.mean(deviation**2)
+
     grid = np.arange(deviation.shape[1]) / recorded.trajectory.rate
     command, _ = desired_joints(grid, recorded.trajectory)
     distance = recorded.seen.mean(axis=0) - command
-    standard_error = deviation.std(axis=0) / np.sqrt(TAKES)
-    off_command = np.sqrt(np.mean(distance**2, axis=0)[1])
-    expected = np.sqrt(np.mean(standard_error**2, axis=0)[1])
-    mean_path = (
-        "distance of joint 2's mean path from the command, over its standard error"
-    )
+    expected = np.mean(deviation.var(axis=0)) / TAKES
     return {
-        "standard deviation of a step of joint 2": noise[..., 1].std(axis=0).mean(),
-        "standard deviation of a pose of joint 2": deviation[..., 1].std(),
-        "standard deviation of joint 2 at rest over at full speed": at_rest / moving,
-        "correlation of joint 2's noise with the next step's": later_noise(
-            noise,
-            recorded.full_speed,
-            1,
-        )[0][1],
-        "correlation of joint 2's deviation with the one 30 ms later": left[1],
-        mean_path: off_command / expected,
+        "standard deviation of a step of joint 2": std.mean(),
+        "standard deviation of a pose of joint 2": deviation.std(),
+        "standard deviation of joint 2 at rest over at full speed": at_rest,
+        "correlation of joint 2's noise with the next step's": next_step[1],
+        "correlation of joint 2's deviation with the one 30 ms later": later,
+        MEAN_PATH: np.sqrt(np.mean(distance[:, 1] ** 2) / expected),
     }
 
 
@@ -280,7 +273,7 @@ def later_noise(
     later = deviation[:, steps:][:, both_fast]
     correlations = []
     for joint in range(noise.shape[-1]):
-        pair = later[..., joint].T.ravel(), earlier[..., joint].T.ravel()
+        pair = later[..., joint].ravel(), earlier[..., joint].ravel()
         correlations.append(np.corrcoef(*pair)[0, 1])
     return np.array(correlations), 4 / np.sqrt(len(noise) * both_fast.sum())
 
@@ -334,48 +327,43 @@ def test_the_table_states_every_causes_numbers_and_which_keep_their_rules(record
 
 @pytest.mark.parametrize("cause", cause_names())
 def test_what_excludes_a_cause_follows_from_the_numbers_of_the_table(cause):
-    def number(row: str) -> float:
+    def number(row: str, cause: str = cause) -> float:
         return float(STATED[row][cause].strip("*"))
 
-    def of_causes(row: str) -> list[float]:
-        return [float(STATED[row][name].strip("*")) for name in cause_names()]
+    def reproduced(*rows: str) -> str:
+        missed = any(STATED[row][cause].startswith("**") for row in rows)
+        return "excluded" if missed else "reproduced"
 
     def sign(value: float, band: float) -> str:
         if abs(value) < band:
             return "near 0"
         return "positive" if value > 0 else "negative"
 
-    def is_kept(*rows: str) -> bool:
-        return not any(STATED[row][cause].startswith("**") for row in rows)
+    def size(row: str) -> str:
+        values = [number(row, name) for name in cause_names()]
+        ends = {min(values): "narrow", max(values): "wide"}
+        return ends.get(number(row), "between")
 
     pairs = [f"correlation of joints {i + 1} and {j + 1}" for i, j in PAIRS]
-    pose, rest = "standard deviation of a pose of joint 2", "at rest over at full speed"
-    at_rest = number(f"standard deviation of joint 2 {rest}")
     too_fast = number("moving steps beyond a joint's speed limit, share, without play")
+    at_rest = number("standard deviation of joint 2 at rest over at full speed")
+    next_step = number("correlation of joint 2's noise with the next step's")
     backwards = number("recorded fast steps of joint 2 that run backwards, share")
-    alpha, beside_next = (
-        "α̂ at û = 18",
-        "correlation of joint 2's noise with the next step's",
-    )
-    mean_path = (
-        "distance of joint 2's mean path from the command, over its standard error"
-    )
-    sizes = {min: "narrow", max: "wide"}
-    band = [word for end, word in sizes.items() if number(pose) == end(of_causes(pose))]
+    alpha = "α̂ at û = 18"
     published = float(STATED[alpha]["limit or published"])
-    expected = {
+    pose = size("standard deviation of a pose of joint 2")
+
+    assert {row: cells[cause] for row, cells in EXCLUDING.items()} == {
         "speed limits, without play": "excluded" if too_fast else "kept",
-        "correlations of Σ̂_ω": "reproduced" if is_kept(*pairs) else "excluded",
-        "σ̂_B": "reproduced" if is_kept("σ̂_B by moments") else "excluded",
+        "correlations of Σ̂_ω": reproduced(*pairs),
+        "σ̂_B": reproduced("σ̂_B by moments"),
         alpha: "above" if number(alpha) > published else "below",
         "noise at rest": "almost 0" if at_rest < 0.02 else "small",
-        "autocorrelation of successive noise": sign(number(beside_next), 0.2),
+        "autocorrelation of successive noise": sign(next_step, 0.2),
         "recorded fast steps that run backwards": "some" if backwards else "none",
-        "standard deviation of a pose, the band of Fig. 5": (*band, "between")[0],
-        "mean path of the takes": "the command" if number(mean_path) < 1.5 else "off",
+        "standard deviation of a pose, the band of Fig. 5": pose,
+        "mean path of the takes": "the command" if number(MEAN_PATH) < 1.5 else "off",
     }
-
-    assert {row: cells[cause] for row, cells in EXCLUDING.items()} == expected
 
 
 def test_the_default_cause_keeps_most_limits_of_those_that_reproduce_most_numbers():
@@ -391,26 +379,26 @@ def test_the_default_cause_keeps_most_limits_of_those_that_reproduce_most_number
 
 
 def test_steps_know_of_each_other_and_the_models_steps_do_not(recorded):
-    noise, v, q = recorded.noise, recorded.v, recorded.seen
+    noise, moving = recorded.noise, recorded.full_speed
+    # a short motion sees slow noise as a part of its mean
+    slow = recorded.cause == "poses"
+    correlation, _ = later_noise(
+        recorded.deviation[:, 1:] if slow else noise,
+        moving,
+        1,
+    )
+    # successive steps: a wrong time is taken back, a sway lasts longer than a step
+    assert np.all(np.abs(correlation) > 0.3)
+    assert {*np.sign(correlation)} == ({-1} if recorded.cause == "timing" else {1})
+
+    q, v, rng = recorded.seen, recorded.v, default_rng(13)
+    nominal = q[:, 1:] - noise
     models = (
         AdditiveModel(mean_covariance(noise)),
         WishartModel(0.2),
         GaussianModel(0.12, 25.0),
     )
-    rng = default_rng(13)
-    nominal = q[:, 1:] - noise
-    moving = recorded.full_speed
-
-    # successive steps: a wrong time is taken back, a sway lasts longer than a step
-    correlation, band = later_noise(noise, moving, 1)
-    # a short motion sees slow noise as a part of its mean
-    if recorded.cause == "poses":
-        correlation, band = later_noise(recorded.deviation[:, 1:], moving, 1)
-
-    assert np.all(np.abs(correlation) > 0.3)
-    assert {*np.sign(correlation)} == ({-1} if recorded.cause == "timing" else {1})
-
     for model in models:
-        drawn = realize(model, ARM.chain, q, v, "one_step", rng)[0][:, 1:] - nominal
-        correlation, band = later_noise(drawn, moving, 1)
+        drawn, *_ = realize(model, ARM.chain, q, v, "one_step", rng)
+        correlation, band = later_noise(drawn[:, 1:] - nominal, moving, 1)
         assert np.all(np.abs(correlation) < band) and band < 0.1
