@@ -180,6 +180,21 @@ def drawn(name: str, tables, options):
     return draw(**{key: named[key] for key in signature(draw).parameters})
 
 
+def labels_of(legends) -> list[str]:
+    """Texts of all entries of the legends."""
+    entries = []
+    for legend in legends:
+        if legend is not None:
+            entries += [text.get_text() for text in legend.get_texts()]
+    return entries
+
+
+def require_units(axes) -> None:
+    """Require the unit of the quantity on each axis, but for counts."""
+    for label in filter(None, (axes.get_xlabel(), axes.get_ylabel())):
+        assert any(mark in label for mark in ("(", "number of", "frames", "take:"))
+
+
 @pytest.mark.parametrize("name", FIGURES)
 def test_a_figure_has_units_a_complete_legend_all_glyphs_and_the_same_bytes(
     name,
@@ -196,55 +211,53 @@ def test_a_figure_has_units_a_complete_legend_all_glyphs_and_the_same_bytes(
         for kind in ("svg", "png"):
             first, second = tmp_path / f"one.{kind}", tmp_path / f"two.{kind}"
             assert first.read_bytes() == second.read_bytes()
-
     assert "dc:date" not in (tmp_path / "one.svg").read_text()
-
-    image = Image.open(tmp_path / "one.png")
-    edge = np.asarray(image.convert("L"))[:, :2]
-    assert (edge == 255).all()  # no label is cut
+    image = Image.open(tmp_path / "one.png").convert("L")
+    assert (np.asarray(image)[:, :2] == 255).all()  # no label is cut
 
     shown = [axes for axes in figure.axes if axes.axison]
     assert bool(shown) == (name not in BARE)
     for axes in shown:
-        # a strip's or a panel's quantity with its unit, but for counts
-        for label in filter(None, (axes.get_xlabel(), axes.get_ylabel())):
-            assert any(mark in label for mark in ("(", "number of", "frames", "take:"))
-
-    entries = []
-    for legend in [*figure.legends, *(axes.get_legend() for axes in shown)]:
-        if legend is not None:
-            entries += [text.get_text() for text in legend.get_texts()]
-
+        require_units(axes)
+    entries = labels_of([*figure.legends, *(axes.get_legend() for axes in shown)])
     assert len(entries) == len({*entries})
+    for line in [line for axes in shown for line in axes.lines]:
+        label = line.get_label()
+        assert len(line.get_xdata())
+        assert label.startswith("_") or label in entries
+    assert 10 < len(FIGURES[name].title) < 110
+    assert len(FIGURES[name].caption) > 100
 
-    labels = [line.get_label() for axes in shown for line in axes.lines]
-    assert all(len(line.get_xdata()) for axes in shown for line in axes.lines)
-    assert {label for label in labels if not label.startswith("_")} <= {*entries}
-    assert 10 < len(FIGURES[name].title) < 110 and len(FIGURES[name].caption) > 100
+
+@pytest.fixture
+def score_folder(tmp_path, monkeypatch, tables) -> None:
+    """A current directory that has the table ``deviation`` alone."""
+    monkeypatch.chdir(tmp_path)
+    folder = Path("data/score")
+    folder.mkdir(parents=True)
+    contracts.write(tables["deviation"], "deviation", folder)
+
+
+DRAWABLE = {"mean_error", "joint_std", "cable_robot"}  # one needs no table at all
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("score_folder")
 def test_figures_are_drawn_with_captions_or_left_out_by_name_and_all_or_none(
-    tmp_path,
     monkeypatch,
-    tables,
     options,
     capsys,
 ):
-    monkeypatch.chdir(tmp_path)
-    drawable = {"mean_error", "joint_std", "cable_robot"}  # one needs no table at all
-    Path("data/score").mkdir(parents=True)
-    contracts.write(tables["deviation"], "deviation", Path("data/score"))
     draw_all(OUT, options, Compute(workers=1))
+
     printed = capsys.readouterr().out.splitlines()
-    lines = {line for line in printed if "left out" in line}
-
-    assert len(lines) == len(FIGURES) - len(drawable)
-    assert "figures: filter_errors left out: the dataset has no depth camera" in lines
-    assert {file.stem for file in OUT.iterdir()} == drawable | {"captions"}
-
+    left_out = {line for line in printed if "left out" in line}
+    assert len(left_out) == len(FIGURES) - len(DRAWABLE)
+    reason = "filter_errors left out: the dataset has no depth camera"
+    assert f"figures: {reason}" in left_out
+    assert {file.stem for file in OUT.iterdir()} == DRAWABLE | {"captions"}
     captions = json.loads((OUT / "captions.json").read_text())
-    assert {*captions} == drawable
+    assert {*captions} == DRAWABLE
     assert captions["mean_error"]["sources"] == ["data/score/deviation.parquet"]
 
     before = {file: file.read_bytes() for file in OUT.iterdir()}
@@ -269,8 +282,8 @@ def test_models_and_joints_differ_in_their_lines():
         assert len({(line["color"], line["linestyle"]) for line in looks}) == len(looks)
 
 
-def legend(figure):
-    return [text.get_text() for text in figure.legends[0].get_texts()]
+def legend_of(figure) -> list[str]:
+    return labels_of(figure.legends[:1])
 
 
 def of_color(axes, color):
@@ -280,66 +293,65 @@ def of_color(axes, color):
 def test_joint_realizations_shows_every_training_take_their_mean_and_the_noise_on_the_right(
     tables,
 ):
-    figure = motion.joint_realizations(tables["joints"], tables["process_noise"])
     training = tables["joints"].query("part == 'training'")
-    steps = tables["process_noise"].groupby("k")
-    for j, (left, right) in enumerate(
-        zip(figure.axes[:3], figure.axes[3:], strict=True),
-        start=1,
-    ):
-        takes, own = (
-            of_color(left, RECORDED["color"]),
-            training.set_index("take")[f"q:arm_{j}"],
-        )
-        assert len(takes) == 5
-        assert_array_equal(takes[1].get_ydata(), own["training_002"])
-        (mean,) = (line for line in left.lines if line.get_linestyle() == "--")
-        assert_allclose(
-            mean.get_ydata(),
-            training.groupby("k")[f"q:arm_{j}"].mean(),
-        )
-        (noise,) = right.lines
-        assert noise.get_linestyle() == "-."
-        assert_allclose(noise.get_ydata(), steps[f"w:arm_{j}"].std())
+    of_second_take = training[training["take"] == "training_002"]
+    mean = training.groupby("k").mean(numeric_only=True)
+    std = tables["process_noise"].groupby("k").std(numeric_only=True)
+
+    figure = motion.joint_realizations(tables["joints"], tables["process_noise"])
+
+    for j, joint in enumerate(JOINTS):
+        angles, noise = figure.axes[j], figure.axes[j + 3]
+        lines = of_color(angles, RECORDED["color"])
+        assert len(lines) == 5
+        assert_array_equal(lines[1].get_ydata(), of_second_take[f"q:{joint}"])
+        (of_mean,) = (line for line in angles.lines if line.get_linestyle() == "--")
+        assert_allclose(of_mean.get_ydata(), mean[f"q:{joint}"])
+        (of_noise,) = noise.lines
+        assert of_noise.get_linestyle() == "-."
+        assert_allclose(of_noise.get_ydata(), std[f"w:{joint}"])
+
+
+def require_lines(axes, expected) -> None:
+    """Require a line of each of the ``expected`` values, in their order."""
+    for line, values in zip(axes.lines, expected, strict=True):
+        assert_array_equal(line.get_ydata(), values)
 
 
 def test_joint_std_and_mean_error_have_a_line_a_model_readable_beside_an_outlying_one(
     tables,
 ):
-    deviation, by_source = tables["deviation"], tables["deviation"].set_index("source")
+    deviation = tables["deviation"]
+    by_source = deviation.set_index("source")
+
     figure = motion.joint_std(deviation, MODELS, JOINTS, "one_step", SIMULATED)
-    assert len(legend(figure)) == 4 and legend(figure)[0] == SIMULATED
+    entries = legend_of(figure)
+    assert len(entries) == 4 and entries[0] == SIMULATED
     for axes, joint in zip(figure.axes, JOINTS, strict=True):
         assert [line.get_linestyle() for line in axes.lines] == ["-", ":", "--", "-."]
-        for line, source in zip(axes.lines, ["recorded", *MODELS], strict=True):
-            assert_array_equal(
-                line.get_ydata(),
-                by_source.loc[source, f"s:{joint}"],
-            )
+        sources = ["recorded", *MODELS]
+        require_lines(axes, [by_source.loc[name, f"s:{joint}"] for name in sources])
 
-    wide, own = deviation.copy(), [f"s:{joint}" for joint in JOINTS]
-    outlying = deviation["source"] == "wishart"
-    wide.loc[outlying, own] *= 50
+    models = ["gaussian", "additive"]
+    panels = mean_error(deviation, models).axes
+    for axes, quantity in zip(panels, ("error", "bias"), strict=True):
+        require_lines(axes, [by_source.loc[model, quantity] for model in models])
+
+    wide, stds = deviation.copy(), columns("s", JOINTS)
+    outlying = wide["source"] == "wishart"
+    wide.loc[outlying, stds] *= 50
     free = motion.joint_std(wide, MODELS, JOINTS, "free_running", SIMULATED)
     (top,) = {axes.get_ylim()[1] for axes in free.axes}
-
-    assert top == pytest.approx(1.05 * wide.loc[~outlying, own].max().max())
-
-    panels = mean_error(deviation, ["gaussian", "additive"]).axes
-    for axes, quantity in zip(panels, ("error", "bias"), strict=True):
-        for line, model in zip(axes.lines, ["gaussian", "additive"], strict=True):
-            assert_array_equal(
-                line.get_ydata(),
-                by_source.loc[model, quantity],
-            )
+    assert top == pytest.approx(1.05 * wide.loc[~outlying, stds].max().max())
 
 
 def test_articulation_draws_the_segments_through_their_named_nodes_on_one_scale(tables):
+    by_view = tables["skeleton"].set_index("view")
     figure = perception.articulation(tables["cloud"], tables["skeleton"])
-    for axes, view in zip(figure.axes, ("initial", "extended"), strict=True):
+    for axes, view in zip(figure.axes, VIEWS, strict=True):
+        nodes = by_view.loc[view, ["x", "z"]]
         points, segments = axes.lines
         assert len(points.get_xdata()) == 50 and axes.get_aspect() == 1
-        nodes = tables["skeleton"].set_index("view").loc[view, ["x", "z"]]
         assert_array_equal(segments.get_xydata(), nodes)
         assert [text.get_text() for text in axes.texts] == ["O1", "O2", "O3", "EE"]
         assert_array_equal([text.xy for text in axes.texts], nodes)
@@ -348,59 +360,57 @@ def test_articulation_draws_the_segments_through_their_named_nodes_on_one_scale(
 def test_kinect_noise_shows_the_estimate_from_all_takes_as_mean_and_standard_deviation(
     tables,
 ):
-    mean, std = perception.kinect_noise(tables["kinect_noise"]).axes
     rows = tables["kinect_noise"].query("take == 'none'")
-    for j in (1, 2, 3):
-        assert_array_equal(mean.lines[j - 1].get_ydata(), rows[f"b:arm_{j}"])
-        assert_allclose(
-            std.lines[j - 1].get_ydata() ** 2,
-            rows[f"r:arm_{j}:arm_{j}"],
-        )
+    mean, std = perception.kinect_noise(tables["kinect_noise"]).axes
+    for j, joint in enumerate(JOINTS):
+        assert_array_equal(mean.lines[j].get_ydata(), rows[f"b:{joint}"])
+        variance = rows[f"r:{joint}:{joint}"]
+        assert_allclose(std.lines[j].get_ydata() ** 2, variance)
 
 
 def test_filter_errors_has_a_row_per_model_with_one_take_its_bound_and_the_others(
     tables,
 ):
     errors = tables["filter_error"]
-    alone, mean = (
-        errors.query("take == 'test_001'"),
-        errors.query("model == 'none'").groupby("t"),
-    )
+    of_one = errors.query("take == 'test_001'")
+    squares = errors.query("model == 'none'").set_index("t")[columns("e", JOINTS)] ** 2
+    rms = np.sqrt(squares.groupby("t").mean())
+
     figure = perception.filter_errors(errors, MODELS, JOINTS)
-    for row, model in zip(
-        np.reshape(figure.axes, (len(MODELS), 3)),
-        MODELS,
-        strict=True,
-    ):
-        take = alone.set_index("model").loc[model]
+
+    rows = np.reshape(figure.axes, (len(MODELS), len(JOINTS)))
+    for row, model in zip(rows, MODELS, strict=True):
+        take = of_one[of_one["model"] == model]
         for axes, joint in zip(row, JOINTS, strict=True):
-            rms = np.sqrt(mean[f"e:{joint}"].apply(lambda e: (e**2).mean()))
             (error,) = of_color(axes, BLUE)
             assert_array_equal(error.get_ydata(), take[f"e:{joint}"])
-            for color, bound in ((VERMILLION, take[f"s:{joint}"]), (BLACK, rms)):
-                for line, sign in zip(of_color(axes, color), (1, -1), strict=True):
-                    assert_allclose(line.get_ydata(), sign * bound)
+            bounds = {VERMILLION: take[f"s:{joint}"], BLACK: rms[f"e:{joint}"]}
+            for color, bound in bounds.items():
+                upper, lower = of_color(axes, color)
+                assert_allclose(upper.get_ydata(), bound)
+                assert_allclose(lower.get_ydata(), -bound)
             assert len(axes.lines) == 2 + 2 + 3  # two other takes
-
     assert len({axes.get_ylim() for axes in figure.axes}) == 1
-    assert legend(figure)[-1] == "errors of the other takes"
-    assert (
-        len(legend(perception.filter_errors(alone, MODELS, JOINTS)))
-        == len(legend(figure)) - 1
-    )
+
+
+def test_filter_errors_names_the_other_takes_where_there_are_some(tables):
+    errors = tables["filter_error"]
+    of_one = errors.query("take == 'test_001'")
+    others = "errors of the other takes"
+    entries = legend_of(perception.filter_errors(errors, MODELS, JOINTS))
+    alone = legend_of(perception.filter_errors(of_one, MODELS, JOINTS))
+    assert entries == [*alone, others]
 
 
 def test_histograms_count_every_system_and_state_mean_and_greatest_error(tables):
     (axes,) = wrench.wrench_error_histograms(tables["wrench_errors"]).axes
     percent = 100 * tables["wrench_errors"].set_index("agents")["error"]
     edges = np.linspace(0, percent.max(), wrench.BINS + 1)
-    labels = [text.get_text() for text in axes.get_legend().get_texts()]
+    labels = labels_of([axes.get_legend()])
     for m, patch, label in zip((3, 10), axes.patches, labels, strict=True):
         errors = percent.loc[m]
-        assert (
-            label
-            == f"$m$ = {m}: mean {errors.mean():.1f}, greatest {errors.max():.1f} %"
-        )
+        numbers = f"mean {errors.mean():.1f}, greatest {errors.max():.1f} %"
+        assert label == f"$m$ = {m}: {numbers}"
         counts = patch.get_xy()[1 : 2 * len(edges) - 1, 1][::2]
         assert_allclose(counts, np.histogram(errors, edges)[0])
 
@@ -409,31 +419,23 @@ def test_densities_are_drawn_as_measured_and_modelled_on_one_range_and_one_colou
     tables,
     options,
 ):
-    configurations = options["configurations"]
-    *panels, _ = wrench.wrench_density(
-        tables["force_density"],
-        configurations,
-        SIMULATED,
-    ).axes
-    grid, images = np.reshape(panels, (2, 3)), []
-    by_place = tables["force_density"].set_index(["configuration", "source"])
-    for row, name in zip(grid, configurations, strict=True):
-        for axes, source in zip(row[1:], ("measured", "modelled"), strict=True):
-            (image,) = (c for c in axes.collections if isinstance(c, QuadMesh))
-            density = by_place.loc[(name, source)].pivot(
-                index="fy",
-                columns="fx",
-                values="density",
-            )
-            assert_array_equal(image.get_array(), density)
-            images.append(image)
+    table, configurations = tables["force_density"], options["configurations"]
+    by_place = table.set_index(["configuration", "source"])
 
-    assert {image.get_clim() for image in images} == {
-        (0, tables["force_density"]["density"].max()),
-    }
-    assert (
-        len({(axes.get_xlim(), axes.get_ylim()) for axes in grid[:, 1:].ravel()}) == 1
-    )
+    figure = wrench.wrench_density(table, configurations, SIMULATED)
+
+    grid = np.reshape(figure.axes[:-1], (2, 3))[:, 1:]
+    limits, scales = set(), set()
+    for row, name in zip(grid, configurations, strict=True):
+        for axes, source in zip(row, SOURCES, strict=True):
+            rows = by_place.loc[(name, source)]
+            density = rows.pivot(index="fy", columns="fx", values="density")
+            (image,) = (c for c in axes.collections if isinstance(c, QuadMesh))
+            assert_array_equal(image.get_array(), density)
+            scales.add(image.get_clim())
+            limits.add((axes.get_xlim(), axes.get_ylim()))
+    assert scales == {(0, table["density"].max())}
+    assert len(limits) == 1
 
 
 def test_the_schematic_names_all_that_the_paper_names_and_an_arc_spans_the_angle_of_its_cable():
@@ -457,26 +459,23 @@ def test_the_schematic_names_all_that_the_paper_names_and_an_arc_spans_the_angle
 
 
 def test_a_take_that_is_left_out_has_its_own_line_and_reason(tables):
-    takes_table = tables["take_paths"]
-    figure = takes(takes_table)
+    paths = tables["take_paths"]
+    of_second_take = paths[paths["take"] == "training_002"]
 
-    assert [axes.get_title() for axes in figure.axes] == [
-        "tip",
-        "arm 1",
-        "arm 2",
-        "arm 3",
+    figure = takes(paths)
+
+    tip, first_joint, *_ = figure.axes
+    titles = [axes.get_title() for axes in figure.axes]
+    assert titles == ["tip", "arm 1", "arm 2", "arm 3"]
+    assert (tip.get_xlabel(), tip.get_ylabel()) == ("x (m)", "z (m)")
+    entries = legend_of(figure)
+    assert entries[:2] == [
+        "takes that stay",
+        "left out: training_002 (longest_gap 41 beyond 20)",
     ]
-    assert figure.axes[0].get_xlabel() == "x (m)"
-    assert figure.axes[0].get_ylabel() == "z (m)"
-
-    labels = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert labels[0] == "takes that stay" and labels[-1] == "2 more, left out"
-    assert labels[1] == "left out: training_002 (longest_gap 41 beyond 20)"
-    assert len(labels) == 7
-
-    shown = figure.axes[1].lines[1]
-    rows = takes_table[takes_table["take"] == "training_002"]
-    assert_array_equal(shown.get_ydata(), rows["q:arm_1"])
+    assert entries[-1] == "2 more, left out"
+    assert len(entries) == 7
+    assert_array_equal(first_joint.lines[1].get_ydata(), of_second_take["q:arm_1"])
 
 
 def test_takes_of_an_arm_in_space_have_two_views_and_without_an_arm_only_angles(tables):

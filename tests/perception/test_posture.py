@@ -20,44 +20,46 @@ FRAMES, NOISE = 120, 5e-5  # m
 UPPER, FORE, HAND = slice(0, 3), slice(3, 6), slice(6, 9)
 
 
-MEASURED = points(UR5, MARKERS, motion(FRAMES))  # of the UR5, exact
+Q = motion(FRAMES)  # of the UR5
+MEASURED = points(UR5, MARKERS, Q)  # exact
+
+
+SINGLE = {  # markers on many links
+    "shoulder": {"s": [0.05, 0.06, 0.0]},
+    "upper_arm": {"a": [-0.2, 0.06, 0.05]},
+    "forearm": {"d": [-0.3, 0.05, 0.05]},
+    "wrist_2": {"w": [0.03, 0.02, 0.05]},
+    "flange": {"g": [0.0, 0.07, 0.01], "h": [0.06, 0.0, 0.02]},
+}
 
 
 def tracked(positions: np.ndarray, markers: dict = MARKERS, robot=UR5, **options):
-    return track(
-        positions,
-        points_in_space(robot, mocap(markers, **options)),
-        max_gap=20,
-        take="t",
-    )
+    postures = points_in_space(robot, mocap(markers, **options))
+    return track(positions, postures, max_gap=20, take="t")
+
+
+def with_changed(frames: slice, markers: slice, change) -> np.ndarray:
+    """MEASURED with ``change`` added to some ``markers`` in some ``frames``."""
+    positions = MEASURED.copy()
+    positions[frames, markers] += change
+    return positions
 
 
 def test_exact_points_give_exact_angles():
     result = tracked(MEASURED)
-    assert_allclose(result.q, motion(FRAMES), atol=1e-9)
-    assert result.residual.max() < 1e-10 and not any(result.counts.values())
-
-    # single markers on many links do as well
-    single = {
-        "shoulder": {"s": [0.05, 0.06, 0.0]},
-        "upper_arm": {"a": [-0.2, 0.06, 0.05]},
-    }
-    single |= {
-        "forearm": {"d": [-0.3, 0.05, 0.05]},
-        "wrist_2": {"w": [0.03, 0.02, 0.05]},
-    }
-    single |= {"flange": {"g": [0.0, 0.07, 0.01], "h": [0.06, 0.0, 0.02]}}
-    result = tracked(
-        points(UR5, single, motion(FRAMES)),
-        single,
-        posture=START.round(1).tolist(),
-    )
-
-    assert_allclose(result.q, motion(FRAMES), atol=1e-9)
+    assert_allclose(result.q, Q, atol=1e-9)
+    assert result.residual.max() < 1e-10
+    assert not any(result.counts.values())
 
 
 ARM, MODEL = arm_of(YOUBOT), pin.buildModelFromUrdf(YOUBOT.urdf)
 BENT = np.array([[2.0, -4.2, 1.2]])
+
+
+def test_single_markers_on_many_links_give_exact_angles():
+    observed = points(UR5, SINGLE, Q)
+    result = tracked(observed, SINGLE, posture=START.round(1).tolist())
+    assert_allclose(result.q, Q, atol=1e-9)
 
 
 def of_youbot(q: np.ndarray) -> np.ndarray:
@@ -79,104 +81,103 @@ def of_youbot(q: np.ndarray) -> np.ndarray:
     frames = zip(placed(np.zeros(3)), placed(q), zero, strict=True)
     places = []
     for before, now, markers in frames:
-        places += [(now * before.inverse()).act(marker) for marker in markers]
+        moved = now * before.inverse()
+        places += [moved.act(marker) for marker in markers]
     return np.array(places)
 
 
-@pytest.mark.parametrize("plane", [True, False])
-def test_a_noisy_frame_is_solved_as_scipy_solves_it_through_pinocchio(plane):
-    if plane:
-        solver, carry, q = points_in_plane(ARM, PLACES, 0.005), of_youbot, BENT[0]
-    else:
-        solver, q = points_in_space(UR5, mocap()), motion(FRAMES)[60]
+def of_ur5(q: np.ndarray) -> np.ndarray:
+    """(9, 3) m, where Pinocchio has the UR5's markers at ``q`` (6,) rad."""
+    (places,) = points(UR5, MARKERS, q[None])
+    return places
 
-        def carry(angles: np.ndarray) -> np.ndarray:
-            return points(UR5, MARKERS, angles[None])[0]
 
+SOLVERS = {  # how the points are solved, where they are by Pinocchio, and a pose
+    "plane": (points_in_plane(ARM, PLACES, 0.005), of_youbot, BENT[0]),
+    "space": (points_in_space(UR5, mocap()), of_ur5, Q[60]),
+}
+
+
+@pytest.mark.parametrize("place", SOLVERS)
+def test_a_noisy_frame_is_solved_as_scipy_solves_it_through_pinocchio(place):
+    solver, carry, q = SOLVERS[place]
     assert_allclose(solver.carry(q[None])[0], carry(q), atol=1e-12)
-
     frame = carry(q) + NOISE * default_rng(1).standard_normal((9, 3))
-    ends = dict.fromkeys(("xtol", "ftol", "gtol"), 1e-15)
 
     def residuals(angles: np.ndarray) -> np.ndarray:
         return (carry(angles) - frame).ravel()
 
+    ends = dict.fromkeys(("xtol", "ftol", "gtol"), 1e-15)
     reference = least_squares(residuals, q, "3-point", x_scale=0.1, **ends)
     frames = solver.solve(frame[None], q[None] + 0.05)
     solution = type(frames)(*(array[0] for array in frames))
-    assert_allclose(solution.q, reference.x, atol=2e-8)
 
+    assert_allclose(solution.q, reference.x, atol=2e-8)
     squares = (solution.distances**2).sum()
     assert squares == pytest.approx(2 * reference.cost, rel=1e-9)
-
     normal = reference.jac.T @ reference.jac
     assert_allclose(solution.normal, normal, rtol=0, atol=1e-5)
-
     # SciPy's derivatives limit it; the step that is left by central differences does not
-    nudges = 1e-5 * np.eye(len(q))
-    slopes = [
-        (carry(solution.q + d) - carry(solution.q - d)).ravel() / 2e-5 for d in nudges
-    ]
-    left = np.linalg.lstsq(np.array(slopes).T, (frame - carry(solution.q)).ravel())[0]
-
+    slopes = []
+    for nudge in 1e-5 * np.eye(len(q)):
+        ahead, behind = (residuals(solution.q + step) for step in (nudge, -nudge))
+        slopes.append((ahead - behind) / 2e-5)
+    left, *_ = np.linalg.lstsq(np.transpose(slopes), -residuals(solution.q))
     assert np.abs(left).max() < 1e-10
     # control: the exact angles are no minimum of the noisy points
     assert np.abs(solution.q - q).max() > 1e-5
 
 
-def test_a_link_is_missed_where_the_rest_decides_and_a_gap_is_filled_where_it_does_not():
-    without_forearm, without_hand = MEASURED.copy(), MEASURED.copy()
-    without_forearm[30:60, FORE] = np.nan
-    result = tracked(without_forearm)
-    assert_allclose(result.q, motion(FRAMES), atol=1e-9)
-    assert result.counts["missing"] == 90 and result.counts["interpolated"] == 0
+def test_a_link_is_missed_where_the_rest_decides():
+    result = tracked(with_changed(slice(30, 60), FORE, np.nan))
+    assert_allclose(result.q, Q, atol=1e-9)
+    assert (result.counts["missing"], result.counts["interpolated"]) == (90, 0)
 
-    without_hand[30:40, HAND] = np.nan
-    result = tracked(without_hand)
+
+def test_a_gap_is_filled_where_the_rest_does_not_decide():
+    result = tracked(with_changed(slice(30, 40), HAND, np.nan))
     assert result.counts["interpolated"] == 10
     assert np.isnan(result.residual[30:40]).all()
-
     # the motion is a straight line
-    assert_allclose(result.q, motion(FRAMES), atol=1e-9)
-
-    without_hand[30:55, HAND] = np.nan
+    assert_allclose(result.q, Q, atol=1e-9)
     with pytest.raises(RecordingError, match="longer than 20 frames"):
-        tracked(without_hand)
+        tracked(with_changed(slice(30, 55), HAND, np.nan))
 
 
 def test_a_take_that_starts_in_the_dark_is_followed_backwards():
-    measured = MEASURED.copy()
-    measured[:15, FORE] = np.nan
+    measured = with_changed(slice(15), FORE, np.nan)
     measured[:5] = np.nan
     result = tracked(measured)
-    assert_allclose(result.q[5:], motion(FRAMES)[5:], atol=1e-9)
+    assert_allclose(result.q[5:], Q[5:], atol=1e-9)
     assert result.counts["held"] == 5
 
 
+SLIP = [0.03, -0.02, 0.01]  # m
+
+
 def test_a_body_that_slips_is_left_out_of_its_frames():
-    slipped, apart = MEASURED.copy(), MEASURED.copy()
-    slipped[40:50, FORE] += [0.03, -0.02, 0.01]
-    result = tracked(slipped)
-    assert_allclose(result.q, motion(FRAMES), atol=1e-9)
-    assert result.counts["rejected"] == 30 and result.counts["interpolated"] == 0
-
-    # of two bodies apart nobody knows which is right, and the hand is needed
-    apart[40:50, HAND] += [0.03, -0.02, 0.01]
-    assert tracked(apart).counts["interpolated"] == 10
+    result = tracked(with_changed(slice(40, 50), FORE, SLIP))
+    assert_allclose(result.q, Q, atol=1e-9)
+    assert (result.counts["rejected"], result.counts["interpolated"]) == (30, 0)
 
 
-def test_joints_that_no_point_shows_are_named():
-    measured = MEASURED[:2]  # every frame is tried
-    upper = {"upper_arm": MARKERS["upper_arm"]}
-    with pytest.raises(
-        RecordingError,
-        match="determine joint_3, joint_4, joint_5, joint_6:",
-    ):
-        tracked(measured[:, UPPER], upper)
+def test_of_two_bodies_apart_nobody_knows_which_is_right_and_the_hand_is_needed():
+    result = tracked(with_changed(slice(40, 50), HAND, SLIP))
+    assert result.counts["interpolated"] == 10
 
-    two = {link: MARKERS[link] for link in ("upper_arm", "forearm")}
-    with pytest.raises(RecordingError, match="determine joint_4, joint_5, joint_6:"):
-        tracked(measured[:, :6], two)
+
+@pytest.mark.parametrize(
+    ("links", "joints"),
+    [
+        (["upper_arm"], "joint_3, joint_4, joint_5, joint_6:"),
+        (["upper_arm", "forearm"], "joint_4, joint_5, joint_6:"),
+    ],
+)
+def test_joints_that_no_point_shows_are_named(links, joints):
+    markers = {link: MARKERS[link] for link in links}
+    observed = MEASURED[:2, : 3 * len(links)]  # every frame is tried
+    with pytest.raises(RecordingError, match=f"determine {joints}"):
+        tracked(observed, markers)
 
 
 def test_postures_that_fit_alike_are_refused_until_one_is_named():
@@ -189,11 +190,11 @@ def test_postures_that_fit_alike_are_refused_until_one_is_named():
     result = tracked(observed, hand, posture=(START + 0.1).tolist())
     assert_allclose(result.q, q, atol=1e-8)
 
-    # the shoulder of the LWR4 is spherical: what is beyond it fits two postures
+
+def test_what_is_beyond_a_spherical_shoulder_fits_two_postures():
     beyond = dict.fromkeys(("link_3", "link_5"), MARKERS["forearm"])
     beyond |= {"flange": MARKERS["flange"]}
-    q = np.repeat([[0.3, 0.9, -0.3, -1.6, 0.4, 1.0, 0.2]], 3, axis=0)
-
+    q = np.array([[0.3, 0.9, -0.3, -1.6, 0.4, 1.0, 0.2]] * 3)
     with pytest.raises(RecordingError, match="2 postures"):
         tracked(points(LWR4, beyond, q), beyond, LWR4)
 
@@ -202,21 +203,38 @@ def test_postures_that_fit_alike_are_refused_until_one_is_named():
     assert_allclose(result.q, q, atol=1e-9)
 
 
-def test_whole_turns_are_those_of_the_posture_that_is_named_and_points_that_never_fit_refused():
-    turned = START - 2 * np.pi * np.eye(6)[5]
-    result = tracked(MEASURED, posture=turned.tolist())
-    assert_allclose(result.q, motion(FRAMES) + turned - START, atol=1e-9)
-    with pytest.raises(RecordingError, match="no posture of the arm has all markers"):
-        tracked(MEASURED[:3, [0, 1, 2, 6, 7, 8, 3, 4, 5]])
-    with pytest.raises(RecordingError, match="no posture"):
-        tracked(np.full_like(MEASURED, np.nan))
+def test_whole_turns_are_those_of_the_posture_that_is_named():
+    turns = -2 * np.pi * np.eye(6)[5]
+    result = tracked(MEASURED, posture=(START + turns).tolist())
+    assert_allclose(result.q, Q + turns, atol=1e-9)
 
 
-def test_points_and_postures_that_are_not_of_the_arm_are_refused():
-    with pytest.raises(ConfigError, match="forearm needs markers"):
-        points_in_space(UR5, mocap({"forearm": {}}))
-    with pytest.raises(ConfigError, match="7 angles for an arm of 6 joints"):
-        points_in_space(UR5, mocap(posture=[0.0] * 7))
+EXCHANGED = MEASURED[:3, [0, 1, 2, 6, 7, 8, 3, 4, 5]]  # forearm and hand
+
+
+@pytest.mark.parametrize(
+    ("positions", "words"),
+    [
+        (EXCHANGED, "no posture of the arm has all markers"),
+        (np.full_like(MEASURED, np.nan), "no posture"),
+    ],
+    ids=["exchanged", "missing"],
+)
+def test_points_that_never_fit_are_refused(positions, words):
+    with pytest.raises(RecordingError, match=words):
+        tracked(positions)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"markers": {"forearm": {}}}, "forearm needs markers"),
+        ({"posture": [0.0] * 7}, "7 angles for an arm of 6 joints"),
+    ],
+)
+def test_points_and_postures_that_are_not_of_the_arm_are_refused(options, words):
+    with pytest.raises(ConfigError, match=words):
+        points_in_space(UR5, mocap(**options))
 
 
 # out and back, 1.5 rad a joint in 3.2 s
@@ -241,34 +259,37 @@ def of_plane(
 def test_without_noise_the_joint_angles_are_exact_where_a_link_is_hidden_too():
     positions = recording()
     exact = of_plane(positions)
-    assert_allclose(exact.q, MOTION, atol=1e-10)
-    assert exact.residual.max() < 1e-10 and not any(exact.counts.values())
-    assert exact.samples == positions.shape[0] * 9
-
     positions[40:90, 3:6] = np.nan
     hidden = of_plane(positions)
+
+    assert_allclose(exact.q, MOTION, atol=1e-10)
+    assert exact.residual.max() < 1e-10
+    assert not any(exact.counts.values())
+    assert exact.samples == positions.shape[0] * 9
     assert_allclose(hidden.q, MOTION, atol=1e-10)
     assert hidden.counts["missing"] == 150 and not hidden.counts["interpolated"]
 
-    # a base that is registered wrongly shows in the residual
-    shifted = of_plane(np.add(recording(), [1e-3, 0.0, 0.0]))
+
+def test_a_base_that_is_registered_wrongly_shows_in_the_residual():
+    shifted = of_plane(recording() + np.array([1e-3, 0.0, 0.0]))
     assert 1e-4 < np.median(shifted.residual) < 1e-3
     assert np.abs(shifted.q - MOTION).max() > 1e-3
 
 
 def test_labels_swapped_within_and_between_links_are_put_right_and_counted():
     clean = recording(2e-4)
-    swapped, reference = clean.copy(), of_plane(clean)
-    swapped[40:90, [0, 1]] = clean[40:90, [1, 0]]
-    swapped[150:230, 5], swapped[150:230, 6] = clean[150:230, 6], clean[150:230, 5]
-    swapped[:10, [6, 7, 8]] = clean[:10, [8, 6, 7]]
-    repaired = of_plane(swapped)
+    swapped = clean.copy()
+    for frames, markers, labels in (
+        (slice(40, 90), [0, 1], [1, 0]),
+        (slice(150, 230), [5, 6], [6, 5]),
+        (slice(10), [6, 7, 8], [8, 6, 7]),
+    ):
+        swapped[frames, markers] = clean[frames, labels]
+    reference, repaired = of_plane(clean), of_plane(swapped)
 
     assert_allclose(repaired.q, reference.q, atol=1e-9)
-    assert repaired.counts == {
-        **reference.counts,
-        "relabelled": 2 * 50 + 2 * 80 + 3 * 10,
-    }
+    relabelled = 2 * 50 + 2 * 80 + 3 * 10
+    assert repaired.counts == reference.counts | {"relabelled": relabelled}
 
 
 def test_a_reflection_with_a_label_is_rejected_and_the_rest_of_the_markers_decide():
@@ -284,11 +305,11 @@ def test_short_gaps_are_filled_linearly_counted_and_have_no_residual():
     gap[50:60, 6:] = np.nan
     gap[:3] = np.nan
     filled = of_plane(gap)
-    share = (np.arange(50, 60) - 49)[:, None] / 11
-    line = (1 - share) * MOTION[49] + share * MOTION[60]
 
+    line = np.linspace(MOTION[49], MOTION[60], 12)[1:-1]
     assert_allclose(filled.q[50:60], line, atol=1e-10)
-    assert_allclose(filled.q[:3], np.tile(MOTION[3], (3, 1)), atol=1e-10)
+    for first in filled.q[:3]:
+        assert_allclose(first, MOTION[3], atol=1e-10)
     assert (filled.counts["interpolated"], filled.counts["held"]) == (10, 3)
     assert np.isnan(filled.residual).sum() == 13
 
@@ -301,30 +322,25 @@ def test_gaps_of_turning_joints_are_filled_the_short_way_round_and_of_sliding_on
     q = np.array([[3.1, 0.0], [np.nan, np.nan], [-3.1, 3.8]])
     solved, sliding = np.array([True, False, True]), np.array([False, True])
     filled, counts = fill_gaps(q, solved, sliding, 1, "t")
-    assert_allclose(
-        filled,
-        [[3.1, 0.0], [np.pi, 1.9], [2 * np.pi - 3.1, 3.8]],
-    )
+    assert_allclose(filled, [[3.1, 0.0], [np.pi, 1.9], [2 * np.pi - 3.1, 3.8]])
     assert counts == {"interpolated": 1, "held": 0}
 
 
 LINE = np.array([PLACES[0], [[0, 0, 0.02], [0, 0, 0.06], [0, 0, 0.1]], PLACES[2]])
 
 
+CLEAN = recording()[:20]
+
+
 @pytest.mark.parametrize(
     ("positions", "template", "error", "words"),
     [
-        (recording()[:20] * 1000, PLACES, RecordingError, "fit the arm"),
-        (
-            recording()[:20, ::-1],
-            PLACES,
-            RecordingError,
-            "check the template, the labels",
-        ),
+        (CLEAN * 1000, PLACES, RecordingError, "fit the arm"),
+        (CLEAN[:, ::-1], PLACES, RecordingError, "check the template, the labels"),
         (np.full((5, 9, 3), np.nan), PLACES, RecordingError, "fit the arm"),
-        (recording()[:0], PLACES, RecordingError, "no frame"),
-        (recording()[:20], LINE, ConfigError, "in line"),
-        (recording()[:20], PLACES[:2], ConfigError, "three markers"),
+        (CLEAN[:0], PLACES, RecordingError, "no frame"),
+        (CLEAN, LINE, ConfigError, "in line"),
+        (CLEAN, PLACES[:2], ConfigError, "three markers"),
     ],
 )
 def test_markers_that_never_fit_and_templates_that_decide_no_angle_are_refused(

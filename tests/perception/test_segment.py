@@ -42,7 +42,7 @@ def ideal_pixels() -> np.ndarray:
     """(rows · columns, 3) rays in the camera's frame; the distortion inverted by a fixed point of
     the forward model.
     """
-    v, u = np.mgrid[: SHAPE[0], : SHAPE[1]].reshape(2, -1)
+    v, u = np.indices(SHAPE).reshape(2, -1)
     x, y = (u - CAMERA.cx) / CAMERA.fx, (v - CAMERA.cy) / CAMERA.fy
     target = np.stack([x, y], axis=-1)
     ideal = np.c_[target, np.ones(len(target))]
@@ -60,14 +60,13 @@ def rays() -> np.ndarray:
 
 def on_arm(points: np.ndarray) -> np.ndarray:
     """Mask of the points (..., 2) that lie on the rectangles of the links."""
-    nodes = CHAIN.points(Q)
     inside = np.zeros(points.shape[:-1], dtype=bool)
-    for start, end in pairwise(nodes):
+    for start, end in pairwise(CHAIN.points(Q)):
         length = np.hypot(*(end - start))
-        along = (end - start) / length
-        way = (points - start) @ along
-        aside = (points - start) @ [along[1], -along[0]]
-        inside |= (way >= 0) & (way <= length) & (np.abs(aside) <= WIDTH / 2)
+        x, z = (end - start) / length
+        along = (points - start) @ [x, z]
+        aside = (points - start) @ [z, -x]
+        inside |= (along >= 0) & (along <= length) & (np.abs(aside) <= WIDTH / 2)
     return inside
 
 
@@ -76,8 +75,9 @@ def render() -> tuple[np.ndarray, np.ndarray]:
     arm.
     """
     r = rays()
-    near, far = (FRONT - PLACE[1]) / r[:, 1], (1.0 - PLACE[1]) / r[:, 1]
-    hit = on_arm((PLACE + near[:, None] * r)[:, [0, 2]])
+    near, far = ((place - PLACE[1]) / r[:, 1] for place in (FRONT, 1.0))
+    faces = PLACE + near[:, None] * r
+    hit = on_arm(faces[:, [0, 2]])
     return np.where(hit, near, far).reshape(SHAPE), hit.reshape(SHAPE)
 
 
@@ -102,31 +102,35 @@ def test_every_pixel_of_the_arm_and_no_other_is_found_where_it_is() -> None:
     assert np.mean(on_arm(points)) == 1.0
 
 
-def test_pixels_without_depth_and_alone_beside_the_arm_are_left_out() -> None:
+def test_pixels_without_depth_are_left_out() -> None:
     depth, hit = render()
-    cut, lost = segmenter(), np.flatnonzero(hit)[::7]
+    lost = np.flatnonzero(hit)[::7]
+    depth.flat[lost[::2]] = 0.0
+    depth.flat[lost[1::2]] = np.nan
+    assert len(segmenter()(depth)) == hit.sum() - len(lost)
+
+
+def test_a_flying_pixel_alone_beside_the_arm_is_left_out() -> None:
+    depth, hit = render()
+    cut = segmenter()
     rows, columns = cut.window
-    depth.ravel()[lost[::2]], depth.ravel()[lost[1::2]] = 0.0, np.nan
-
-    # a flying pixel: at the depth of the arm, beside it
     beside = cv2.dilate(hit.astype(np.uint8), np.ones((7, 7))).astype(bool)
-    corner = [rows.start, columns.start]
-    free = tuple(np.argwhere(~beside[rows, columns])[0] + corner)
-    ray = rays()[np.ravel_multi_index(free, SHAPE)]
-    depth[free] = (FRONT - PLACE[1]) / ray[1]
-
-    assert len(cut(depth)) == hit.sum() - len(lost)
+    row, column = np.argwhere(~beside[rows, columns])[0]
+    pixel = rows.start + row, columns.start + column
+    ray = rays().reshape(*SHAPE, 3)[pixel]
+    depth[pixel] = (FRONT - PLACE[1]) / ray[1]  # the depth of the arm
+    assert len(cut(depth)) == hit.sum()
 
 
 def test_patches_base_and_points_beyond_the_stated_numbers_are_left_out() -> None:
     depth, hit = render()
     total, everything = int(hit.sum()), segmenter()(depth)
-    assert len(segmenter(replace(CROP, min_pixels=total))(depth)) == total
-    assert len(segmenter(replace(CROP, min_pixels=total + 1))(depth)) == 0
-
     # turntable and floor
     x, z = (everything - CHAIN.origin).T
     base = ((np.abs(x) <= 0.05) & (z <= 0.05)) | (everything[:, 1] <= 0.12)
     assert base.sum() > 50
+
+    assert len(segmenter(replace(CROP, min_pixels=total))(depth)) == total
+    assert len(segmenter(replace(CROP, min_pixels=total + 1))(depth)) == 0
     assert_array_equal(segmenter(BASE)(depth), everything[~base])
     assert len(segmenter(replace(CROP, max_points=300))(depth)) == 300
