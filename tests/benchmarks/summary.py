@@ -5,7 +5,6 @@ reports/benchmarks, and the times in README.md: ``python tests/benchmarks/summar
 import json
 from collections.abc import Iterator
 from pathlib import Path
-from statistics import median
 
 from contests import CALLS, HERE, RESULTS, ROOT, SECONDS
 
@@ -47,35 +46,35 @@ def duration(seconds: float) -> str:
     return f"{seconds * 1e9:.3g} ns"
 
 
-def an_item(benchmark: dict) -> list[float]:
+def times_an_item(benchmark: dict) -> np.ndarray:
     """Least time in s of each run for one of the items that a call treats."""
-    items = benchmark["extra_info"]["items"]
-    return [seconds / items for seconds in benchmark["least"]]
+    return np.array(benchmark["least"]) / benchmark["extra_info"]["items"]
 
 
 def contest_rows(benchmarks: list[dict]) -> Iterator[list[str]]:
     """Yield the cells of each row, contest by contest, the fastest opponent first."""
     for contest in sorted({benchmark["group"] for benchmark in benchmarks}):
-        by_role: dict[str, list[dict]] = {"ours": [], "peer": []}
-        for benchmark in benchmarks:
-            if benchmark["group"] == contest:
-                by_role[benchmark["extra_info"]["role"]].append(benchmark)
-        (ours,) = by_role["ours"]
-        for peer in sorted(by_role["peer"], key=lambda peer: median(an_item(peer))):
+        members = [b for b in benchmarks if b["group"] == contest]
+        (ours,) = (b for b in members if b["extra_info"]["role"] == "ours")
+        peers = [b for b in members if b["extra_info"]["role"] == "peer"]
+        for peer in sorted(peers, key=lambda peer: np.median(times_an_item(peer))):
             yield [contest, *against(ours, peer)]
 
 
 def against(ours: dict, peer: dict) -> list[str]:
     """Cells of the row of ``ours`` against one peer: name, ratio, target, verdict, quality."""
     stated = peer["extra_info"]
-    here, there = an_item(ours), an_item(peer)
-    ratios = [b / a for a, b in zip(here, there, strict=True)]
-    least, most = significant(min(ratios)), significant(max(ratios))
-    ratio = f"{significant(median(ratios))} ({least} to {most}) times as fast, "
-    ratio += f"{duration(median(here))} against {duration(median(there))}"
+    here, there = times_an_item(ours), times_an_item(peer)
+    ratios = there / here
+    low, middle, high = (
+        significant(value) for value in (ratios.min(), np.median(ratios), ratios.max())
+    )
+    times = f"{duration(np.median(here))} against {duration(np.median(there))}"
+    ratio = f"{middle} ({low} to {high}) times as fast, {times}"
+
     quality, same = compared_quality(ours["extra_info"], stated)
     # speed at the cost of quality meets nothing
-    met = sum(same and value >= stated["target"] for value in ratios)
+    met = int(np.sum(ratios >= stated["target"])) if same else 0
     result = verdict(met > 0)
     if 0 < met < len(ratios):
         result = f"**met in {met} of {len(ratios)} runs**"
@@ -86,9 +85,9 @@ def compared_quality(ours: dict, peer: dict) -> tuple[str, bool]:
     """The cell of the qualities of two members, and whether ours is as good."""
     for kind in ("error", "objective"):
         if kind in ours and kind in peer:
-            worst = peer[kind] + SAME_QUALITY * abs(peer[kind])
-            cell = f"{kind} {ours[kind]:.4g} against {peer[kind]:.4g}"
-            return cell, ours[kind] <= worst
+            value, rival = ours[kind], peer[kind]
+            cell = f"{kind} {value:.4g} against {rival:.4g}"
+            return cell, value <= rival + SAME_QUALITY * abs(rival)
     return "–", True
 
 

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import cvxpy as cp
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from scenario import SIGMA_B, scene, swing
 from scipy.stats import norm
 
@@ -31,12 +32,12 @@ MARKERS = 8e-4  # rad, noise of a measured angle
 def density(size) -> tuple[np.ndarray, ...]:
     """Correlated normal samples (N, 2), a grid over all of them, x and y, and the bandwidth."""
     mean, covariance = [3.0, 5.0], [[5.0, -2.0], [-2.0, 2.0]]
-    rng, count = np.random.default_rng(28), size(1_000_000, 1000)
-    samples = rng.multivariate_normal(mean, covariance, count)
+    rng = np.random.default_rng(28)
+    samples = rng.multivariate_normal(mean, covariance, size(1_000_000, 1000))
     bandwidth = normal_reference_bandwidth(samples)
-    low = samples.min(axis=0) - 3 * bandwidth
-    high = samples.max(axis=0) + 3 * bandwidth
-    x, y = np.linspace(low, high, size(256, 64)).T
+    margin = 3 * bandwidth
+    ends = samples.min(axis=0) - margin, samples.max(axis=0) + margin
+    x, y = np.linspace(*ends, size(256, 64)).T
     return samples, x, y, bandwidth
 
 
@@ -61,16 +62,13 @@ def test_our_density(benchmark, density):
 @pytest.mark.benchmark(group=DENSITIES)
 def test_kdepy(benchmark, peer, density, tmp_path):
     samples, x, y, bandwidth = density
-    np.save(file := tmp_path / "samples.npy", samples)
-    run = peer(
-        "densities",
-        samples=str(file),
-        x=x,
-        y=y,
-        bandwidth=bandwidth,
-        shown=SHOWN,
-    )
+    file = tmp_path / "samples.npy"
+    np.save(file, samples)
+    grid = {"x": x, "y": y, "bandwidth": bandwidth, "shown": SHOWN}
+    run = peer("densities", samples=str(file), **grid)
+
     error = error_of(np.array(benchmark(run)), *density)
+
     stated = {"role": "peer", "against": "KDEpy", "target": 5, "error": error}
     benchmark.extra_info |= stated | {"items": len(samples)}
     assert error < 1e-2
@@ -99,21 +97,24 @@ def problems(benchmark, request, size) -> Problems:
     benchmark.group = FITS[request.param]
     stage, takes = scene(request.param), size(100, 3)
     chain, decomposition = stage.chain, stage.model.decomposition
+    # σ_B so large that definiteness binds some of the problems
+    model = WishartModel(2 * SIGMA_B, decomposition)
+
+    rng = np.random.default_rng(2017)
     path = swing(320, stage.start.mean)
     v = np.matvec(chain.jacobian(path[:-1]), np.diff(path, axis=0))
-    before, commands = np.tile(path[:-1], (takes, 1, 1)), np.tile(v, (takes, 1, 1))
-    # σ_B so large that definiteness binds some of the problems
-    model, rng = WishartModel(2 * SIGMA_B, decomposition), np.random.default_rng(2017)
+    before, commands = (np.tile(array, (takes, 1, 1)) for array in (path[:-1], v))
     after, _ = draw_steps(model, chain, before, v, rng)
-
     start = before + MARKERS * rng.standard_normal(before.shape)
     end = after + MARKERS * rng.standard_normal(after.shape)
+
     a, back, _ = factors(chain, start, commands, decomposition)
+    noise = end - start - chain.nominal_step(start, commands)
     m = a.shape[-1]
-    noise = (end - start - chain.nominal_step(start, commands)).reshape(-1, m)
     # at rest two measurements differ by their noise alone
     weights = objective_weights(np.sqrt(2 * m) * MARKERS, m)
-    return Problems(noise, a.reshape(-1, m), back.reshape(-1, m, m), weights)
+    vectors = noise.reshape(-1, m), a.reshape(-1, m)
+    return Problems(*vectors, back.reshape(-1, m, m), weights)
 
 
 def parametrised(
@@ -155,4 +156,4 @@ def test_cvxpy(benchmark, problems, size):
         "one parametrised problem, compiled once, then solved by Clarabel for each problem's "
         "values of the parameters; the time of the model between counts"
     )
-    np.testing.assert_allclose(values, solved.fits().objective, rtol=1e-5, atol=1e-9)
+    assert_allclose(values, solved.fits().objective, rtol=1e-5, atol=1e-9)
