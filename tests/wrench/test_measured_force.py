@@ -37,6 +37,16 @@ def correlated(system, sigma_s, samples, rng):
     return np.repeat(independent, 20, axis=0)
 
 
+def shares_rejected(system, sigma_s, rngs) -> tuple[float, pd.DataFrame]:
+    """Share of records of the cables ``system`` that the test of SYSTEM rejects, and the tests."""
+    tests = []
+    for rng in rngs:
+        record = correlated(system, sigma_s, 6000, rng)
+        tests.append(force_test(record, SYSTEM, sigma_s, rng))
+    table = pd.DataFrame(tests)
+    return np.mean(table["two_sample_p_value"] <= 0.05), table
+
+
 @pytest.mark.slow
 def test_a_record_of_the_model_itself_passes_the_test_and_one_of_less_steady_tensions_does_not(
     monkeypatch,
@@ -44,31 +54,21 @@ def test_a_record_of_the_model_itself_passes_the_test_and_one_of_less_steady_ten
     monkeypatch.setattr(densities, "PERMUTATIONS", 199)  # the level is the same
     systems = models.draw_systems(BOUNDS, 1000, 3, default_rng(25))
     sigma_s = averaged_sigma_s(systems)["diagonal"].mean
-    rngs = default_rng(44).spawn(30)
-    outcomes = []
-    for rng in rngs:
-        record = correlated(SYSTEM, sigma_s, 6000, rng)
-        outcomes.append(force_test(record, SYSTEM, sigma_s, rng))
-    outcomes = pd.DataFrame(outcomes)
-
-    # a binomial of 30 draws with 0.05 exceeds it with probability 6e-4
-    assert np.mean(outcomes["two_sample_p_value"] <= 0.05) <= 0.2
-    assert outcomes["effective_samples"].mean() == pytest.approx(300, rel=0.15)
-    assert outcomes["tested_samples"].between(75, 300).all()
-
     model = models.matrix_model(SYSTEM)
     share = model.sigma_s_factor() * sigma_s[0, 0] / model.covariance(sigma_s)[0, 0]
-    assert outcomes["matrix_share_fx"][0] == pytest.approx(share)
-    assert share < 0.5
-
     loose = replace(SYSTEM, tension_sd=1.6 * SYSTEM.tension_sd)
-    records = [correlated(loose, sigma_s, 6000, rng) for rng in rngs]
-    p_values = []
-    for record, rng in zip(records, rngs, strict=True):
-        outcome = force_test(record, SYSTEM, sigma_s, rng)
-        p_values.append(outcome["two_sample_p_value"])
+    rngs = default_rng(44).spawn(30)
 
-    assert np.mean(np.array(p_values) <= 0.05) >= 0.9
+    rejected, tests = shares_rejected(SYSTEM, sigma_s, rngs)
+    rejected_loose, _ = shares_rejected(loose, sigma_s, rngs)
+
+    # a binomial of 30 draws with 0.05 exceeds it with probability 6e-4
+    assert rejected <= 0.2
+    assert rejected_loose >= 0.9
+    assert tests["effective_samples"].mean() == pytest.approx(300, rel=0.15)
+    assert tests["tested_samples"].between(75, 300).all()
+    assert tests["matrix_share_fx"][0] == pytest.approx(share)
+    assert share < 0.5
 
 
 TOWED = models.CableSystem(
@@ -104,22 +104,25 @@ def test_the_divergence_is_the_mean_log_ratio_of_the_two_normal_densities():
     assert abs(np.log(np.linalg.det(ratio))) / 2 > 100 * error
 
 
-def test_rows_are_those_that_the_cables_give_and_moments_are_over_the_length():
-    met = replace(TOWED, attachment=None)
+def test_rows_are_those_that_the_cables_give():
     angles = planar_cables([5.0, 4.0], [0.1, 2.0], [0.5, 0.5], [900.0, 900.0])
-    planar = replace(angles, attachment=np.ones((2, 2)))
     assert rows_of(angles) == ("fx", "fy")
-    assert rows_of(planar) == ("fx", "fy", "mz")
-    assert rows_of(met) == SIX[:3]
+    assert rows_of(replace(angles, attachment=np.ones((2, 2)))) == ("fx", "fy", "mz")
+    assert rows_of(replace(TOWED, attachment=None)) == SIX[:3]
     assert rows_of(TOWED) == SIX
 
+
+def test_moments_of_measured_wrenches_are_over_the_length():
     wrenches = sample_wrench(TOWED, 50, default_rng(1))
     record = pd.DataFrame(wrenches, columns=SIX)
+    angles = planar_cables([5.0, 4.0], [0.1, 2.0], [0.5, 0.5], [900.0, 900.0])
+    planar = replace(angles, attachment=np.ones((2, 2)))
+
     measured = measured_wrenches(record, TOWED, LENGTH)
+    moment = measured_wrenches(record, planar, LENGTH)[:, 2]
+
     assert_allclose(measured[:, :3], wrenches[:, :3])
     assert_allclose(LENGTH * measured[:, 3:], wrenches[:, 3:])
-
-    moment = measured_wrenches(record, planar, LENGTH)[:, 2]
     assert_array_equal(moment, record["mz"] / LENGTH)
 
 
@@ -131,17 +134,18 @@ def test_six_rows_of_a_record_of_the_cables_have_the_moments_of_the_matrix_model
         "measured": measured_wrenches(record, system, LENGTH),
         "modelled": models.sample_wrenches(model, sigma_s, 20_000, rng),
     }
-    moments = force_moments("T3", wrenches, SIX).set_index("source")
     exact = np.diag(models.wrench_covariance(system))
-
+    pull = system.jacobian() @ system.tension
     # of vMF(κ) cables pull 1/κ less than their tension
     band = 4.5 * np.sqrt(exact / 20_000) + 0.03
-    for source in wrenches:
-        variances = moments.loc[source, [f"var_{row}" for row in SIX]].astype(float)
-        assert_allclose(variances, exact, rtol=0.06)
-        mean = moments.loc[source, list(SIX)].astype(float)
-        assert np.all(np.abs(mean - system.jacobian() @ system.tension) < band)
 
+    moments = force_moments("T3", wrenches, SIX).set_index("source")
+
+    for source in wrenches:
+        row = moments.loc[source]
+        variances = row[[f"var_{name}" for name in SIX]].astype(float)
+        assert_allclose(variances, exact, rtol=0.06)
+        assert np.all(np.abs(row[list(SIX)].astype(float) - pull) < band)
     # the control: of other attachments the moments differ and the forces do not
     nearer = replace(system, attachment=0.5 * system.attachment)
     ratio = np.diag(models.wrench_covariance(nearer)) / exact

@@ -12,6 +12,7 @@ from numpy.random import default_rng
 from numpy.testing import assert_allclose
 from scipy.integrate import dblquad
 from scipy.stats import kstest
+from standard_errors import largest_score
 
 from pipeline.core.errors import ConfigError
 from pipeline.core.options.analysis import Wrench
@@ -112,15 +113,15 @@ def force(configuration: Arrangement, **changes) -> Force:
 def test_a_configuration_in_space_has_elevations_and_attachments_over_the_length():
     configuration = Arrangement(**SPATIAL)
     options = force(configuration, length=0.2)
+
     system = nominal_system(options, configuration)
-    assert_allclose(np.linalg.norm(system.direction, axis=1), 1)
+    bounds = configuration_bounds(options, configuration)
 
     x, y, z = system.direction.T
+    assert_allclose(np.hypot(np.hypot(x, y), z), 1)
     assert_allclose(np.arcsin(z), SPATIAL["elevation"])
     assert_allclose(np.arctan2(y, x), SPATIAL["direction"])
     assert_allclose(0.2 * system.attachment, SPATIAL["attachment"])
-
-    bounds = configuration_bounds(options, configuration)
     assert bounds.elevation == [-0.5, 0.5]
     assert_allclose(bounds.attachment, [-0.5, 0.5])
 
@@ -128,14 +129,14 @@ def test_a_configuration_in_space_has_elevations_and_attachments_over_the_length
 def test_a_configuration_in_the_plane_has_neither():
     configuration = Arrangement(**PLANAR)
     options = force(configuration)
-    system = nominal_system(options, configuration)
-    x, y = system.direction.T
 
+    system = nominal_system(options, configuration)
+    bounds = configuration_bounds(options, configuration)
+
+    x, y = system.direction.T
     assert_allclose(np.arctan2(y, x), PLANAR["direction"])
     assert system.tension_sd.tolist() == [0.5, 0.6]
     assert system.attachment is None
-
-    bounds = configuration_bounds(options, configuration)
     assert (bounds.dimension, bounds.attachment) == (2, None)
 
 
@@ -190,11 +191,8 @@ def test_for_one_cable_it_is_the_integral_over_tension_and_its_deviation():
 )
 def test_without_the_bound_it_is_what_averages_over_systems_tend_to(bounds, agents):
     systems = draw_systems(bounds, 20_000, agents, default_rng(45))
-    unbounded = unbounded_sigma_s(systems)
-    error = unbounded.std(axis=0, ddof=1) / np.sqrt(len(unbounded))
     expected = expected_unbounded_sigma_s(bounds, agents)
-    distance = (unbounded.mean(axis=0) - expected) / error
-    assert np.abs(distance).max() < 4
+    assert largest_score(unbounded_sigma_s(systems), expected) < 4
 
 
 @pytest.mark.parametrize("agents", [1, 3])
@@ -206,22 +204,20 @@ def test_with_its_own_bounds_alone_it_is_what_averages_over_systems_tend_to(
     systems = draw_systems(WIDE, 40_000, agents, default_rng(46))
     estimate = averaged_sigma_s(systems)[form]
     expected = expected_sigma_s(WIDE, agents, default_rng(47))[form]
+    error = np.diag(estimate.standard_error)
+
     assert estimate.clipped > 1000
     assert np.abs(z_scores(estimate, expected)).max() < 4
-
     # the standard error tends to the deviation of single systems over √systems
-    error = np.diag(estimate.standard_error)
     deviations = error * np.sqrt(estimate.systems)
     assert_allclose(deviations, np.diag(expected.deviation), rtol=0.05)
 
     # controls: without the bound, and of wider directions
-    without_bound = estimate.mean - expected_unbounded_sigma_s(WIDE, agents)
-    assert np.max(np.diag(without_bound) / error) > 8
-
+    unbounded = expected_unbounded_sigma_s(WIDE, agents)
     wider = replace(WIDE, direction=(0.1, 0.8))
-    of_wider = expected_sigma_s(wider, agents, default_rng(48))[form]
-    moved = np.diag(estimate.mean - of_wider.mean)
-    assert np.max(np.abs(moved) / error) > 8
+    of_wider = expected_sigma_s(wider, agents, default_rng(48))[form].mean
+    assert np.max(np.diag(estimate.mean - unbounded) / error) > 8
+    assert np.max(np.abs(np.diag(estimate.mean - of_wider)) / error) > 8
 
 
 def study_options(agents: list[int], repeats: int) -> Wrench:
@@ -261,15 +257,15 @@ def test_the_error_falls_with_the_number_of_cables_in_every_repeat():
     rng, agents = default_rng(14), np.array([3, 5, 10, 15, 20])
     _, _, spread = run_study(study_options(agents.tolist(), 5), rng)
     means = spread.pivot(index="repeat", columns="agents", values="mean").to_numpy()
-    assert (np.diff(means, axis=1) < 0).all()
-
-    # and with the root of their number, as the error of one covariance for every system does
-    alike = []
+    alike = []  # errors of one covariance for every system
     for m in agents:
         systems, fresh = (
             wrench_covariance(draw_systems(STUDY, 2000, m, rng)) for _ in "ab"
         )
         alike.append(variance_errors(fresh.mean(axis=0), systems).mean())
+
+    assert (np.diff(means, axis=1) < 0).all()
+    # and with the root of their number, as the error of one covariance for every system does
     for errors in (means.mean(axis=0), np.array(alike)):
         scaled = errors * np.sqrt(agents)
         assert np.ptp(scaled) < 0.1 * np.mean(scaled)
