@@ -9,6 +9,7 @@ import pytest
 from numpy.random import default_rng
 from numpy.testing import assert_allclose
 from scipy.stats import ttest_rel
+from sequences import correlated
 
 from pipeline.statistics.curves import (
     HALF_EXPLAINED,
@@ -54,14 +55,15 @@ def takes_of(
     share: float,
     takes: int,
     rng,
-    *repeats,
 ) -> np.ndarray:
-    """(..., takes, STEPS, 2) noise, correlated from step to step by ``share``."""
-    unit = LAWS[law](rng, (*repeats, takes, *std.shape))
-    rest = np.sqrt(1 - share**2)
-    for k in range(1, STEPS):
-        unit[..., k, :] = share * unit[..., k - 1, :] + rest * unit[..., k, :]
-    return std * unit
+    """(takes, STEPS, 2) noise, correlated from step to step by ``share``."""
+    draws = LAWS[law](rng, (takes, *std.shape))
+    return std * correlated(draws, share, axis=1)
+
+
+def constant(std: np.ndarray) -> np.ndarray:
+    """Standard deviations (STEPS, n) of the same mean square that do not vary."""
+    return np.sqrt(np.mean(std**2, axis=0)) * np.ones_like(std)
 
 
 @pytest.mark.slow
@@ -79,29 +81,33 @@ def test_a_true_model_passes_in_all_joints_and_constant_noise_fails_as_often_as_
 ):
     takes = 50 if variation == of_many else 4
     std, rng = curve(variation), default_rng(takes)
-    flat = np.sqrt(np.mean(std**2, axis=0)) * np.ones_like(std)
 
     def tested(truth: np.ndarray) -> pd.DataFrame:
-        noise = takes_of(truth, law, share, takes, rng)
-        return following_tests(std, noise, NOT_STEADY, JOINTS, rng)
+        """Rows of tests of ``std``, of noise with the standard deviations ``truth``."""
+        tables = []
+        for draw in range(DRAWS):
+            noise = takes_of(truth, law, share, takes, rng)
+            rows = following_tests(std, noise, NOT_STEADY, JOINTS, rng)
+            tables.append(rows.assign(draw=draw))
+        return pd.concat(tables, ignore_index=True)
 
-    of_model = [tested(std) for _ in range(DRAWS)]
-    constant = [tested(flat) for _ in range(DRAWS)]
-    assert max(rows["limit"].max() for rows in of_model) <= HALF_EXPLAINED
+    def share_passed(rows: pd.DataFrame, limits: pd.Series | float) -> float:
+        """Share of draws in which all joints reach their limits."""
+        passed = rows["correlation"] >= limits
+        return passed.groupby(rows["draw"]).all().mean()
 
-    passed = [(rows["correlation"] >= rows["limit"]).all() for rows in of_model]
+    of_model, of_constant = tested(std), tested(constant(std))
     error = np.sqrt(RECOGNISED * (1 - RECOGNISED) / DRAWS)
-    assert np.mean(passed) >= RECOGNISED - 4 * error
+    rejected = np.mean(of_constant["correlation"] < of_constant["limit"])
+    power = of_model["power"].mean()
 
-    rejected = np.mean([rows["correlation"] < rows["limit"] for rows in constant])
-    power = np.mean([rows["power"] for rows in of_model])
+    assert of_model["limit"].max() <= HALF_EXPLAINED
+    assert share_passed(of_model, of_model["limit"]) >= RECOGNISED - 4 * error
     assert rejected == pytest.approx(power, abs=0.15)
-
     # control: a fixed limit of √½ would fail the true model where nothing can be told
     if takes == 4 and variation == 0.05:
         assert power < POWER
-        fixed = [(rows["correlation"] >= HALF_EXPLAINED).all() for rows in of_model]
-        assert np.mean(fixed) < 0.1
+        assert share_passed(of_model, HALF_EXPLAINED) < 0.1
     elif variation == 0.4 and share == 0:
         assert power > POWER
 
@@ -118,7 +124,7 @@ def test_few_takes_with_heavy_tails_refute_no_true_model_and_vary_no_constant_no
     joints, repeats = "abcde", 40
     std = np.repeat(curve(0.6)[:, :1], len(joints), axis=1)
     flat = np.full_like(std, std.mean())
-    refuted, varied, rejected = [], [], []
+    refuted, rejected, varied = [], [], []
     for _ in range(repeats):
         draws = rng.standard_normal((4, *std.shape))
         if np.isfinite(law):
@@ -126,45 +132,54 @@ def test_few_takes_with_heavy_tails_refute_no_true_model_and_vary_no_constant_no
         for failing, truth in ((refuted, std), (rejected, flat)):
             rows = following_tests(std, truth * draws, NOT_STEADY, joints, rng)
             failing.append((rows["correlation"] < rows["limit"]).to_numpy())
-        curves = draws.std(axis=0, ddof=1)
-        limits = variation_limits(draws, rng)
-        varied.append((curves.std(axis=0) / curves.mean(axis=0) > limits[:, 1]).any())
-    most = 1 - RECOGNISED + 3.5 * np.sqrt(RECOGNISED * (1 - RECOGNISED) / repeats)
+        _, high = variation_limits(draws, rng).T
+        varied.append((variation_of(draws) > high).any())
 
+    error = np.sqrt(RECOGNISED * (1 - RECOGNISED) / repeats)
+    most = 1 - RECOGNISED + 3.5 * error
     assert np.any(refuted, axis=1).mean() <= most
     assert np.mean(varied) <= most
     assert np.mean(rejected) > POWER
 
 
+def variation_of(noise: np.ndarray) -> np.ndarray:
+    """(n,) standard deviation over mean of the standard deviation at each step."""
+    std = noise.std(axis=0, ddof=1)
+    return std.std(axis=0) / std.mean(axis=0)
+
+
+@pytest.mark.parametrize(("variation", "is_beyond"), [(0.0, False), (0.6, True)])
 @pytest.mark.parametrize("law", LAWS)
 def test_noise_that_varies_is_above_its_limits_and_constant_noise_of_many_takes_below(
     law,
+    variation,
+    is_beyond,
 ):
     rng = default_rng(50)
-    beyond = []
-    for variation in (0.0, 0.6):
-        noise = takes_of(curve(variation), law, 0.3, 100, rng)
-        curves = noise.std(axis=0, ddof=1)
-        reached = curves.std(axis=0) / curves.mean(axis=0)
-        beyond.append(reached - variation_limits(noise, rng).T)
-    constant, varying = beyond
-
-    assert (constant < 0).all() and (varying > 0).all()
+    noise = takes_of(curve(variation), law, 0.3, 100, rng)
+    low, high = variation_limits(noise, rng).T
+    if is_beyond:
+        assert (variation_of(noise) > high).all()
+    else:
+        assert (variation_of(noise) < low).all()
 
 
 def test_steps_without_noise_leave_limits_and_a_joint_without_noise_has_none():
     rng = default_rng(4)
     noise = takes_of(curve(0.1), "normal", 0.0, 4, rng)
+    noise[..., 1] = 0.0
     # in the middle, after a loud start: the running sum of the variances rounds below zero there
-    noise[:, STEPS // 3 : 2 * STEPS // 3, 0] = noise[..., 1] = 0.0
-    limits = variation_limits(noise, rng)
+    noise[:, STEPS // 3 : 2 * STEPS // 3, 0] = 0.0
 
-    assert np.isfinite(limits[0]).all() and limits[0, 0] < limits[0, 1]
-    assert np.isnan(limits[1]).all()
+    limits, without_noise = variation_limits(noise, rng)
+
+    assert np.isfinite(limits).all()
+    assert limits[0] < limits[1]
+    assert np.isnan(without_noise).all()
 
 
 RAMP = np.linspace(0.2, 2.0, STEPS)[:, None] * np.array([1.0, 0.5])
-FLAT = np.sqrt(np.mean(RAMP**2, axis=0)) * np.ones((STEPS, 2))
+FLAT = constant(RAMP)
 MEASUREMENT = np.full(2, 0.01)
 
 
@@ -175,19 +190,25 @@ def noise_of(std: np.ndarray, takes: int, seed: int) -> np.ndarray:
 @pytest.mark.parametrize("level", [0.1, 10.0])
 def test_errors_are_compared_at_one_level_and_the_true_model_has_the_least(level):
     noise = noise_of(np.sqrt(RAMP**2 + MEASUREMENT), TAKES, 2)
-    motion = {"flat": level * FLAT**2, "ramp": RAMP**2, "same": 2 * FLAT**2}
-    motion["even"] = level * np.mean(RAMP**2, 1)[:, None] * np.ones(2)
+    even = np.mean(RAMP**2, axis=1)[:, None] * np.ones(2)  # one variance for all joints
+    motion = {
+        "flat": level * FLAT**2,
+        "ramp": RAMP**2,
+        "same": 2 * FLAT**2,
+        "even": level * even,
+    }
     modelled = {}
     for name, variances in motion.items():
         modelled[name] = ModelledNoise(variances, MEASUREMENT, noise)
+
     errors, sizes = jackknifed_spreads(modelled, noise)
 
-    assert jackknife_difference(errors["ramp"][:, 0] - errors["flat"][:, 0]).high < 0
-    assert errors["ramp"][0, 0] < 0.2 < errors["flat"][0, 0] < 1
-    # a model with one variance for all joints has the greater error in the joint with the least
-    assert jackknife_difference(errors["even"][:, 0] - errors["even"][:, 1]).high < 0
+    first = {name: values[:, 0] for name, values in errors.items()}
+    assert jackknife_difference(first["ramp"] - first["flat"]).high < 0
+    assert first["ramp"][0] < 0.2 < first["flat"][0] < 1
+    # the model of one variance has the greater error in the joint with the least
+    assert jackknife_difference(first["even"] - errors["even"][:, 1]).high < 0
     assert_allclose(errors["same"], errors["flat"])
-
     for of_joint in sizes["ramp"].T:
         wider = jackknife_difference(of_joint)
         assert wider.low < 0 < wider.high
@@ -222,16 +243,16 @@ def test_the_interval_of_a_paired_difference_is_that_of_the_paired_t_test():
     takes = rng.normal(0, 5, 12)  # what a take is like, which both models share
     a, b = takes + rng.normal(0.3, 0.2, 12), takes + rng.normal(0, 0.2, 12)
     expected = ttest_rel(a, b).confidence_interval(0.95)
+
     differences = paired_difference(a, b)
+
     numbers = ((a - b).mean(), expected.low, expected.high)
-
     assert differences[:3] == pytest.approx(numbers)
-
+    # control: unpaired, the takes' own spread would hide the difference
+    assert differences.low > 0 > paired_difference(a, b[::-1]).low
     for few in (3, 4, 12):  # the jackknife of a mean is the same
         paired = paired_difference(a[:few], b[:few])
         assert jackknife((a - b)[:few]) == pytest.approx(paired)
-    # control: unpaired, the takes' own spread would hide the difference
-    assert differences.low > 0 > paired_difference(a, b[::-1]).low
 
 
 def jackknife(values: np.ndarray):
@@ -275,18 +296,22 @@ def test_one_further_value_lies_in_a_percentile_interval_as_often_as_it_says():
 
 def test_an_interval_that_does_not_exist_is_a_gap():
     single = paired_difference(np.array([2.0]), np.array([0.5]))
-    assert single.difference == 1.5 and np.isnan(single[1:]).all()
-
-    for missing in (np.nan, -np.inf):
-        scores = np.array([[1.0, missing], [0.0, missing]])
-        assert np.isnan(paired_difference(*scores)).all()
     alone = resampled(np.ones(1), np.zeros(1), default_rng(3))
 
-    assert np.isnan(alone.low) and alone.difference == -1
+    assert single.difference == 1.5 and np.isnan(single[1:]).all()
+    assert alone.difference == -1 and np.isnan(alone.low)
     assert np.isnan(jackknife(np.array([0.0, 1.0])).low)
     assert np.isfinite(jackknife(np.array([0.0, 1.0, 3.0]))).all()
 
-    # a resampling of one take alone has no variance
+
+@pytest.mark.parametrize("missing", [np.nan, -np.inf])
+def test_a_difference_of_missing_scores_is_a_gap(missing):
+    scores = np.array([[1.0, missing], [0.0, missing]])
+    assert np.isnan(paired_difference(*scores)).all()
+
+
+def test_a_resampling_of_one_take_alone_is_left_out():
+    """It has no variance."""
     drawn = drawn_takes(2, default_rng(4))
     assert 0 < len(drawn) < REPLICATES
     assert all(len({*indices}) == 2 for indices in drawn)

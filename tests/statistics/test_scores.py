@@ -18,15 +18,14 @@ TAKES, STEPS, FRAMES = 30, 200, 100
 
 def test_the_normal_log_score_is_the_log_density():
     errors = default_rng(6).standard_normal((20, 3))
-    stacked = COVARIANCE * np.arange(1.0, 21)[:, None, None]
-    pairs = zip(errors, stacked, strict=True)
-    expected = [multivariate_normal(np.zeros(3), c).logpdf(e) for e, c in pairs]
+    covariances = COVARIANCE * np.arange(1.0, 21)[:, None, None]
+    expected = []
+    for error, covariance in zip(errors, covariances, strict=True):
+        expected.append(multivariate_normal(np.zeros(3), covariance).logpdf(error))
 
-    assert_allclose(
-        scores.normal_log_score(errors, stacked),
-        expected,
-        rtol=1e-12,
-    )
+    score = scores.normal_log_score(errors, covariances)
+
+    assert_allclose(score, expected, rtol=1e-12)
 
 
 @pytest.mark.parametrize("scale", [0.5, 2.0])
@@ -35,38 +34,36 @@ def test_the_log_score_prefers_the_true_law_and_the_nees_is_chi_squared_under_it
 ):
     rng = default_rng(5)
     outcome = rng.standard_normal((2000, 3)) @ np.linalg.cholesky(COVARIANCE).T
-    log = (scores.normal_log_score(outcome, s**2 * COVARIANCE) for s in (scale, 1))
-    assert paired_difference(*log).high < 0
+    other = scale**2 * COVARIANCE
 
+    of_true, of_other = (
+        scores.normal_log_score(outcome, covariance)
+        for covariance in (COVARIANCE, other)
+    )
+    assert paired_difference(of_other, of_true).high < 0
     law = chi2(3).cdf
     assert kstest(scores.nees(outcome, COVARIANCE), law).pvalue > 1e-3
-    assert kstest(scores.nees(outcome, scale**2 * COVARIANCE), law).pvalue < 1e-9
+    assert kstest(scores.nees(outcome, other), law).pvalue < 1e-9
 
 
 def test_an_honest_posterior_covers_as_it_says_in_every_joint_and_a_narrow_one_does_not():
     std = np.array([0.01, 0.03])
     error = std * default_rng(1).normal(size=(TAKES, STEPS, 2))
     covariance = np.tile(np.diag(std**2), (TAKES, STEPS, 1, 1))
-    (honest, one), (narrow, two) = (
-        scores.posterior_scores(error, c * covariance, JOINTS) for c in (1, 0.25)
-    )
 
-    assert one is two is None
+    honest, no_reason = scores.posterior_scores(error, covariance, JOINTS)
+    narrow, _ = scores.posterior_scores(error, 0.25 * covariance, JOINTS)
+    table = scores.score_comparison({"honest": honest, "narrow": narrow}, "honest")
+
+    assert no_reason is None
     for joint, rms in zip(JOINTS, std, strict=True):
+        coverage = f"coverage_of_one_sigma_{joint}"
         assert honest[f"rms_error_{joint}_rad"].mean() == pytest.approx(rms, rel=0.02)
-        assert honest[f"coverage_of_one_sigma_{joint}"].mean() == pytest.approx(
-            0.683,
-            abs=0.02,
-        )
-        assert narrow[f"coverage_of_one_sigma_{joint}"].mean() < 0.42
+        assert honest[coverage].mean() == pytest.approx(0.683, abs=0.02)
+        assert narrow[coverage].mean() < 0.42
     assert honest["nees"].mean() == pytest.approx(len(JOINTS), rel=0.05)
-
-    table = scores.score_comparison(
-        {"honest": honest, "narrow": narrow},
-        "honest",
-    ).set_index(["model", "score"])
-
-    assert table.loc[("narrow", "log_score"), "high"] < 0
+    rows = table.set_index(["model", "score"])
+    assert rows.loc[("narrow", "log_score"), "high"] < 0
 
 
 @pytest.fixture
@@ -75,9 +72,8 @@ def takes() -> tuple[np.ndarray, np.ndarray]:
     rng = default_rng(1)
     std = np.linspace(0.01, 0.03, FRAMES)[:, None] * [1.0, 2.0]
     middle = np.sin(np.arange(FRAMES))[:, None]
-    return tuple(
-        middle + std * rng.standard_normal((count, FRAMES, 2)) for count in (200, 60)
-    )
+    drawn = middle + std * rng.standard_normal((260, FRAMES, 2))
+    return drawn[:200], drawn[200:]
 
 
 def test_without_a_filter_the_training_takes_predict_the_test_takes_as_they_say(takes):
