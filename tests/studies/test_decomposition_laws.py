@@ -79,7 +79,6 @@ def test_the_reading_that_made_the_numbers_is_the_most_likely_on_its_path(
         assert density[number, path] == density.max()
         likelihood = density.mean(axis=1)
         most_likely.append(likelihood[number] >= 0.99 * likelihood.max())
-
     assert np.mean(most_likely) >= 0.7
 
 
@@ -110,46 +109,47 @@ def test_pivoted_lu_is_more_than_twice_as_wide_as_the_gaussian_model_on_every_pa
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_path_keeps_the_limits_and_the_bound(arm, stated, paths, kind):
     q, step = paths[kind]
+    norms = np.linalg.norm(np.linalg.inv(arm.jacobian(q)), axis=(2, 3))
+    speed = np.abs(step * 100 / arm.max_speed).max(axis=(1, 2))
+
     assert q.shape == step.shape == (40, 320, 3)
     assert np.all(arm.within_limits(q))
-
-    inverse = np.linalg.inv(arm.jacobian(q))
-    assert np.linalg.norm(inverse, axis=(2, 3)).max() < stated.u
-
-    speed = np.abs(step * 100 / arm.max_speed).max(axis=(1, 2))
-    assert 0.19 < speed.min() and speed.max() < 1.13 and speed.std() > 0.1
+    assert norms.max() < stated.u
+    assert 0.19 < speed.min() and speed.max() < 1.13
+    assert speed.std() > 0.1
     assert_allclose(np.diff(q, axis=1), step[:, :-1], atol=1e-12)
 
 
-def test_lines_are_straight_and_loops_close(arm, paths, stated):
-    in_task = [arm.coordinates(q) for q in paths["task line"].q]
-    for q in (paths["joint line"].q, np.stack(in_task)):
-        middle = q[:, 150] - q[:, 0]
-        square = np.vecdot(middle, middle)
-        off = np.cross(q - q[:, :1], middle[:, None]) / square[:, None, None]
-        assert np.abs(off).max() < 1e-6
-    q, step = paths["loop"]
-
-    assert_allclose(q[:, -1] + step[:, -1], q[:, 0], atol=1e-9)
-
-
 SIGMA_B, DRAWS = 0.25, 40_000
+
+
+def test_lines_are_straight(arm, paths):
+    in_task = np.stack([arm.coordinates(q) for q in paths["task line"].q])
+    for line in (paths["joint line"].q, in_task):
+        middle = line[:, 150] - line[:, 0]
+        square = np.vecdot(middle, middle)
+        off = np.cross(line - line[:, :1], middle[:, None])
+        assert np.abs(off / square[:, None, None]).max() < 1e-6
+
+
+def test_loops_close(paths):
+    q, step = paths["loop"]
+    assert_allclose(q[:, -1] + step[:, -1], q[:, 0], atol=1e-9)
 
 
 def first_factor(reading, jacobian):
     """Return J₁ by LAPACK; for LU without pivoting by quotients of minors."""
     if reading not in PLAIN:
         return printed_algorithms.first_factor(jacobian, Decomposition(reading))
-    rows, first = list(PLAIN[reading]), np.eye(3)
-
-    def minor(k: int, row: int) -> float:
-        return np.linalg.det(jacobian[[*rows[:k], row], : k + 1])
-
+    order = list(PLAIN[reading])
+    rows, first = jacobian[order], np.eye(3)
     for k in range(2):
         for i in range(k + 1, 3):
-            first[i, k] = minor(k, rows[i]) / minor(k, rows[k])
+            exchanged = [*range(k), i]
+            minor = np.linalg.det(rows[exchanged, : k + 1])
+            first[i, k] = minor / np.linalg.det(rows[: k + 1, : k + 1])
     result = np.empty((3, 3))
-    result[rows] = first
+    result[order] = first
     return result
 
 
@@ -171,15 +171,19 @@ def test_the_variances_are_those_of_algorithm_1(poses, reading):
     """
     rng = default_rng(5)
     d = degrees_of_freedom(SIGMA_B, 3)
+    law = wishart(d, np.eye(3) / d)
     cases = list(poses)
     if reading not in PLAIN:  # also a redundant arm
         cases.append((rng.normal(size=(3, 5)), rng.normal(size=3)))
+
     for jacobian, v in cases:
         first = first_factor(reading, jacobian)
         second = np.linalg.solve(first, jacobian)
-        draws = wishart(d, np.eye(3) / d).rvs(DRAWS, random_state=rng)
-        steps = np.linalg.solve(draws, np.linalg.solve(first, v)[:, None])
+        task_step = np.linalg.solve(first, v)
+        draws = law.rvs(DRAWS, random_state=rng)
+        steps = np.linalg.solve(draws, task_step[:, None])
         drawn = (np.linalg.pinv(second) @ steps)[..., 0].std(axis=0)
+
         variance = laws.wishart_variance(reading, jacobian, v, SIGMA_B)
         assert_allclose(np.sqrt(variance), drawn, rtol=0.025)
 

@@ -2,6 +2,8 @@
 their definitions; refusals name the key.
 """
 
+from functools import partial
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -34,8 +36,9 @@ BOUNDS = Bounds(*RANGES, elevation=(0.26, 1.3), attachment=(-0.25, 0.25))
 def moved(pose: np.ndarray, step: np.ndarray) -> np.ndarray:
     """Return the poses (N, 12) after steps (N, 6) in m, angular ones times the length."""
     turn = Rotation.from_rotvec(step[:, 3:] / OPTIONS.length)
-    turned = (turn * Rotation.from_matrix(pose[:, 3:].reshape(-1, 3, 3))).as_matrix()
-    return np.hstack([pose[:, :3] + step[:, :3], turned.reshape(-1, 9)])
+    before = Rotation.from_matrix(pose[:, 3:].reshape(-1, 3, 3))
+    after = (turn * before).as_matrix()
+    return np.hstack([pose[:, :3] + step[:, :3], after.reshape(-1, 9)])
 
 
 def displacement(start: np.ndarray, legs: np.ndarray) -> np.ndarray:
@@ -45,70 +48,88 @@ def displacement(start: np.ndarray, legs: np.ndarray) -> np.ndarray:
     poses = np.broadcast_to(start, (len(legs), 12))
     for _ in range(30):
         lengths, inverse = legs_at(OPTIONS, poses)
-        poses = moved(
-            poses,
-            np.linalg.solve(inverse, (legs - lengths)[..., None])[..., 0],
-        )
+        steps = np.linalg.solve(inverse, (legs - lengths)[..., None])
+        poses = moved(poses, steps[..., 0])
     assert_allclose(legs_at(OPTIONS, poses)[0], legs, atol=1e-10)
+
     after, before = poses[:, 3:].reshape(-1, 3, 3), start[3:].reshape(3, 3)
     turn = Rotation.from_matrix(after @ before.T).as_rotvec()
     return np.hstack([poses[:, :3] - start[:3], OPTIONS.length * turn])
 
 
-@pytest.mark.parametrize("name", LAWS)
-def test_the_noise_of_the_pose_is_that_of_drawn_legs_through_newtons_method(name):
-    law, k, draws, rng = LAWS[name], 75, 3000, default_rng(7)
-    legs = law.covariance(MOTION, MOTION.q, MOTION.v)
-    covariances = MOTION.pose_covariance(law)
-    q, v, inverse = MOTION.q[k], MOTION.v[k], MOTION.inverse[k]
-    whole = np.matvec(MOTION.inverse, MOTION.v)
-    share = np.trace(legs, axis1=1, axis2=2).mean() / np.sum(whole**2, axis=1).mean()
+def additive_steps(law, k: int, draws: int, rng) -> np.ndarray:
+    covariance = law.covariance(MOTION, MOTION.q, MOTION.v)[k]
+    noise = rng.multivariate_normal(np.zeros(6), covariance, draws)
+    return MOTION.inverse[k] @ MOTION.v[k] + noise
 
+
+def gaussian_steps(law, k: int, draws: int, rng) -> np.ndarray:
+    """Algorithm 2, literally: J⁻¹ + N."""
+    inverse = MOTION.inverse[k]
+    size = law.alpha * np.sqrt((law.u**2 - np.sum(inverse**2)) / 36)
+    matrices = inverse + size * rng.standard_normal((draws, 6, 6))
+    return matrices @ MOTION.v[k]
+
+
+def wishart_steps(law, k: int, draws: int, rng, transposed: bool) -> np.ndarray:
+    """Algorithm 1, literally: (J₁BJ₂)⁻¹, by QR of J or of its transpose."""
+    jacobian = np.linalg.inv(MOTION.inverse[k])
+    if transposed:
+        q, r = np.linalg.qr(jacobian.T)
+        first, second = r.T, q.T
+    else:
+        first, second = np.linalg.qr(jacobian)
+    d = 7 / law.sigma_b**2
+    b = wishart(d, np.eye(6) / d, seed=rng).rvs(draws)
+    command = np.broadcast_to(MOTION.v[k][:, None], (draws, 6, 1))
+    return np.linalg.solve(first @ b @ second, command)[..., 0]
+
+
+STEPS_OF = {
+    "additive": additive_steps,
+    "gaussian": gaussian_steps,
+    "qr": partial(wishart_steps, transposed=False),
+    "qr_transposed": partial(wishart_steps, transposed=True),
+}
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_laws_have_the_noise_of_the_options(name):
+    legs = LAWS[name].covariance(MOTION, MOTION.q, MOTION.v)
+    steps = np.matvec(MOTION.inverse, MOTION.v)
+    share = np.trace(legs, axis1=1, axis2=2).mean() / np.sum(steps**2, axis=1).mean()
     assert np.sqrt(share) == pytest.approx(OPTIONS.noise, rel=1e-9)
 
-    if name == "additive":
-        steps = inverse @ v + rng.multivariate_normal(np.zeros(6), legs[k], draws)
-    elif name == "gaussian":
-        # Algorithm 2, literally: J⁻¹ + N
-        size = law.alpha * np.sqrt((law.u**2 - np.sum(inverse**2)) / 36)
-        steps = (inverse + size * rng.standard_normal((draws, 6, 6))) @ v
-    else:
-        # Algorithm 1, literally: (J₁BJ₂)⁻¹
-        jacobian = np.linalg.inv(inverse)
-        first, second = np.linalg.qr(jacobian if name == "qr" else jacobian.T)
-        left, right = (first, second) if name == "qr" else (second.T, first.T)
-        d = 7 / law.sigma_b**2
-        b = wishart(d, np.eye(6) / d, seed=rng).rvs(draws)
-        steps = np.linalg.solve(left @ b @ right, np.tile(v, (draws, 1))[..., None])[
-            ...,
-            0,
-        ]
-    share = k / (len(MOTION.q) - 1)
-    turn = Rotation.from_rotvec(share * np.array(OPTIONS.turn[1])).as_matrix().ravel()
-    pose = np.concatenate([POSES[0][:3] + share * (POSES[1] - POSES[0])[:3], turn])
 
+@pytest.mark.parametrize("name", LAWS)
+def test_the_noise_of_the_pose_is_that_of_drawn_legs_through_newtons_method(name):
+    law, k, rng = LAWS[name], 75, default_rng(7)
+    q = MOTION.q[k]
+    share = k / (len(MOTION.q) - 1)
+    turn = Rotation.from_rotvec(share * np.array(OPTIONS.turn[1])).as_matrix()
+    position = POSES[0, :3] + share * (POSES[1] - POSES[0])[:3]
+    pose = np.concatenate([position, turn.ravel()])
     assert_allclose(legs_at(OPTIONS, pose)[0], q, atol=1e-12)
 
-    drawn = displacement(pose, q + steps).var(axis=0)
-    # a variance has a relative standard error of 0.026; the second order is a few percent
-    assert_allclose(drawn, np.diag(covariances[k]), rtol=0.15)
+    drawn = displacement(pose, q + STEPS_OF[name](law, k, 3000, rng)).var(axis=0)
 
+    # a variance has a relative standard error of 0.026; the second order is a few percent
+    variances = np.diag(MOTION.pose_covariance(law)[k])
+    assert_allclose(drawn, variances, rtol=0.15)
     # the control: the noise of the legs is not that of the pose
-    assert not np.allclose(np.diag(legs[k]), np.diag(covariances[k]), rtol=0.15)
+    legs = law.covariance(MOTION, MOTION.q, MOTION.v)[k]
+    assert not np.allclose(np.diag(legs), variances, rtol=0.15)
 
 
 def test_the_inverse_jacobian_is_that_of_finite_differences_of_the_legs():
-    pose, h = POSES[0] + 0, 1e-6
-    steps, poses = h * np.eye(6), np.tile(pose, (6, 1))
-    ahead, behind = (
-        legs_at(OPTIONS, moved(poses, sign * steps))[0] for sign in (1, -1)
-    )
+    pose, h = POSES[0], 1e-6
+    poses = np.tile(pose, (6, 1))
+    ahead, _ = legs_at(OPTIONS, moved(poses, h * np.eye(6)))
+    behind, _ = legs_at(OPTIONS, moved(poses, -h * np.eye(6)))
 
-    assert_allclose(
-        legs_at(OPTIONS, pose)[1],
-        (ahead - behind).T / (2 * h),
-        atol=1e-9,
-    )
+    _, inverse = legs_at(OPTIONS, pose)
+
+    assert_allclose(inverse, (ahead - behind).T / (2 * h), atol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -135,12 +156,10 @@ def test_errors_fall_with_the_number_of_cables():
     # a cube's root mean square, half its side
     assert lever(BOUNDS) == pytest.approx(0.25)
 
-    rows = [
-        error_rows(BOUNDS, [3, 6, 12, 24], (200, 300), default_rng(n)).assign(
-            repeat=n,
-        )
-        for n in range(2)
-    ]
+    rows = []
+    for repeat in range(2):
+        generator = default_rng(repeat)
+        errors = error_rows(BOUNDS, [3, 6, 12, 24], (200, 300), generator)
+        rows.append(errors.assign(repeat=repeat))
     slopes = slope_rows(pd.concat(rows))["slope"]
-
-    assert np.all((slopes > -0.65) & (slopes < -0.35))
+    assert slopes.between(-0.65, -0.35, inclusive="neither").all()
