@@ -14,6 +14,7 @@ from pipeline.core.filters import SPEED
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.core.validation import options
 from pipeline.evidence.table import KEYS, known_values
+from pipeline.verdicts.published import PUBLISHED, published_results
 from pipeline.verdicts.rules import RULES
 from pipeline.verdicts.run import ArmNames, Number, Reference, filled, parse_entries
 
@@ -199,8 +200,25 @@ class ClaimsFile:
 
 
 def parse_claims(entries: object) -> list[Claim]:
-    """Return the claims of a YAML list; raises ConfigError with the claim and the key."""
-    return parse_entries(Claim, entries, "claim")
+    """Return the claims of a YAML list; raises ConfigError with the claim and the key. The text
+    ``published.yaml`` as the published value stands for the claim's entry of this file.
+    """
+    if not isinstance(entries, list):
+        return parse_entries(Claim, entries, "claim")
+    results = published_results()
+    filled_entries = []
+    for entry in entries:
+        if isinstance(entry, dict) and entry.get("published") == PUBLISHED.name:
+            name = str(entry.get("id"))
+            if name not in results:
+                message = f"{PUBLISHED.name} has no entry {name!r}; add it, or state the number"
+                raise ConfigError(message, claim=name, key="published")
+            values = results[name]
+            if isinstance(values, dict):
+                values = [*values.values()]
+            entry = entry | {"published": values}
+        filled_entries.append(entry)
+    return parse_entries(Claim, filled_entries, "claim")
 
 
 def require_known(claims: Sequence[Claim]) -> Sequence[Claim]:

@@ -13,7 +13,6 @@ from numpy.random import default_rng
 from synthetic_session import ARM, ROBOT
 
 from pipeline.configuration.config import CONF, dataset_values
-from pipeline.core.typed_yaml import read_yaml
 from pipeline.laboratory.causes import cause_names, dynamics_type
 from pipeline.laboratory.dynamics import (
     Chance,
@@ -35,7 +34,6 @@ from pipeline.models.wishart.fit import Options, estimate
 from pipeline.models.wishart.law import WishartModel
 from pipeline.recordings.commands import commanded_steps, speed_scores
 from pipeline.studies.which_decomposition.evidence import published_values
-from pipeline.verdicts.claims import parse_claims
 
 ROOT = CONF.parents[1]
 TAKES = 60
@@ -52,8 +50,7 @@ def youbot_datasets() -> dict[str, dict]:
 
 
 DATASETS = youbot_datasets()
-CLAIMS = read_yaml(ROOT / "pipeline/verdicts/claims.yaml")["claims"]
-PUBLISHED = published_values(parse_claims(CLAIMS))
+PUBLISHED = published_values()
 TEXT = (ROOT / "pipeline/laboratory/README.md").read_text(encoding="utf-8")
 FREE = "–"
 

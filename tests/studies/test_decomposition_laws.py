@@ -23,7 +23,6 @@ from pipeline.studies.which_decomposition.evidence import (
 )
 from pipeline.studies.which_decomposition.paths import KINDS, TimeLaw, draw_paths
 from pipeline.studies.which_decomposition.stage import PAPER_ARM
-from pipeline.verdicts.claims import read_claims
 
 ALL = (*laws.SIZES["all joints"], *laws.SETS["small_difference"])
 LAW = TimeLaw(320, 100.0, rest=(0.0, 0.45), ramp=(0.05, 0.35), peak=(0.2, 1.1))
@@ -36,7 +35,7 @@ def arm():
 
 @pytest.fixture(scope="module")
 def stated():
-    return laws.published_values(read_claims())
+    return laws.published_values()
 
 
 @pytest.fixture(scope="module")

@@ -27,6 +27,7 @@ from pipeline.recordings.commands import speed_scores
 from pipeline.statistics.takes import lag_one_correlation
 from pipeline.studies.planning.solver import feasible_motions, summed_variance
 from pipeline.verdicts.paper import RATE, noise_levels
+from pipeline.verdicts.published import published_results
 from pipeline.wrench.models import (
     Bounds,
     draw_systems,
@@ -75,9 +76,7 @@ def test_the_printed_scale_and_bound_mean_a_third_of_the_noise_level(norm):
 
 def test_noise_of_the_published_size_breaks_the_speed_limit_of_the_joints():
     """A joint at rest or at its commanded peak speed, with the published std of the third joint."""
-    claims = config.read_yaml(ROOT / "pipeline/verdicts/claims.yaml")["claims"]
-    (stated,) = (claim["published"] for claim in claims if claim["id"] == "sigma-omega")
-    std, limit = stated[5] ** 0.5, arm().max_speed
+    std, limit = published_results()["sigma-omega"]["33"] ** 0.5, arm().max_speed
     assert RATE * std == pytest.approx(limit[2], rel=0.01)
     draws = std * np.random.default_rng(3).standard_normal((500, 2, 3))
     nominal = np.broadcast_to([[1e-9] * 3, limit / RATE], draws.shape)

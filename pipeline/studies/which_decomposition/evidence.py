@@ -26,7 +26,7 @@ from pipeline.models.wishart.decomposition import Decomposition, split
 from pipeline.models.wishart.law import step_variances
 from pipeline.statistics.takes import NORMAL_QUANTILE
 from pipeline.studies.which_decomposition.paths import Paths
-from pipeline.verdicts.claims import Claim
+from pipeline.verdicts.published import published_results
 
 PIVOTED, QR, QR_TRANSPOSED, GAUSSIAN = "pivoted_lu", "qr", "qr_transposed", "gaussian"
 # LU without pivoting of the planar task (x, z, φ) in every order of its rows
@@ -103,23 +103,18 @@ class Published(NamedTuple):
     covariance: np.ndarray  # (n, n) Σ̂_ω of the additive model, rad²
 
 
-def published_values(claims: Sequence[Claim]) -> Published:
-    """Return the published values of ``claims``."""
-    stated = {claim.id: claim for claim in claims}
-    covariance = stated["sigma-omega"]
-    entries = []
-    for case in covariance.cases():
-        entries.append([int(number) - 1 for number in case["entry"]])
-    joints = 1 + np.max(entries)
+def published_values() -> Published:
+    """Return the printed results of the parameter estimations."""
+    results = published_results()
+    covariance = {}
+    for entry, value in results["sigma-omega"].items():
+        row, column = (int(number) - 1 for number in entry)
+        covariance[row, column] = covariance[column, row] = value
+    joints = 1 + max(row for row, _ in covariance)
     matrix = np.full((joints, joints), np.nan)
-    for (i, j), value in zip(entries, covariance.published, strict=True):
-        matrix[i, j] = matrix[j, i] = value
-    return Published(
-        stated["sigma-b"].published,
-        stated["alpha"].published,
-        stated["u"].published,
-        matrix,
-    )
+    for place, value in covariance.items():
+        matrix[place] = value
+    return Published(results["sigma-b"], results["alpha"], results["u"], matrix)
 
 
 def widths(

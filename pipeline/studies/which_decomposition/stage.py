@@ -18,7 +18,6 @@ from pipeline.studies.frame import Tables, concatenate, dataset_option, number, 
 from pipeline.studies.which_decomposition import evidence as laws
 from pipeline.studies.which_decomposition.evidence import PLAIN, Published
 from pipeline.studies.which_decomposition.paths import KINDS, TimeLaw, draw_paths
-from pipeline.verdicts.claims import read_claims
 
 STEPS, RATE = 320, 100.0  # M and steps a second of the paper
 RAMPED, FULL_SPEED = "ramps and rest", "constant full speed"
@@ -52,7 +51,7 @@ SHOWN = (
 
 def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
     """Return the study's tables."""
-    stated = laws.published_values(read_claims())
+    stated = laws.published_values()
     chunks = trials(
         settings,
         "which_decomposition: paths",
