@@ -13,7 +13,7 @@ from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ModelDomainError, RecordingError, SingularJacobianError
 from pipeline.core.filters import MEMORY, NONE
 from pipeline.evidence.pose import pose_table
-from pipeline.evidence.step_noise import step_noise
+from pipeline.evidence.step_noise import noise_by_speed, step_noise
 from pipeline.filtering.linear import baseline_predictions
 from pipeline.models.joint_error.fit import FAMILY, runs_of
 from pipeline.models.joint_error.held_out import joint_tables, of_first_motions
@@ -73,14 +73,15 @@ def _tables_of_robot(settings) -> Tables:
 
 
 def _tables_of_logs(settings) -> Tables:
-    """Return the tables of the joint error laws and of the noise of a step, on all runs of logs
-    whose motions need not repeat.
+    """Return the tables of the joint error laws, of the noise of a step and of its growth with the
+    speed, on all runs of logs whose motions need not repeat.
     """
     runs, unused = runs_of_dataset(settings.dataset)
     runs = of_first_motions(runs, settings.scale.held_out_motions)
     laws = config.model_options(FAMILY)
     tables = joint_tables(runs, laws, unused, _trials(settings, "held-out motions"))
-    return tables | {"step_noise": step_noise(runs)}
+    of_steps = {"step_noise": step_noise(runs), "noise_by_speed": noise_by_speed(runs)}
+    return tables | of_steps
 
 
 def _trials(settings, label: str) -> Callable:

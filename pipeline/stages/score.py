@@ -21,6 +21,7 @@ from pipeline.evidence.outcomes import (
     compare_noise,
     pose_covariances,
 )
+from pipeline.evidence.step_noise import run_evidence
 from pipeline.filtering.measurement import measured_takes
 from pipeline.models.closed_loop import FOLDER
 from pipeline.models.kinds import fitted_model
@@ -57,6 +58,7 @@ FITTED = {
 }
 FLOORS = "sigma_b_floors"  # of these the one that the report shows
 EVIDENCE = "evidence"
+WITHIN_RUNS = "noise_by_speed"  # table of logs without a robot
 Tables = dict[str, pd.DataFrame]
 Scored = tuple[dict[str, float], Tables]  # numbers, and tables of the report
 
@@ -66,7 +68,9 @@ def run() -> None:
     settings = config.sections("score")
     with contracts.replacing(OUT) as folder:
         if settings.dataset.robot is None:
-            print("score: the dataset has no robot; only its forces are scored")
+            print(
+                "score: the dataset has no robot; only its logs and forces are scored",
+            )
             scored = {
                 "motion": ({}, {}),
                 "filter": ({}, {}),
@@ -115,6 +119,8 @@ def _tables(scored: dict[str, Scored], folder: Path) -> Tables:
     if "prediction_pairs" in tables:
         pairs = tables["prediction_pairs"]
         evidence.append(prediction_evidence(tables["predictions"], pairs))
+    if WITHIN_RUNS in tables:
+        evidence.append(run_evidence(tables[WITHIN_RUNS]))
     evidence.append(wrench_evidence(wrench))
     tables[EVIDENCE] = pd.concat(evidence, ignore_index=True)
     return tables
@@ -124,6 +130,8 @@ def _result(settings, metrics: dict[str, dict], tables: Tables) -> Run:
     """Return the result of the run, which the report compares with other datasets."""
     dataset = settings.dataset
     joints, task = [], []
+    if WITHIN_RUNS in tables:
+        joints = [*tables[WITHIN_RUNS]["joint"]]
     if dataset.robot is not None:
         joints = dataset.robot.joints
         task = members(contracts.read("trajectory", MOTION), "v")

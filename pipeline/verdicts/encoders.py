@@ -1,4 +1,6 @@
-"""Noise of a step that the encoders of a real arm show, beside the published noise of the arm."""
+"""Noise of a step that the encoders of a real arm show, beside the published noise of the arm, and
+verdicts within a single run.
+"""
 
 from collections.abc import Sequence
 from itertools import product
@@ -105,3 +107,33 @@ def published_std(verdicts: Sequence[Verdict]) -> ndarray | None:
             published = dict(zip(claim.each["entry"], claim.published, strict=True))
             return np.sqrt([published[entry] for entry in VARIANCES])
     return None
+
+
+def within_run_sentences(groups: Sequence[Group]) -> list[str]:
+    """Return a sentence for each dataset and claim that is tested within a single run."""
+    sentences = []
+    for group in groups:
+        for dataset, verdicts in group.verdicts.items():
+            for verdict in verdicts:
+                if within_run(verdict):
+                    words = {"dataset": dataset, "claim": verdict.claim.id}
+                    words["cases"] = verdict.cases
+                    sentences.append(say("within_run", **words))
+    return sentences
+
+
+def within_run(verdict: Verdict) -> bool:
+    """Return True for a verdict from a single run: a power, and no limit over takes."""
+    varying = verdict.claim.rule == "varies" and len(verdict.cases) > 0
+    return varying and all(
+        case.power is not None and case.threshold is None for case in verdict.cases
+    )
+
+
+def undecided_text(verdict: Verdict) -> str:
+    """Return the number of cases that hold and the range of the powers of undecided cases."""
+    holding = [case for case in verdict.cases if case.holds]
+    powers = [case.power for case in verdict.cases if case.holds is None]
+    low, high = number(min(powers), 2), number(max(powers), 2)
+    holds = f"{len(holding)} of {len(verdict.cases)} hold"
+    return f"no verdict: {holds}, power of the others {low}–{high}"

@@ -135,12 +135,18 @@ def _detected(r: Cases) -> tuple[ndarray, ndarray]:
 def _varies(r: Cases) -> tuple[ndarray, ndarray]:
     """Return the rule that a standard deviation varies over time: over the takes at each step, or
     in the takes between slow and fast steps, of which ``difference`` is the logarithm of the ratio.
+    A single run has no ``threshold`` over takes. Its standard deviation is constant only if also
+    the interval of the ``difference`` is within the margin.
     """
     by_speed, _ = beyond(np.abs(r.difference) - r.margin, r)
     by_speed[np.isnan(r.difference + r.low + r.high)] = 1.0
     over_takes = r.value > r.threshold
     supports = np.where(over_takes, 0.0, by_speed)
+
+    single_run = np.isnan(r.threshold)
+    within_margin = (-r.low < r.margin) & (r.high < r.margin)
     constant = (r.value < r.than) & (by_speed > LEVEL)
+    constant &= within_margin | ~single_run
     return supports, np.where(constant, 0.0, 1.0)
 
 

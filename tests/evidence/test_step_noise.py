@@ -1,12 +1,19 @@
-"""Noise of a step in logs: known covariances come out, whatever the rate of the rows."""
+"""Noise of a step in logs: known covariances come out, whatever the rate of the rows, and one run
+decides whether the noise grows with the speed.
+"""
 
 import numpy as np
 import pandas as pd
 import pytest
 from numpy.random import default_rng
 
-from pipeline.evidence.step_noise import step_noise
+from pipeline.evidence.step_noise import noise_by_speed, run_evidence, step_noise
 from pipeline.models.joint_error.samples import JointRun
+from pipeline.verdicts import decision as d
+from pipeline.verdicts.claims import read_claims
+from pipeline.verdicts.run import ArmNames
+
+JOINTS = ("a", "b")
 
 NOISE = [[4e-6, 1e-6], [1e-6, 1e-6]]  # rad²
 
@@ -37,3 +44,56 @@ def test_the_noise_of_a_step_has_the_covariance_of_the_drawn_errors(rows):
     assert abs(rows.loc[("a", "a", "successive"), "correlation"]) < 0.03
     slow, fast = (covariance[("a", "a", half)] for half in ("slow", "fast"))
     assert slow == pytest.approx(fast, rel=0.1)
+
+
+def one_run(seconds: float, fast: float, burst: float = 1.0) -> JointRun:
+    """Return a run of two joints at 500 Hz. The errors of their steps of 10 ms are ``fast`` times
+    as large at fast steps, and ``burst`` times in the second fifth of the run.
+    """
+    rng, count = np.random.default_rng(8), round(100 * seconds)
+    t = np.arange(count + 1) / 100
+    command = 0.5 * np.sin(0.4 * np.pi * t[:, None] + [0.0, 1.0])
+    speeds = np.abs(np.diff(command, axis=0))
+    scale = np.where(speeds > np.median(speeds, axis=0), fast, 1.0)
+    scale[count // 5 : 2 * count // 5] *= burst
+    steps = 1e-3 * scale * rng.standard_normal((count, 2))
+    error = np.vstack([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
+    command, error = (np.repeat(rows, 5, axis=0) for rows in (command, error))
+    unused = {"lag": np.zeros(2), "quantum": np.zeros(2), "pose_noise": None}
+    return JointRun(
+        "run",
+        500.0,
+        command,
+        command + error,
+        JOINTS,
+        motion="1",
+        **unused,
+    )
+
+
+@pytest.mark.parametrize(
+    ("run", "verdict"),
+    [
+        (one_run(seconds=40, fast=3.0), d.REPRODUCED),
+        (one_run(seconds=40, fast=0.3), d.REPRODUCED),
+        (one_run(seconds=100, fast=1.0), d.NOT_REPRODUCED),
+        # without power
+        (one_run(seconds=2, fast=3.0), d.NO_EVIDENCE),
+        # what happened once is no property of the motion
+        (one_run(seconds=40, fast=1.0, burst=10.0), d.NO_EVIDENCE),
+    ],
+    ids=["grows", "falls", "constant", "short", "burst"],
+)
+def test_one_run_decides_whether_the_noise_is_dynamic(run, verdict):
+    claims = [claim for claim in read_claims() if claim.id == "noise-is-dynamic"]
+    evidence = run_evidence(noise_by_speed([run]))
+    decided = d.decide(claims, evidence, "real", ArmNames(JOINTS, ()))[0]
+    assert decided.verdict == verdict
+    assert len(decided.cases) == len(JOINTS)
+    assert all(0 <= case.power <= 1 for case in decided.cases)
+
+
+def test_the_power_of_a_short_run_is_low_and_of_a_long_run_high():
+    short, long = (noise_by_speed([one_run(s, fast=1.0)])["power"] for s in (3, 100))
+    assert short.max() < 0.5
+    assert long.min() > 0.9
