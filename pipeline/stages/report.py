@@ -22,6 +22,7 @@ from pipeline.verdicts.claims import (
 )
 from pipeline.verdicts.decision import decide_each, reading_verdicts, verdict_table
 from pipeline.verdicts.model_card import model_card
+from pipeline.verdicts.open_choices import errata_details
 from pipeline.verdicts.run import Run, project_version, read_runs
 from pipeline.verdicts.tally import groups_of, tally
 
@@ -67,7 +68,13 @@ def run() -> None:
     written = {
         place / name / "claims.csv": table.to_csv(index=False),
         place / name / "report.md": report,
-        place / name / "errata.md": paper.errata_page(errata, here, of_here, counted),
+        place / name / "errata.md": paper.errata_page(
+            errata,
+            here,
+            of_here,
+            counted,
+            errata_details(here, groups),
+        ),
         place / name / "model_card.md": model_card(here, _others(here, counted)),
         place / name / "recordings.md": pages.recordings_page(here, drawn.captions),
     }

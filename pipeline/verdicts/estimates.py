@@ -2,8 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 
-import pandas as pd
-
 from pipeline.verdicts import decision as d
 from pipeline.verdicts.claims import Claim
 from pipeline.verdicts.decision import Case, Verdict
@@ -21,15 +19,14 @@ from pipeline.verdicts.wording import (
     table,
 )
 
-FLOORS = "sigma_b_floors"
 ESTIMATORS: dict[str, str] = WORDS["estimators"]
 PARAMETERS: dict[str, list[str]] = WORDS["parameters"]
 INPUTS: dict[str, str] = WORDS["inputs"]
 
 
 def published_and_ours(here: Run, groups: Sequence[Group]) -> str:
-    """Return the fitted parameters of ``here`` by estimator, σ̂_B over ε and weight, then the other
-    published numbers and those of each run of the same arm.
+    """Return the fitted parameters of ``here`` by estimator, then the other published numbers and
+    those of each run of the same arm.
     """
     group = next(group for group in groups if here.dataset in group.verdicts)
     verdicts = group.verdicts[here.dataset]
@@ -44,7 +41,7 @@ def published_and_ours(here: Run, groups: Sequence[Group]) -> str:
     if rows:
         header = ["parameter", "published", *ESTIMATORS.values()]
         paragraphs.append(table(header, rows))
-    paragraphs += [floors(here), _numbers(here, groups)]
+    paragraphs.append(_numbers(here, groups))
     return "\n\n".join(text for text in paragraphs if text)
 
 
@@ -98,29 +95,6 @@ def _estimate(fitted: Mapping[str, float], key: str, estimator: str, few: bool) 
         return text
     lacks = "mean" if fitted[name] >= 1 else "covariance"
     return f"{text} (no {lacks})"
-
-
-def floors(here: Run) -> str:
-    """Return σ̂_B of the printed problem over the bound ε and the weight, "" without its table."""
-    rows = here.tables.get(FLOORS, pd.DataFrame())
-    fitted = here.metrics.get("fit_wishart", {})
-    if not len(rows) or "sigma_b_about_the_sample_mean" not in fitted:
-        return ""
-    if "model" in rows:  # of several Wishart models the first
-        rows = rows[rows["model"] == rows["model"].iloc[0]]
-    by_floor = rows.pivot(index="ratio", columns="floor", values="sigma_b")
-    by_floor = by_floor[sorted(by_floor, reverse=True)]
-    header = ["weight α₂/α₁ (rad)", *(f"ε = {floor:g}" for floor in by_floor)]
-    cells = [
-        [number(ratio, 3), *(number(sigma_b, 3) for sigma_b in row)]
-        for ratio, row in by_floor.iterrows()
-    ]
-    means = [
-        value for key, value in fitted.items() if key.startswith("fitted_mean_of_b")
-    ]
-    words = {"means": [number(mean, 3) for mean in means]}
-    words["sample"] = number(fitted["sigma_b_about_the_sample_mean"], 2)
-    return f"{say('floors', **words)}\n\n{table(header, cells)}"
 
 
 def _numbers(here: Run, groups: Sequence[Group]) -> str:

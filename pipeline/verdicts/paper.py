@@ -206,10 +206,11 @@ def errata_page(
     run: Run,
     decided: Sequence[Decided],
     runs: Sequence[Run] = (),
+    details: Mapping[str, str] | None = None,
 ) -> str:
     """Return ``errata.md`` with the numbers of ``run``, the first of the ``decided`` datasets, and
-    of the other ``runs`` (:func:`errata_numbers`); raises ConfigError with the erratum for prose
-    that is not a template of these numbers.
+    of the other ``runs`` (:func:`errata_numbers`), and with the ``details`` by id of the erratum;
+    raises ConfigError with the erratum for prose that is not a template of these numbers.
     """
     numbers = errata_numbers(run, decided) | numbers_of_runs(runs, run.arm)
     texts = []
@@ -222,7 +223,7 @@ def errata_page(
                 f"the prose has a number that does not exist ({error}); correct it"
             )
             raise ConfigError(message, erratum=erratum.id) from None
-    return render("errata.md", errata=texts)
+    return render("errata.md", errata=texts, details=details or {})
 
 
 def errata_numbers(run: Run, decided: Sequence[Decided]) -> dict[str, object]:

@@ -13,6 +13,7 @@ from pipeline.core.options.dataset import UNSEEN
 from pipeline.verdicts import scores, wording
 from pipeline.verdicts.claims import PROJECT, Claim
 from pipeline.verdicts.decision import Decided
+from pipeline.verdicts.encoders import undecided_text, within_run, within_run_sentences
 from pipeline.verdicts.estimates import published_and_ours
 from pipeline.verdicts.finding import finding
 from pipeline.verdicts.paper import Erratum, Item, Source
@@ -43,7 +44,6 @@ FIGURE = re.compile(r"Fig\. (\w+)|$")  # label of the figure that shows a claim
 COMPARE = "Compare"  # first word of the caption's sentence that the report prints
 SENTENCE_END = re.compile(r"(?<=[.!?]) (?=[A-Z(])")
 PICTURE = "takes"  # figure on the page of the recordings
-UNKNOWN = "no evidence"  # value in the table ``readings``
 # name in summary.json → model and name of its estimate
 SUMMARY = {
     "sigma_b": ("wishart", "sigma_b"),
@@ -121,7 +121,6 @@ def report_page(
         "published": published_and_ours(here, groups),
         "note": scores.spread_note(here),
         "result": " ".join(scores.result(here)),
-        "readings": readings([here, *_other_robots(here, groups)]),
         "errata": errata,
         "gravest": [by_id[name] for name in WORDS["gravest"] if name in by_id],
     }
@@ -132,15 +131,6 @@ def trial_page(here: Run, drawn: Drawn) -> str:
     """Return ``report.md`` of a trial: its figures, and no verdict."""
     parts = figures(here, {}, drawn)
     return render("trial.md", here=here, **parts)
-
-
-def _other_robots(here: Run, groups: Sequence[Group]) -> list[Run]:
-    """Return the first run of each group without ``here``."""
-    return [
-        group.runs[0]
-        for group in groups
-        if group.runs and here.dataset not in group.verdicts
-    ]
 
 
 def readme_with_results(text: str, groups: Sequence[Group], rows: Sequence[Row]) -> str:
@@ -267,50 +257,6 @@ def _is_projects(of_claim: Sequence[Joined]) -> bool:
     return of_claim[0].claim.source == PROJECT
 
 
-def readings(runs: Sequence[Run]) -> str:
-    """Return by run the claims whose verdict depends on the reading of "LU or QR" (Eq. LUDecom)."""
-    rows, notes = [], []
-    for run in runs:
-        readings_of = run.tables.get("readings", pd.DataFrame())
-        if len(readings_of):
-            rows += _changed_by_reading(run, readings_of)
-            notes += _lacking_numbers(run, readings_of)
-    if not rows:
-        return say("default")
-    changed = pd.DataFrame(rows).fillna("")
-    header = ["claim (the run's own reading in bold)", *changed.columns[1:]]
-    parts = [f"{say('default')} {say('again')}", table(header, changed.to_numpy())]
-    return "\n\n".join([*parts, "\n".join(notes)]).rstrip()
-
-
-def _changed_by_reading(run: Run, readings_of: pd.DataFrame) -> list[dict[str, str]]:
-    """Return a row of signs for each claim that another reading decides otherwise."""
-    verdicts = readings_of.pivot(index="claim", columns="reading", values="holds")
-    verdicts = verdicts[readings_of["reading"].unique()]  # the run's own first
-    first = verdicts.iloc[:, 0]
-    differs = verdicts.ne(first, axis=0) & verdicts.ne(UNKNOWN)
-    changes = differs.any(axis=1) & first.ne(UNKNOWN)
-    rows = []
-    for claim, words in verdicts[changes].iterrows():
-        signs = words.map(WORDS["signs"])
-        signs.iloc[0] = f"**{signs.iloc[0]}**"
-        rows.append({"claim": claim, "dataset": run.dataset, **signs})
-    return rows
-
-
-def _lacking_numbers(run: Run, readings_of: pd.DataFrame) -> list[str]:
-    """Return a note for each reading under which claims lack numbers."""
-    refused = readings_of["refused"].astype(object).fillna("")
-    undecided = readings_of["holds"].eq(UNKNOWN)
-    lacking = readings_of[undecided & refused.ne("")]
-    notes = []
-    for reading, reasons in lacking.groupby("reading", sort=False)["refused"]:
-        first, *_ = re.split(r" \[|;", reasons.iloc[0])
-        count = f"{len(reasons)} claims lack numbers ({first})."
-        notes.append(f"- {run.dataset}, {reading}: {count}")
-    return notes
-
-
 def figures(
     here: Run,
     lines: Mapping[str, list[tuple[Claim, str]]],
@@ -376,6 +322,7 @@ def datasets_page(
         "arms": _arms_table(groups),
         "header": ["claim", *(name for _, name in datasets)],
         "every": every,
+        "within_runs": within_run_sentences(groups),
         "level": LEVEL,
         "unfit": unfit,
     }
@@ -386,6 +333,8 @@ def _cell(group: Group, dataset: str, place: int) -> str:
     """Return word and number of cases of the claim at ``place`` on one dataset."""
     verdict = group.verdicts[dataset][place]
     word = OUTCOMES.get(verdict.verdict, "")
+    if not word and within_run(verdict):
+        return undecided_text(verdict)
     if word in ("", FORCED):
         return WORDS["marks"].get(word, "")
     return f"{WORDS['marks'][word]} {case_count(verdict)}"

@@ -264,7 +264,7 @@ def _over_causes(joined: Joined, word: str) -> str:
     count = len(joined.by_cause)
     under = f"under {count} of {count} causes" if count > 1 else ""
     first = joined.by_dataset[joined.datasets(word)[0]]
-    return f"{_outcome_text(word, under)} ({case_count(first)})"
+    return _outcome_text(word, under) + _in_brackets(case_text(first))
 
 
 def _outcome_text(word: str, where: str) -> str:
@@ -277,22 +277,38 @@ def _in_datasets(group: Group, joined: Joined, word: str, names: Sequence[str]) 
     """Return the outcome ``word`` in the datasets ``names``, with the cases that hold: of the first
     if the claim holds, of each if it fails.
     """
-    counts = [_count_text(group, joined.by_dataset[name]) for name in names]
+    texts = [_count_text(group, joined.by_dataset[name]) for name in names]
+    brackets = [_in_brackets(text) for text in texts]
     if len(group.verdicts) == 1:
-        return f"{_outcome_text(word, '')} ({counts[0]})"
+        return _outcome_text(word, "") + brackets[0]
     if word == FAILS:
-        pairs = zip(names, counts, strict=True)
-        failing = join_names(f"{name} ({count})" for name, count in pairs)
-        return _outcome_text(word, f"in {failing}")
-    return f"{_outcome_text(word, f'in {join_names(names)}')} ({counts[0]})"
+        failing = map("".join, zip(names, brackets, strict=True))
+        return _outcome_text(word, f"in {join_names(failing)}")
+    return _outcome_text(word, f"in {join_names(names)}") + brackets[0]
+
+
+def _in_brackets(text: str) -> str:
+    return f" ({text})" if text else ""
 
 
 def _count_text(group: Group, verdict: Verdict) -> str:
     """Return the cases that hold; on real recordings with the correlations of a claim of course."""
-    text = case_count(verdict)
-    if not group.synthetic and correlations(verdict):
-        text += f", {correlations(verdict)}"
-    return text
+    texts = [case_text(verdict)]
+    if not group.synthetic:
+        texts.append(correlations(verdict))
+    return ", ".join(filter(None, texts))
+
+
+def case_text(verdict: Verdict) -> str:
+    """Return the value of a verdict's only case, or the number of its cases that hold: "" if all
+    hold.
+    """
+    several = len(verdict.cases) > 1
+    return (
+        ""
+        if several and all(case.holds for case in verdict.cases)
+        else case_count(verdict)
+    )
 
 
 def correlations(verdict: Verdict) -> str:

@@ -10,7 +10,7 @@ import pytest
 from pipeline.core.columns import PLANE
 from pipeline.core.errors import ContractError
 from pipeline.evidence.table import evidence_row, evidence_table
-from pipeline.verdicts import paper, report_page
+from pipeline.verdicts import open_choices, paper, report_page
 from pipeline.verdicts.claims import parse_claims
 from pipeline.verdicts.decision import decide_each
 from pipeline.verdicts.estimates import published_and_ours
@@ -47,6 +47,16 @@ STD |= {"why": {"youbot": "it mixes units"}, "where": "Sec. 1, Fig. Shown (a)"}
 SIGMA = STATED | {"id": "sigma-b", "about": "specimen", "rule": "within_relative"}
 SIGMA |= {"tolerance": 0.2, "published": 0.25, "parameter": "σ̂"}
 SIGMA |= {"value": {"quantity": "sigma_b", "estimator": "paper"}}
+VARIES = STATED | {"id": "varies", "about": "robots", "rule": "varies", "margin": 0.2}
+VARIES |= {"each": {"joint": "every"}}
+for key, quantity in {
+    "value": "std_variation",
+    "than": "std_variation_limits",
+    "difference": "ln_std_by_speed",
+    "power": "ln_std_by_speed_power",
+}.items():
+    place = {"quantity": quantity, "model": "recorded", "joint": "{joint}"}
+    VARIES[key] = place | ({"column": "low"} if key == "than" else {})
 ABSENT = STUDY | {"id": "absent", "value": {"quantity": "u"}}
 CLAIMS = parse_claims([STUDY, STD, SIGMA, ABSENT])
 FIT = {"sigma_b": 0.227, "sigma_b_paper": 0.28765, "sigma_b_moments": 0.227}
@@ -196,12 +206,12 @@ def test_a_claim_that_another_reading_changes_has_a_row_and_missing_numbers_a_no
     }
     table = pd.DataFrame(rows)
     run = Run("lab", "paper", True, ["a"], PLANE, {}, {}, {"readings": table})
-    text = report_page.readings([run])
+    text = open_choices.readings([run])
     assert "| small | lab | **✓** | ✗ |" in text
     assert (
         "- lab, QR: 1 claims lack numbers (no noise)." in text and "| gap |" not in text
     )
-    assert report_page.readings([RUNS[0]]) == say("default")
+    assert open_choices.readings([RUNS[0]]) == say("default")
 
 
 def test_three_estimators_are_side_by_side_and_an_unbounded_one_has_no_number(grouped):
@@ -217,7 +227,7 @@ def test_three_estimators_are_side_by_side_and_an_unbounded_one_has_no_number(gr
     assert "| 0.2877 (no covariance) | 0.227 [0.22, 0.235] | 1.02 (no mean) |" in text
 
 
-def test_sigma_b_over_the_bound_and_the_weight_is_a_table(grouped):
+def test_sigma_b_over_the_bound_and_the_weight_is_a_table_of_its_erratum(grouped):
     floors = {"floor": [0.01, 0.5] * 2, "ratio": [1e-3, 1e-3, 2e-3, 2e-3]}
     floors["sigma_b"] = [11.978, 0.22633, 11.06, 0.195]
     floors = pd.concat([pd.DataFrame(floors).assign(model=m) for m in ("first", "b")])
@@ -226,7 +236,7 @@ def test_sigma_b_over_the_bound_and_the_weight_is_a_table(grouped):
     tables = RUNS[0].tables | {"sigma_b_floors": floors}
     run = replace(RUNS[0], metrics={"fit_wishart": FIT | fitted}, tables=tables)
 
-    text = published_and_ours(run, grouped)
+    text = open_choices.errata_details(run, grouped)["weights-not-given"]
 
     assert "| weight α₂/α₁ (rad) | ε = 0.5 | ε = 0.01 |" in text
     assert "| 0.001 | 0.226 | 12 |\n| 0.002 | 0.195 | 11.1 |" in text
@@ -406,3 +416,28 @@ def test_a_claim_in_per_cent_has_its_value_and_interval_in_per_cent():
     independent = groups(run, claims=parse_claims([claim]))[0]
     (verdict,) = independent.verdicts["no recording"]
     assert case_count(verdict) == "5.75 %, interval 5.52 to 8 %"
+
+
+def test_a_claim_that_a_single_run_does_not_decide_has_its_cases_and_power_on_the_page():
+    claims = parse_claims([VARIES])
+    keys = {"model": "recorded"}
+    rows = []
+    for joint, low, power in (
+        ("a", 0.3, 0.9),
+        ("b", -0.5, 0.42),
+        ("c", float("nan"), 0.0),
+    ):
+        keys["joint"] = joint
+        rows.append(evidence_row("std_variation", 0.4, **keys))
+        rows.append(evidence_row("std_variation_limits", 0.25, 0.1, **keys))
+        rows.append(evidence_row("ln_std_by_speed", 0.5, low, 1 - low, **keys))
+        rows.append(evidence_row("ln_std_by_speed_power", power, **keys))
+    tables = {"evidence": evidence_table(rows)}
+    run = Run("logs", "paper", False, ["a", "b", "c"], [], {}, {}, tables)
+
+    page = datasets_page(groups(run, claims=claims), [])
+
+    assert "| no verdict: 1 of 3 hold, power of the others 0–0.42 |" in page
+    assert "`logs` is a single run: varies is tested by the noise" in page
+    assert "0.5 [0.3, 0.7] in a (holds); 0.5 [-0.5, 1.5] in b (power" in page
+    assert "undetermined in c (too few blocks)." in page
