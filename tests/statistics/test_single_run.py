@@ -113,7 +113,8 @@ def test_the_estimate_is_the_log_of_the_ratio_and_its_sign_goes_with_the_command
     falling = speed_effect(noise, 1.0 - speeds, MARGIN).difference
     assert growing.low < np.log(2.0) < growing.high
     assert growing.high - growing.low < 0.2
-    assert falling.difference == pytest.approx(-growing.difference)
+    # equal speeds lie in either third
+    assert falling.difference == pytest.approx(-growing.difference, abs=0.01)
 
 
 def test_blocks_are_longer_than_the_noise_is_correlated_and_have_slow_and_fast_steps():
