@@ -138,7 +138,7 @@ def test_check_names_every_refusal_of_ingest_at_once_and_writes_nothing(project)
     cut_frame()
     before = [contents(Path(name)) for name in ("data", "reports")]
     done = run("python", "-m", "pipeline", "check", cwd=Path.cwd())
-    assert error_line(done).startswith("error: check: 3 faults: correct"), done.stdout
+    assert error_line(done).startswith("error: check: 3 fault(s): correct"), done.stdout
     for word in ("no marker named link1_ax", "force/C9.csv", "0007.png"):
         assert done.stdout.count(word) == 1, done.stdout
     assert [contents(Path(name)) for name in ("data", "reports")] == before

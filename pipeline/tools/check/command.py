@@ -37,8 +37,7 @@ def run(name: str | None = None) -> None:
         files = " or ".join(
             os.path.relpath(f) for f in (datasheet.path_of(name), option_file)
         )
-        count = "1 fault" if len(faults) == 1 else f"{len(faults)} faults"
-        message = f"{count}: correct {files}, or the named file"
+        message = f"{len(faults)} fault(s): correct {files}, or the named file"
         unfilled = datasheet.OPEN in str(faults)
         remedy = f"; `new-dataset {name} --ask` asks for every ???" if unfilled else ""
         raise ConfigError(f"{message}{remedy}")

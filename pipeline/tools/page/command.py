@@ -36,7 +36,6 @@ TEMPLATE = Path(__file__).with_name("page.html")
 COLOURS = 64  # of a figure on the page, enough for its lines and shades
 # px, least width of a figure of two columns, which scrolls on a narrow screen
 WIDE = 900
-TABLE = '<div class="table">'
 FOLDED = ("model_card", "errata")  # pages whose sections are folded
 IN_CARDS = "report"  # page whose parts under headings of level 3 are beside each other
 FOLD = r"<details><summary>\1</summary>\2</details>\n"
@@ -141,11 +140,9 @@ def _heading(
 
 
 def _arranged(html: str, file: Path) -> str:
-    """Return the ``html`` of a file with frames around tables, sections folded or beside each
-    other, and the anchors that the Markdown states.
+    """Return the ``html`` of a file with sections folded or beside each other, and the anchors
+    that the Markdown states.
     """
-    html = html.replace("<table>", f"{TABLE}\n<table>")
-    html = html.replace("</table>", "</table>\n</div>")
     html = html.replace("&lt;br&gt;", "<br>")  # line ends in a table's cells
     html = ANCHOR.sub(rf'\2<span id="{file.stem}--\1"></span>', html)
     html = NUMBER.sub(r'<span class="number">\g<0></span>', html)
