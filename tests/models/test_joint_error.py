@@ -37,6 +37,7 @@ from pipeline.models.joint_error.samples import (
     lasting_speeds,
     settled,
 )
+from pipeline.models.joint_error.search import JUMP_INPUTS
 
 LAWS = {
     "normal": known_law(),
@@ -315,11 +316,12 @@ def test_a_jump_of_the_speed_counts_whole_and_is_no_acceleration():
     )
 
 
-def test_a_joint_without_jumps_has_the_mean_variance_of_the_others_after_one():
+def runs_of_three_joints(rng: np.random.Generator) -> list[JointRun]:
+    """Return :func:`jumping_runs` with a third joint whose speed does not jump."""
     runs = []
     for run, smooth in zip(
-        jumping_runs(np.random.default_rng(3)),
-        runs_of_law(known_law(), np.random.default_rng(4)),
+        jumping_runs(rng),
+        runs_of_law(known_law(), rng),
         strict=True,
     ):
         three = {"joints": ("a", "b", "c"), "lag": np.zeros(3), "quantum": np.zeros(3)}
@@ -327,9 +329,40 @@ def test_a_joint_without_jumps_has_the_mean_variance_of_the_others_after_one():
             jumping, still = getattr(run, name), getattr(smooth, name)
             three[name] = np.concatenate([jumping, still[:, :1]], axis=1)
         runs.append(replace(run, **three))
+    return runs
+
+
+def test_a_joint_without_jumps_has_the_mean_variance_of_the_others_after_one():
+    runs = runs_of_three_joints(np.random.default_rng(3))
     variance = fit_joint_error(runs, memory="persistent", tails=False).scale[:, JUMPS]
     assert variance[2] == pytest.approx(variance[:2].mean())
     assert abs(np.log(variance[0] / variance[1])) > 1e-3  # control: they differ
+
+
+def test_the_errors_of_a_joint_without_jumps_have_the_whole_size_after_one():
+    law = fit_joint_error(runs_of_three_joints(np.random.default_rng(3)), tails=False)
+    variance = law.scale[:, JUMPS]
+    # the others have a mean response to a jump, and a variance of what it leaves
+    assert np.all(law.mean_gain[:2, INPUTS.index("fresh jumps")] < 0)
+    assert variance[2] > 10 * variance[:2].max()
+
+
+def test_runs_of_the_only_motion_with_jumps_determine_the_response_to_one():
+    rng = np.random.default_rng(3)
+    jumping, smooth = (
+        jumping_runs(rng, motions=1, repeats=4),
+        runs_of_law(known_law(), rng),
+    )
+    smooth = [replace(run, motion=f"smooth {run.motion}") for run in smooth]
+    law = fit_joint_error([*jumping, *smooth], tails=False)
+    fresh = [run for run in jumping_runs(rng, motions=2) if run.motion == "1"]
+
+    def error(scored: JointErrorModel) -> float:
+        rows = pd.DataFrame(commanded_rows(scored, fresh))
+        return pooled(rows, ["horizon"])["measured_rad"]["0.5 s"]
+
+    blind = replace(law, mean_gain=law.mean_gain * ~JUMP_INPUTS)
+    assert error(law) < 0.5 * error(blind)
 
 
 def test_a_command_between_the_rows_of_a_gap_in_the_clock_is_no_speed():

@@ -17,7 +17,14 @@ from pipeline.models.joint_error.samples import (
     lags_of_logs,
     lasting_speeds,
 )
-from pipeline.models.joint_error.search import LEAST, Memory, fit_joint, joint_samples
+from pipeline.models.joint_error.search import (
+    JUMP_INPUTS,
+    LEAST,
+    JointSamples,
+    Memory,
+    fit_joint,
+    joint_samples,
+)
 from pipeline.models.steps import Estimate, Recorded, Truth
 
 # options of pipeline/conf/model that a run compares, the simplest first
@@ -116,8 +123,8 @@ def fit_joint_error(
 ) -> JointErrorModel:
     """Fit the law to ``runs`` of one arm at one rate. Only the ``full`` memory is fitted to three
     horizons, the others to one sample ahead; ``tails`` fits Student's t. A joint with fewer than
-    LEAST samples after a jump of its speed has there the mean variance of the other joints.
-    Raises ModelDomainError without errors.
+    LEAST samples after a jump of its speed has there the :func:`mean_jump_variance` of the other
+    joints. Raises ModelDomainError without errors.
     """
     if not runs or not any(np.any(run.measured != run.command) for run in runs):
         message = (
@@ -125,19 +132,42 @@ def fit_joint_error(
         )
         raise ModelDomainError(message, runs=len(runs))
     unfitted = unfitted_law(runs, power)
-    laws, jumps = [], []
+    laws, few, jumping = [], [], []
     for j in range(len(unfitted.joints)):
         law = unfitted.of_joint(j)
         samples = joint_samples(law, runs, j, memory)
         laws.append(fit_joint(law, samples, memory, tails))
-        jumps.append(np.count_nonzero(samples.inputs.growth[:, JUMPS]))
+        if np.count_nonzero(samples.inputs.growth[:, JUMPS]) < LEAST:
+            few.append(j)
+        else:
+            jumping.append((j, samples))
     fitted = {}
     for name in ("memory", "mean_gain", "scale", "drift", "degrees"):
         fitted[name] = np.concatenate([getattr(law, name) for law in laws])
-    few = np.array(jumps) < LEAST
-    if few.any() and not few.all():
-        fitted["scale"][few, JUMPS] = fitted["scale"][~few, JUMPS].mean()
-    return replace(unfitted, **fitted)
+    law = replace(unfitted, **fitted)
+    if few and jumping:
+        law.scale[few, JUMPS] = mean_jump_variance(law, jumping, memory, tails)
+    return law
+
+
+def mean_jump_variance(
+    law: JointErrorModel,
+    jumping: Sequence[tuple[int, JointSamples]],
+    memory: Memory,
+    tails: bool,
+) -> float:
+    """Return the mean variance after a jump of the speed of the joints ``jumping`` (number and
+    samples) of the fitted ``law``, without a mean response to jumps: a joint without jumps has no
+    such response, and its errors after a jump have the whole size.
+    """
+    variances = []
+    for j, samples in jumping:
+        of_joint = law.of_joint(j)
+        if of_joint.mean_gain[:, JUMP_INPUTS].any():
+            without_mean = samples.without_jump_mean()
+            of_joint = fit_joint(of_joint, without_mean, memory, tails)
+        variances.append(of_joint.scale[0, JUMPS])
+    return float(np.mean(variances))
 
 
 def unfitted_law(runs: Sequence[JointRun], power: float | str) -> JointErrorModel:

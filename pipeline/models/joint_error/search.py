@@ -51,6 +51,11 @@ class JointSamples:
     # steps ahead → samples before the predictions that count, at most about 2·MOST by horizon
     before: dict[int, ndarray]
 
+    def without_jump_mean(self) -> "JointSamples":
+        """Return the samples with a mean that does not respond to jumps of the speed."""
+        mean = np.where(JUMP_INPUTS, 0.0, self.inputs.mean)
+        return replace(self, inputs=self.inputs._replace(mean=mean))
+
     def past(self, law: JointErrorModel, r: ndarray) -> ndarray:
         """(N, 3, …) r, previous r and z of residuals or inputs ``r`` (N, …), piece by piece."""
         parts = [past_of(r[piece], law.keep) for piece in self.pieces]
@@ -67,7 +72,7 @@ def joint_samples(
     full ``memory`` only predictions one sample ahead.
     """
     inputs = [law.inputs(run.command[:, [j]]) for run in runs]
-    groups = _held_out_groups(runs)
+    groups = _held_out_groups(runs, inputs)
     horizons = horizon_samples(runs[0].rate)
     if memory != "full":
         horizons = horizons[:1]
@@ -88,16 +93,26 @@ def joint_samples(
     )
 
 
-def _held_out_groups(runs: Sequence[JointRun]) -> ndarray:
-    """(N,) number of the held-out part of each sample: its motion, or quarter of its run."""
+def _held_out_groups(runs: Sequence[JointRun], inputs: Sequence[Drive]) -> ndarray:
+    """(N,) number of the held-out part of each sample: its motion. A single motion is held out by
+    quarters of its runs. The only motion with jumps of the joint's speed is held out by runs, so
+    that other runs determine the response to a jump. ``inputs`` are those of the runs.
+    """
     motions = sorted({run.motion for run in runs})
+    jumping = set()
+    for run, drive in zip(runs, inputs, strict=True):
+        if drive.mean[..., JUMP_INPUTS].any():
+            jumping.add(run.motion)
     parts = []
-    for run in runs:
+    for number, run in enumerate(runs):
         count = len(run.command)
         if len(motions) == 1:
-            parts.append(np.arange(count) * QUARTERS // count)
+            part = np.arange(count) * QUARTERS // count
+        elif jumping == {run.motion}:
+            part = np.full(count, len(motions) + number)
         else:
-            parts.append(np.full(count, motions.index(run.motion)))
+            part = np.full(count, motions.index(run.motion))
+        parts.append(part)
     return np.concatenate(parts)
 
 
