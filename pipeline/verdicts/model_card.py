@@ -19,6 +19,7 @@ from pipeline.models.joint_error.choice import (
     ratio_with_interval,
     unconfirmed,
 )
+from pipeline.verdicts.deviations import LOST, RATIO, WITHIN, deviations, losses
 from pipeline.verdicts.run import Run
 from pipeline.verdicts.scores import (
     choice,
@@ -81,6 +82,9 @@ def answer(run: Run) -> str:
                 for entry in unconfirmed(scores, model)
                 if " at " not in entry["parameter"] or "rest" in entry["parameter"]
             ],
+            "deviations": deviations(scores, model),
+            "losses": losses(scores, model),
+            "limits": {"ratio": RATIO, "within": WITHIN, "lost": LOST},
             "law": law_rows(parameters),
             "logs": int(parameters["logs"].max()),
         }

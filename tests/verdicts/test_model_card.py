@@ -11,6 +11,7 @@ import pytest
 from pipeline.evidence.table import evidence_row, evidence_table
 from pipeline.models.joint_error.choice import left_out, pooled, pooled_interval
 from pipeline.statistics.takes import jackknife_difference
+from pipeline.verdicts.deviations import deviations, losses
 from pipeline.verdicts.model_card import answer, model_card
 from pipeline.verdicts.run import Run
 from pipeline.verdicts.scores import choice
@@ -321,3 +322,63 @@ def test_a_parameter_that_the_recordings_cannot_tell_has_no_number(fitted, absen
     page = model_card(run, [])
     assert f"no number for {absent}" in page
     assert not any(f"| additive | {name} |" in page for name in fitted)
+
+
+def scores_of_the_card(ratio_on_third_motion: float, lost: float) -> pd.DataFrame:
+    """Return scores of ``moved`` with another ratio of the law's σ on the third motion, and a
+    constant that has ``lost`` nats more by joint at one sample, and 1 nat less elsewhere.
+    """
+    scores = moved(predicted=1e-4, motions=8)["joint_scores"]
+    law = scores["model"] == "joint_error"
+    third = law & (scores["motion"] == "3") & (scores["horizon"] == "0.5 s")
+    scores.loc[third, "predicted_rad"] *= ratio_on_third_motion
+    constant = scores[law].assign(model="joint_constant")
+    nearest = constant["horizon"] == "one sample"
+    constant["score"] += np.where(nearest, lost, -1.0)
+    return pd.concat([scores, constant])
+
+
+def run_of_scores(scores: pd.DataFrame) -> Run:
+    """Return a run with the tables of ``moved`` and the ``scores``."""
+    tables = moved() | {"joint_scores": scores}
+    return Run("arm", "paper", False, ["a", "b"], [], {}, {}, tables)
+
+
+def test_the_card_names_what_is_beyond_its_limits_and_the_motion_that_causes_it():
+    scores = scores_of_the_card(4.0, 0.4)
+    rows = deviations(scores, "joint_error")
+    assert [(row.joint, row.horizon) for row in rows] == [
+        ("a", "0.5 s"),
+        ("b", "0.5 s"),
+    ]
+    for row in rows:
+        assert row.ratio == pytest.approx(np.sqrt((7 + 16) / 8))
+        assert row.cause.startswith("motion 3, which")
+        assert row.cause.endswith("without it 1.00 and 0.70")
+    (sentence,) = losses(scores, "joint_error")
+    assert "0.80 nats above that of the law, 0.40 of them in a." in sentence
+    assert "This difference is -2.00 at 0.1 s and -2.00 at 0.5 s;" in sentence
+
+    text = answer(run_of_scores(scores))
+    assert sentence in text
+    for row in rows:
+        assert f"| {row.joint} | {row.horizon} | {row.ratio:.4g} |" in text
+    # control: within the limits there is no such paragraph
+    scores = scores_of_the_card(1.4, 0.2)
+    assert not deviations(scores, "joint_error")
+    assert not losses(scores, "joint_error")
+    text = answer(run_of_scores(scores))
+    assert "Beyond the limits" not in text
+
+
+def test_tails_and_several_motions_are_causes_of_a_deviation_too():
+    scores = moved(predicted=0.6e-4, motions=8)["joint_scores"]
+    causes = {row.cause for row in deviations(scores, "joint_error")}
+    assert causes == {
+        "few large errors make the measured σ: 0.70 of the errors are within ±1σ, 0.95 within ±2σ",
+    }
+    scores = moved(predicted=1.8e-4, motions=8)["joint_scores"]
+    causes = {row.cause for row in deviations(scores, "joint_error")}
+    assert causes == {"σ is too large in more than one held-out part"}
+    # of a joint with few samples no figure is certain enough
+    assert not deviations(scores.assign(count=2), "joint_error")
