@@ -1,5 +1,8 @@
-"""The model that the card recommends is among the best on fresh motions of arms of ten physics."""
+"""The model that the card recommends is among the best on fresh motions of arms of twelve physics,
+of which one has jumps of the commanded speed, and one a lag that differs by run.
+"""
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -10,14 +13,22 @@ from space_arms import LWR4
 
 from pipeline.arm.model import chain_of
 from pipeline.configuration.config import CONF, model_options
+from pipeline.core.delays import delayed_angles
 from pipeline.core.errors import PipelineError
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.laboratory.dynamics import JointPath, draw, swing, true_chain
 from pipeline.laboratory.options import DynamicsOptions
-from pipeline.models.joint_error.choice import chosen_law, margins, unconfirmed
+from pipeline.models.joint_error.choice import (
+    chosen_law,
+    margins,
+    pooled,
+    unconfirmed,
+)
+from pipeline.models.joint_error.drive import JUMPS
 from pipeline.models.joint_error.fit import fit_joint_error
-from pipeline.models.joint_error.held_out import held_out, score_runs
+from pipeline.models.joint_error.held_out import at_lag, held_out, score_runs
 from pipeline.models.joint_error.samples import JointRun
+from pipeline.models.joint_error.search import JUMP_INPUTS
 from pipeline.studies.simulated import SIZES, disturb
 
 RATE, STEPS, REST, REPEATS = 100.0, 160, 20, 6
@@ -33,11 +44,18 @@ PHYSICS = {
     "speed errors": dict(sway_std=0.1, clearance=0.1, speed_error_std=5.0),
     "any speed alike": {},
     "lasting": {},
+    "jumps of the speed": {},
+    "lag by run": {},
 }
 OPTIONS = {  # of the disturbances, beside the factors on their sizes
     "any speed alike": dict(speed_exponent=0.0),
     "lasting": dict(sway_time=0.054, clearance_time=0.02),
 }
+# response of an angle to a jump of the speed: rad per rad/s, and its time constant in s
+JUMP_GAIN, JUMP_TIME = 4e-3, 0.06
+# shares of the time and of the way between which the speed is constant
+UNEVEN = (0.0, 0.25, 0.5, 0.75, 1.0), (0.0, 0.4, 0.5, 0.9, 1.0)
+LAG, LAG_STD = 8e-3, 3e-3  # s, of the runs
 KNOWN, FRESH = 6, 4  # motions to fit and choose by, to score on
 WIDTH = 0.3  # rad between poses
 MIDDLE = np.array([0.1, 0.7, 0.0, -1.2, 0.0, 0.8, 0.5])  # rad, pose
@@ -48,8 +66,10 @@ LIMIT = 0.05  # nats a sample
 
 def simulated(physics: str, seed: int) -> list[JointRun]:
     """Runs of motions of the arm between random poses, by a motion capture of white noise; of the
-    joints JOINTS.
+    joints JOINTS. With jumps of the speed, each angle misses its command after a jump; with a lag
+    by run, the angles are measured LAG ± LAG_STD after the command.
     """
+    jumps, lagging = physics == "jumps of the speed", physics == "lag by run"
     rng = np.random.default_rng(seed)
     nominal = chain_of(LWR4)
     values = read_yaml(CONF / "dataset/lwr4_lab.yaml")["laboratory"]["dynamics"]
@@ -59,6 +79,8 @@ def simulated(physics: str, seed: int) -> list[JointRun]:
     offset = dynamics.encoder_offset_std * rng.standard_normal(7)
     share = np.clip(np.arange(STEPS + 1) - REST, 0, 120) / 120
     progress = (1 - np.cos(np.pi * share)) / 2
+    if jumps:
+        progress = np.interp(share, *UNEVEN)
     grid = np.arange(STEPS + 1) / RATE
     runs: list[JointRun] = []
     while len(runs) < (KNOWN + FRESH) * REPEATS:
@@ -73,22 +95,41 @@ def simulated(physics: str, seed: int) -> list[JointRun]:
         except PipelineError:
             continue
         motion = str(len(runs) // REPEATS + 1)
+        command = path.joints[:, JOINTS]
         for number, take in enumerate(takes):
-            seen = [np.interp(grid, take.t, take.q[:, joint]) for joint in JOINTS]
+            lag = np.zeros(len(JOINTS))
+            if lagging:
+                lag += LAG + LAG_STD * rng.standard_normal()
+            seen = []
+            for joint, late in zip(JOINTS, lag, strict=True):
+                seen.append(np.interp(grid - late, take.t, take.q[:, joint]))
             q = np.stack(seen, axis=-1)
+            if jumps:
+                q += response_to_jumps(command)
             run = JointRun(
                 name=f"{motion}.{number}",
                 rate=RATE,
-                command=path.joints[:, JOINTS],
+                command=delayed_angles(command, RATE * lag),
                 measured=q + POSE_NOISE * rng.standard_normal(q.shape),
                 joints=tuple(LWR4.joints[joint] for joint in JOINTS),
-                lag=np.zeros(len(JOINTS)),
+                lag=lag,
                 quantum=np.zeros(len(JOINTS)),
                 pose_noise=POSE_NOISE,
                 motion=motion,
             )
             runs.append(run)
     return runs
+
+
+def response_to_jumps(command: np.ndarray) -> np.ndarray:
+    """(N, n) rad by which the angles miss the ``command`` (N, n) in rad after its speed changed."""
+    change = np.zeros_like(command)
+    change[2:] = RATE * np.diff(command, 2, axis=0)
+    response = np.zeros_like(command)
+    fade = np.exp(-1 / (RATE * JUMP_TIME))
+    for k in range(1, len(command)):
+        response[k] = fade * response[k - 1] - JUMP_GAIN * change[k]
+    return response
 
 
 def judged(physics: str, seed: int) -> tuple[str | None, dict[str, float]]:
@@ -112,6 +153,37 @@ def test_the_recommended_law_is_among_the_best_on_fresh_motions_of_every_physics
     assert scores[chosen] >= max(scores.values()) - LIMIT
     # the control: the law without memory would not do
     assert scores["joint_step"] < max(scores.values()) - LIMIT
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["jumps of the speed", "lag by run"])
+def test_sigma_on_fresh_motions_is_right_after_jumps_and_with_an_unknown_lag(name):
+    runs = simulated(name, [*PHYSICS].index(name) + 1)
+    fitted, fresh = runs[: KNOWN * REPEATS], runs[KNOWN * REPEATS :]
+    options = model_options(["joint_error_normal"])["joint_error_normal"]
+    law = fit_joint_error(fitted, **options.law())
+    lag_known = name != "lag by run"
+    if lag_known:  # control: without the mean and the variance after a jump
+        scale = law.scale.copy()
+        scale[:, JUMPS] = 0.0
+        gain = law.mean_gain * ~JUMP_INPUTS
+        differing = replace(law, mean_gain=gain, scale=scale)
+    else:
+        error = LAG_STD / np.sqrt(len(fitted))
+        np.testing.assert_allclose(law.lag, LAG, atol=3 * error)
+        np.testing.assert_allclose(law.lag_std, LAG_STD, rtol=0.4)
+        fresh = [at_lag(run, law.lag) for run in fresh]
+        # control: without the spread of the lag
+        differing = replace(law, lag_std=np.zeros(len(JOINTS)))
+    ratios, scores = {}, {}
+    for key, scored in {"law": law, "differing": differing}.items():
+        rows = pd.DataFrame(score_runs(scored, fresh, lag_known=lag_known)[0])
+        commanded = rows[rows["samples"] == "commanded"]
+        by_joint = pooled(commanded, ["joint", "horizon"])
+        ratios[key], scores[key] = by_joint["ratio"], by_joint["score"].mean()
+    assert ratios["law"].between(2 / 3, 3 / 2).all(), ratios["law"]
+    assert not ratios["differing"].between(2 / 3, 3 / 2).all(), ratios["differing"]
+    assert scores["law"] > scores["differing"] + LIMIT
 
 
 @pytest.mark.parametrize(
