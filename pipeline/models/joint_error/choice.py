@@ -31,16 +31,17 @@ def pooled(scores: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
     mean squares weighted by the number of errors, and ``ratio``, predicted over measured σ.
     """
     scores = scores.reset_index(drop=True)
-    squares = scores[SIGMAS] ** 2
-    means = scores[NUMBERS].fillna(0.0).join(squares)
+    means = scores[NUMBERS].fillna(0.0)
+    means[SIGMAS] = scores[SIGMAS] ** 2
     sums = means.mul(scores["count"], axis=0)
-    by_group = sums.join(scores[[*by, "count"]]).groupby([*by], sort=False)
-    result = by_group.sum()
+    groups = scores[[*by, "count"]]
+    result = sums.join(groups).groupby([*by], sort=False).sum()
     columns = means.columns
     result[columns] = result[columns].div(result["count"], axis=0)
     result[SIGMAS] = np.sqrt(result[SIGMAS])
     measured = result["measured_rad"]
-    result["ratio"] = result["predicted_rad"] / measured.where(measured > 0)
+    positive = measured.where(measured > 0)
+    result["ratio"] = result["predicted_rad"] / positive
     return result
 
 
@@ -65,8 +66,11 @@ def margins(scores: pd.DataFrame, model: str, rival: str) -> tuple[float, float,
     if len(gains) == 0:
         return np.nan, -np.inf, np.inf
     if len(gains) == 1:
-        return float(gains[0]), -np.inf, np.inf
-    return paired_difference(gains, np.zeros(len(gains)))[:3]
+        (gain,) = gains
+        return float(gain), -np.inf, np.inf
+    zero = np.zeros(len(gains))
+    difference = paired_difference(gains, zero)
+    return difference[:3]
 
 
 def left_out(scores: pd.DataFrame) -> pd.DataFrame:
@@ -90,10 +94,13 @@ def pooled_interval(parts: pd.DataFrame, name: str) -> Difference:
         return Difference(values[0])
     if name == "ratio":
         logarithm = jackknife_difference(np.log(values))
-        low, high = np.exp([logarithm.low, logarithm.high])
-        return Difference(values[0], float(low), float(high))
+        ends = np.exp([logarithm.low, logarithm.high])
+        low, high = ends.tolist()
+        return Difference(values[0], low, high)
     share = jackknife_difference(values)
-    return share._replace(low=max(share.low, 0.0), high=min(share.high, 1.0))
+    low = max(share.low, 0.0)
+    high = min(share.high, 1.0)
+    return share._replace(low=low, high=high)
 
 
 def faults_of(scores: pd.DataFrame, model: str) -> list[str]:

@@ -60,11 +60,13 @@ def estimate(recorded: Recorded, options: Options) -> Estimate:
     law = fit_joint_error(runs_of(recorded), **options.law())
     values = {}
     for j, joint in enumerate(law.joints):
+        speeds = {"at_rest": 0.0, "at_greatest_speed": law.reach[j]}
         step = np.zeros(len(law.joints))
-        for name, speed in (("at_rest", 0.0), ("at_greatest_speed", law.reach[j])):
+        for name, speed in speeds.items():
             step[j] = speed / law.rate
-            variance = law.covariance_of_joint_step(step)[j, j]
-            values[f"innovation_std_{name}_{joint}_rad"] = float(np.sqrt(variance))
+            covariance = law.covariance_of_joint_step(step)
+            std = np.sqrt(covariance[j, j])
+            values[f"innovation_std_{name}_{joint}_rad"] = float(std)
     return Estimate(law.parameters(), values, {})
 
 

@@ -358,13 +358,16 @@ def law_numbers(law: JointErrorModel) -> pd.DataFrame:
     it persists), share of the drift, and degrees of freedom (NaN if they are infinite).
     """
     step = np.diag(law.reach / law.rate)
-    fastest = np.einsum("jjj->j", law.covariance_of_joint_step(step))
-    still = np.einsum("jjj->j", law.covariance_of_joint_step(0 * step))
+    at_greatest_speed = law.covariance_of_joint_step(step)
+    at_rest = law.covariance_of_joint_step(0 * step)
+    fastest = np.einsum("jjj->j", at_greatest_speed)
+    still = np.einsum("jjj->j", at_rest)
     eigenvalues = np.linalg.eigvals(law.companion())
     modes = np.abs(eigenvalues).max(axis=-1)
     decay = np.full(len(modes), np.nan)
     fading = (modes > 0) & (modes < 1 - 1e-9)
-    decay[fading] = -1 / (law.rate * np.log(modes[fading]))
+    logarithm = np.log(modes[fading])
+    decay[fading] = -1 / (law.rate * logarithm)
     columns = {
         "innovation_at_rest_rad": np.sqrt(still),
         "innovation_at_greatest_speed_rad": np.sqrt(fastest),

@@ -44,6 +44,7 @@ from pipeline.models.joint_error.drive import (
     drive_of,
     smoothed,
 )
+from pipeline.models.joint_error.likelihood import companion_of
 from pipeline.models.joint_error.outlook import Outlook
 from pipeline.models.model import MotionModel, Traits, trace_factor
 
@@ -158,12 +159,8 @@ class JointErrorModel(MotionModel):
 
     def companion(self) -> ndarray:
         """(n, 3, 3) matrix that maps (r_k, r_{k−1}, z_k) to its mean one sample later."""
-        result = np.zeros((len(self.joints), 3, 3))
-        result[:, 0] = self.memory
-        result[:, 1, 0] = 1.0
-        result[:, 2] = (1 - self.keep) * self.memory
-        result[:, 2, 2] += self.keep
-        return result
+        matrices = [companion_of(memory, self.keep) for memory in self.memory]
+        return np.stack(matrices)
 
     def response(self, steps: int) -> tuple[ndarray, ndarray]:
         """Weights (steps, n, 3) of (r, previous r, z) in the mean 1 … ``steps`` samples ahead, and
@@ -217,14 +214,16 @@ class JointErrorModel(MotionModel):
         deviation ``response`` (steps, K, n) in rad.
         """
         keep, share = self.persistence, self.drift
-        white = ((1 - share) * response**2).sum(axis=0)
+        variances = (1 - share) * response**2
+        white = variances.sum(axis=0)
         if not np.any(share > 0):
             return white
         # response to an innovation of the drift i samples ago
         for i in range(1, len(response)):
             response[i] += keep * response[i - 1]
-        drifted = (1 - keep**2) * (response**2).sum(axis=0)
-        last_known = keep**2 * response[-1] ** 2
+        squares = response**2
+        drifted = (1 - keep**2) * squares.sum(axis=0)
+        last_known = keep**2 * squares[-1]
         return white + share * (drifted + last_known)
 
     def outlook(
@@ -332,7 +331,8 @@ class JointErrorModel(MotionModel):
         for j, degrees in enumerate(self.degrees):
             if np.isfinite(degrees):
                 chi = rng.chisquare(degrees, shape[:-1])
-                noise[..., j] *= np.sqrt((degrees - 2) / chi)
+                factor = np.sqrt((degrees - 2) / chi)
+                noise[..., j] *= factor
         return noise
 
     def first_memory(self, q: ndarray, commanded: ndarray, rng: Generator) -> ndarray:
@@ -455,11 +455,12 @@ def build(parameters: dict[str, Any]) -> JointErrorModel:
 def _array(name: str, value: object, n: int) -> ndarray:
     """Return the ``value`` of a parameter of ``n`` joints; ModelDomainError if it is invalid."""
     array = np.array(value, float)
-    shape = SHAPES.get(name, ())
+    shape = (n, *SHAPES.get(name, ()))
     low, high = ENDS.get(name, (0.0, np.inf))
-    if array.shape != (n, *shape) or not np.all((low <= array) & (array <= high)):
+    inside = (low <= array) & (array <= high)
+    if array.shape != shape or not inside.all():
         raise ModelDomainError(
             f"parameters.{name} must be numbers from {low:g} to {high:g} of shape "
-            f"{(n, *shape)}, got {array.tolist()}",
+            f"{shape}, got {array.tolist()}",
         )
     return array

@@ -20,15 +20,19 @@ class Outlook(NamedTuple):
         """(..., n) ln of the probability of the cell of width ``quantum`` (n,) in rad around
         ``error``, divided by the width; ln of the density where ``quantum`` is 0. In nats (1/rad).
         """
-        scale = np.sqrt(self.variance * unit_variance_factor(self.degrees))
-        z = np.abs(error - self.mean) / scale
+        factor = unit_variance_factor(self.degrees)
+        scale = np.sqrt(self.variance * factor)
+        off = np.abs(error - self.mean)
+        z = off / scale
         degrees = np.broadcast_to(self.degrees, z.shape)
         log_density = standard_log_density(z, degrees) - np.log(scale)
         if not np.any(quantum > 0):
             return log_density
-        cell = cell_probability(z, quantum / scale / 2, degrees)
+        half = quantum / scale / 2
+        cell = cell_probability(z, half, degrees)
         width = np.where(quantum > 0, quantum, 1.0)
-        log_cell = np.log(np.maximum(cell, 1e-300) / width)
+        positive = np.maximum(cell, 1e-300)
+        log_cell = np.log(positive / width)
         return np.where(cell > 1e-280, log_cell, log_density)
 
 
@@ -39,8 +43,11 @@ def cell_probability(z: ndarray, half: ndarray, degrees: ndarray) -> ndarray:
     low, high = -(z + half), -(z - half)
     normal = np.isinf(degrees)
     finite = np.where(normal, 1.0, degrees)
-    student = stdtr(finite, high) - stdtr(finite, low)
-    return np.where(normal, ndtr(high) - ndtr(low), student)
+    student = stdtr(finite, high)
+    student -= stdtr(finite, low)
+    gaussian = ndtr(high)
+    gaussian -= ndtr(low)
+    return np.where(normal, gaussian, student)
 
 
 def unit_variance_factor(degrees: ndarray) -> ndarray:
@@ -51,12 +58,17 @@ def unit_variance_factor(degrees: ndarray) -> ndarray:
 
 def standard_log_density(z: ndarray, degrees: ndarray) -> ndarray:
     """(...,) log density of Student's t of scale 1, or of the normal law for infinite degrees."""
-    normal = np.isinf(degrees)
+    normal, square = np.isinf(degrees), z**2
     nu = np.where(normal, 4.0, degrees)
     values, places = np.unique(nu, return_inverse=True)
-    gammas = [lgamma((value + 1) / 2) - lgamma(value / 2) for value in values]
-    of_gammas = np.array(gammas)[places].reshape(nu.shape)
+    gammas = []
+    for value in values:
+        numerator = lgamma((value + 1) / 2)
+        gammas.append(numerator - lgamma(value / 2))
+    of_gammas = np.array(gammas)[places]
+    of_gammas = of_gammas.reshape(nu.shape)
     constant = of_gammas - 0.5 * np.log(nu * np.pi)
-    student = constant - (nu + 1) / 2 * np.log1p(z**2 / nu)
-    gaussian = -0.5 * (np.log(2 * np.pi) + z**2)
+    tail = (nu + 1) / 2 * np.log1p(square / nu)
+    student = constant - tail
+    gaussian = -0.5 * (np.log(2 * np.pi) + square)
     return np.where(normal, gaussian, student)

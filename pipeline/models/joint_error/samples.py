@@ -60,13 +60,15 @@ def jump_threshold(commands: Sequence[ndarray], rate: float) -> ndarray:
     """(n,) rad/s², acceleration beyond which the speed of the ``commands`` (N, n) in rad jumps:
     JUMP times their USUAL quantile in motion, or times SMALL.
     """
-    change = np.concatenate([accelerations(command, rate) for command in commands])
-    moving = np.concatenate([moving_samples(command, rate) for command in commands])
+    changes = [accelerations(command, rate) for command in commands]
+    samples = [moving_samples(command, rate) for command in commands]
+    change, moving = np.concatenate(changes), np.concatenate(samples)
     usual = np.full(change.shape[1], SMALL)
     for j, moves in enumerate(moving.T):
         if moves.any():
             in_motion = change[moves, j]
-            usual[j] = max(np.quantile(in_motion, USUAL), SMALL)
+            quantile = np.quantile(in_motion, USUAL)
+            usual[j] = max(quantile, SMALL)
     return JUMP * usual
 
 

@@ -4,9 +4,9 @@ overconfident half a second ahead.
 
 The memory (φ, ψ, χ) is the least-squares regression of r on its past. The gains β of the mean are
 a ridge regression at the three horizons. Its penalty has the least squared error on held-out
-motions, or on held-out quarters of the runs of a single motion; an infinite penalty removes the
-mean. Scale, tails and drift maximise the composite likelihood of the held-out residuals. Only
-commanded steps count.
+motions, held-out runs of the only motion whose speed jumps, or held-out quarters of the runs of a
+single motion; an infinite penalty removes the mean. Scale, tails and drift maximise the composite
+likelihood of the held-out residuals. Only commanded steps count.
 """
 
 from collections.abc import Iterator, Sequence
@@ -184,13 +184,16 @@ def _regression(joint: JointSamples, r: ndarray, past: ndarray) -> Regression:
     before = past[joint.first]
     after = r[joint.first + 1]
     moment = before.T @ before
-    ridge = 1e-9 * np.diag(moment) + 1e-300
-    moment += np.diag(ridge)
-    values = np.linalg.solve(moment, before.T @ after)
+    penalty = 1e-9 * np.diag(moment) + 1e-300
+    moment += np.diag(penalty)
+    across = before.T @ after
+    values = np.linalg.solve(moment, across)
     off = after - before @ values
     variance = np.mean(off**2) + 1e-300
-    covariance = np.linalg.inv(moment / len(after) / variance)
-    return Regression(values, np.linalg.cholesky(covariance))
+    information = moment / len(after) / variance
+    covariance = np.linalg.inv(information)
+    root = np.linalg.cholesky(covariance)
+    return Regression(values, root)
 
 
 def _second_order(law: JointErrorModel, joint: JointSamples) -> ndarray:
@@ -213,11 +216,15 @@ class NoiseSearch:
         self.joint = joint
         self.tails = tails
         # rad, a typical error
-        self.size = float(np.sqrt(np.mean(joint.error**2))) or 1e-9
+        mean_square = np.mean(joint.error**2)
+        self.size = float(np.sqrt(mean_square)) or 1e-9
         self.theta: ndarray | None = None  # result of the last search
+        counts, ends = [], []
+        for steps, before in joint.before.items():
+            counts.append(len(before))
+            ends.append(before + steps)
         self.horizons = np.array([*joint.before])
-        self.counts = np.array([len(samples) for samples in joint.before.values()])
-        ends = [before + steps for steps, before in joint.before.items()]
+        self.counts = np.array(counts)
         self.ends = np.concatenate(ends)
 
     def fit(
@@ -307,7 +314,8 @@ class NoiseSearch:
         of_one_sample = self.ends[: self.counts[0]]
         growth = self.joint.inputs.growth[of_one_sample]
         typical = [typical_growth(column) for column in growth.T]
-        scales = level - 0.7 - np.log(typical) / 2
+        of_growth = np.log(typical) / 2
+        scales = level - 0.7 - of_growth
         degrees, drift, damping = np.log(4.0), -4.0, -7.0
         shift = np.zeros(3)
         return np.r_[scales, degrees, drift, damping, shift]
@@ -369,7 +377,8 @@ def ridge(inputs: ndarray, across: ndarray, penalty: ndarray) -> ndarray:
     used = np.isfinite(penalty)
     gains = np.zeros(len(across))
     if used.any():
-        moment = inputs[np.ix_(used, used)] + np.diag(penalty[used])
+        moment = inputs[np.ix_(used, used)]
+        moment += np.diag(penalty[used])
         gains[used] = np.linalg.solve(moment, across[used])
     return gains
 
