@@ -10,7 +10,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from case_tables import cases_beside
 from numpy.testing import assert_array_equal
+from pandas.testing import assert_frame_equal
 
 from pipeline import formats
 from pipeline.core.errors import ConfigError, RecordingError
@@ -23,13 +25,14 @@ from pipeline.formats.trajectory import (
     write_trajectory,
 )
 
+cases = cases_beside(__file__)
 FOLDER = Path(formats.__file__).parent
 BLOCK = re.compile(r"^```(\w+)(?: (\S+))?\n(.*?)^```$", re.MULTILINE | re.DOTALL)
-SECTIONS = {
-    f"{folder}: {section.splitlines()[0]}": section
-    for folder in ("joints", "motion", "force", "depth")
-    for section in (FOLDER / folder / "README.md").read_text().split("\n## ")[1:]
-}
+SECTIONS = {}
+for page in sorted(FOLDER.glob("*/README.md")):
+    for section in page.read_text().split("\n## ")[1:]:
+        title = section.splitlines()[0]
+        SECTIONS[f"{page.parent.name}: {title}"] = section
 
 
 @pytest.mark.parametrize("title", SECTIONS)
@@ -57,72 +60,51 @@ def test_numbers_are_correctly_rounded_as_by_python(form):
     generator = np.random.default_rng(1)
     powers = generator.integers(-9, 9, 5000)
     drawn = generator.normal(size=5000) * 10.0**powers
-    rows = [form % value for value in drawn]
-    result = numbers_of(rows, list(range(5000)), [0], file=FILE)
-    assert_array_equal(result[:, 0], [float(row) for row in rows])
+    cells = [form % value for value in drawn]
+
+    numbers = numbers_of(cells, range(5000), [0], file=FILE)
+
+    by_python = [float(cell) for cell in cells]
+    assert_array_equal(numbers[:, 0], by_python)
 
 
-WRONG = ["1 2", "7" * 5000, *'x 1_0 0x1A True NAN1 1e999 1,5 --1 "1 1e300'.split()]
-
-
-@pytest.mark.parametrize("cell", WRONG)
+@cases("no number", ["7" * 5000])
 def test_a_cell_that_is_no_finite_number_or_nothing_measures_is_refused_by_its_line(
     cell,
 ):
+    lines, marks = ["1;2", f"3;{cell}"], {"separator": ";", "gaps": True}
     with pytest.raises(RecordingError) as caught:
-        numbers_of(
-            ["1;2", f"3;{cell}"],
-            [4, 5],
-            [0, 1],
-            file=FILE,
-            separator=";",
-            gaps=True,
-        )
+        numbers_of(lines, [4, 5], [0, 1], file=FILE, **marks)
     assert caught.value.evidence["line"] == 5 and len(str(caught.value)) < 200
 
 
-def test_cells_in_many_forms_are_numbers_and_missing_ones_are_nan_where_gaps_are_expected():
-    for cell in ("1.5", " 1.5", "1.5 ", "+1.5", '"1.5"', "15e-1", "0.15E+1"):
-        assert numbers_of([f"0,{cell}"], [1], [1], file=FILE).item() == 1.5
-    for cell in ("", " ", "NAN", "nan", "-nan(ind)", "1.#QNAN", "None", "N/A", '""'):
-        assert np.isnan(numbers_of([f"0,{cell}"], [1], [1], file=FILE, gaps=True)).all()
-        with pytest.raises(RecordingError, match="column 2 has no number"):
-            numbers_of([f"0,{cell}"], [1], [1], file=FILE)
-    assert numbers_of(["1,text,2", "3,,4"], [1, 2], [2, 0], file=FILE).tolist() == [
-        [2, 1],
-        [4, 3],
-    ]
+@cases("one and a half")
+def test_a_cell_in_any_form_is_a_number(cell):
+    assert numbers_of([f"0,{cell}"], [1], [1], file=FILE).item() == 1.5
 
 
-ONE = [
-    "1.5,2\n3,4\n",
-    "1.5, 2\n3, 4\n",
-    "1,5;2\n3;4\n",
-    "1.5;2\n3;4\n",
-    "1,5\t2\n3\t4\n",
-]
-ONE += ["  1,5   2\n\n 3 4\n", "# x y\n1.5 2\n3e0 4\n", '"x";"y"\n"1,5";"2"\n"3";"4"\n']
-ONE += [
-    "a note\nx,y\n1.5,2\n3,4\n",
-    "x;y;;\n1,5;2;;\n3;4;;\n",
-    "\xa0\nx,y\n1.5,2\n3,4\n",
-]
+@cases("missing")
+def test_a_missing_cell_is_nan_where_gaps_are_expected_and_else_refused(cell):
+    number = numbers_of([f"0,{cell}"], [1], [1], file=FILE, gaps=True)
+    assert np.isnan(number).all()
+    with pytest.raises(RecordingError, match="column 2 has no number"):
+        numbers_of([f"0,{cell}"], [1], [1], file=FILE)
 
 
-@pytest.mark.parametrize("text", ONE)
+def test_only_the_columns_that_are_asked_for_are_numbers_in_their_order():
+    numbers = numbers_of(["1,text,2", "3,,4"], [1, 2], [2, 0], file=FILE)
+    assert numbers.tolist() == [[2, 1], [4, 3]]
+
+
+@cases("one reading")
 def test_a_table_that_allows_one_reading_is_read_so(tmp_path, text):
     assert sheet(tmp_path, text).values([0, 1]).tolist() == [[1.5, 2], [3, 4]]
-    assert sheet(tmp_path, "x,y\n1,5\n3,4\n").values([0, 1]).tolist() == [
-        [1, 5],
-        [3, 4],
-    ]
+    # the control: commas separate the cells
+    commas = sheet(tmp_path, "x,y\n1,5\n3,4\n").values([0, 1])
+    assert commas.tolist() == [[1, 5], [3, 4]]
 
 
-MORE = ["1,5,2\n3,5,4\n", "1;2.5\n3,5;4\n", "1,5\n3,4\n", "1.5;2\n1.234,5;3\n"]
-MORE += ["1,5;2\n1;5,2;3\n1,5,2\n"]
-
-
-@pytest.mark.parametrize("text", MORE)
+@cases("more readings")
 def test_a_table_that_allows_more_is_refused_with_its_option_or_its_line(
     tmp_path,
     text,
@@ -135,19 +117,13 @@ def test_a_table_that_allows_more_is_refused_with_its_option_or_its_line(
 def test_options_settle_it_and_what_is_no_mark_is_refused(tmp_path):
     result = sheet(tmp_path, "1,5\n3,4\n", separator=";", decimal=",")
     assert (result.width, result.values([0]).tolist()) == (1, [[1.5], [3.4]])
-    for wrong in (
-        {"separator": "|"},
-        {"decimal": "'"},
-        {"separator": ",", "decimal": ","},
-    ):
+    both_marks = {"separator": ",", "decimal": ","}
+    for wrong in ({"separator": "|"}, {"decimal": "'"}, both_marks):
         with pytest.raises(ConfigError, match=KEY):
             sheet(tmp_path, "1,5\n", **wrong)
 
 
-LAST = [("5,6\n", 3, 0), ("5,6", 2, 1), ("5\n", 2, 1), ("5\n6", 2, 2)]
-
-
-@pytest.mark.parametrize(("last", "rows", "cut"), LAST)
+@cases("last row")
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
 def test_a_last_row_that_is_short_or_has_no_end_is_left_out_and_counted(
     tmp_path,
@@ -156,27 +132,34 @@ def test_a_last_row_that_is_short_or_has_no_end_is_left_out_and_counted(
     cut,
     end,
 ):
-    result = sheet(tmp_path, ("\ufeffx,y\n1,2\n3,4\n" + last).replace("\n", end))
-    assert (len(result.rows), result.counts["cut_rows"], result.lines[0]) == (
-        rows,
-        cut,
-        2,
-    )
+    text = "\ufeffx,y\n1,2\n3,4\n" + last
+    result = sheet(tmp_path, text.replace("\n", end))
+    assert len(result.rows) == rows and result.lines[0] == 2
+    assert result.counts["cut_rows"] == cut
 
 
 def test_written_trajectories_read_back_bit_for_bit_with_and_without_joints(tmp_path):
-    table, file = np.random.default_rng(1).normal(0, 0.5, (321, 7)), tmp_path / "t.csv"
-    table[:, 0] = np.round(np.arange(321) / 30, 6)  # as six decimals print equal steps
-    families = pd.DataFrame(table, columns=FAMILIES)
-    both = families.assign(
-        **{"q:a": np.linspace(0, 1, 321), "q:b": np.linspace(2, 3, 321)},
-    )
-    for written in (families, both, both[["t", "q:a", "q:b"]]):
+    file = tmp_path / "t.csv"
+    numbers = np.random.default_rng(1).normal(0, 0.5, (321, 7))
+    numbers[:, 0] = np.round(np.arange(321) / 30, 6)  # six decimals of equal steps
+    families = pd.DataFrame(numbers, columns=FAMILIES)
+    joints = {"q:a": np.linspace(0, 1, 321), "q:b": np.linspace(2, 3, 321)}
+    both = families.assign(**joints)
+    for written in (families, both, both[["t", *joints]]):
         write_trajectory(file, written.assign(other=1.0))
-        pd.testing.assert_frame_equal(read_trajectory(file), written, check_exact=True)
-    pd.DataFrame(table, columns=COLUMNS)[COLUMNS[::-1]].to_csv(file, index=False)
-    pd.testing.assert_frame_equal(read_trajectory(file), families, check_exact=True)
+        assert_frame_equal(read_trajectory(file), written, check_exact=True)
+
+
+def test_plain_names_of_columns_in_any_order_are_read_and_a_pose_is_whole(tmp_path):
+    file = tmp_path / "t.csv"
+    numbers = np.random.default_rng(1).normal(0, 0.5, (321, 7))
+    numbers[:, 0] = np.arange(321) / 100
+    plain = pd.DataFrame(numbers, columns=COLUMNS)
+    plain[COLUMNS[::-1]].to_csv(file, index=False)
+    families = pd.DataFrame(numbers, columns=FAMILIES)
+    assert_frame_equal(read_trajectory(file), families, check_exact=True)
     # beside the joints a pose is whole, or there is none
+    both = families.assign(**{"q:a": families["t"] / 9})
     both.drop(columns="x:z").rename(columns={"x:x": "x", "x:phi": "phi"}).to_csv(file)
     with pytest.raises(RecordingError, match="must name z"):
         read_trajectory(file)

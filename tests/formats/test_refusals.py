@@ -1,8 +1,8 @@
-"""One table of refusals a format, in refusals.yaml if it is text: what is changed in a sound file,
-the words of the message, and the line or key that it names.
+"""Refusals of damaged files, by format: the words of the message, and the line or key that it
+names. Faults of text are in refusals.yaml.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -10,7 +10,6 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from depth_files import CALIBRATIONS, CLOUDS, PGM, SMALL, encoded, frame, tiff
-from motive_files import DEFINITION, MARKER, TOP, frame_row, seen_row
 from written_logs import CALIBRATION, netft_text, refusal
 
 from pipeline.core.typed_yaml import read_yaml
@@ -23,158 +22,132 @@ from pipeline.formats.force.record import ForceLogOptions, ForceRecord, read_for
 from pipeline.formats.joints.log import LogOptions
 from pipeline.formats.joints.table import read_joint_table
 from pipeline.formats.motion.motive import read_motive
-from pipeline.formats.trajectory import COLUMNS, read_trajectory
+from pipeline.formats.trajectory import read_trajectory
 
-FORCE = "dataset.force.log"
-VALUES = np.random.default_rng(1).normal(size=(12, 6))
-WRENCHES = ForceRecord(
-    np.arange(12) / 500,
-    VALUES[:, :3],
-    VALUES[:, 3:],
-    500.0,
-    "FT7",
-    "4/2",
-    {},
-)
-TABLE = {
-    "t": "time",
-    "fx": "F1",
-    "fy": "F2",
-    "fz": "F3",
-    "tx": "M1",
-    "ty": "M2",
-    "tz": "M3",
-}
-FORCES = ForceLogOptions(TABLE, force_unit="N", torque_unit="N-m", time_unit="s")
+TEXTS = read_yaml(Path(__file__).with_name("refusals.yaml"))
+TIME, VALUES = np.arange(12) / 500, np.random.default_rng(1).normal(size=(12, 6))
+FORCE, TORQUE = np.hsplit(VALUES, 2)
+NETFT = netft_text(ForceRecord(TIME, FORCE, TORQUE, 500.0, "FT7", "4/2", {}))
+AXES, LABELS = ["t", "fx", "fy", "fz", "tx", "ty", "tz"], "time F1 F2 F3 M1 M2 M3"
+COLUMNS = dict(zip(AXES, LABELS.split(), strict=True))
+FORCES = ForceLogOptions(COLUMNS, force_unit="N", torque_unit="N-m", time_unit="s")
 TWO = LogOptions(joints=2, signals={"actual": None})
 BY_NAME = LogOptions(joints=2, signals={"actual": ["q1", "q2"]})
-DAQ = ",".join(f'"{kind} {axis} ({unit})"' for kind, unit in (("Force", "N"), ("Torque", "N-m"))
-               for axis in "XYZ")  # fmt: skip
-DAQ += ',Frequency = 1000,Averaging Level = 16,F/T Serial Number = FT1\n"1.5","2","3","4","5","6"\n'
-SAMPLES = "0.5,1,2,3,4,5,6\n0.6,1,2,3,4,5,7\n0.7,1,2,3,4,5,8\n"
-STEPS = "\n".join([",".join(COLUMNS), *(f"{k / 10},1,1,1,1,1,1" for k in range(9)), ""])
-ROWS = "0,0,1,2,3\n1,0.01,1,2,3\n"
-MOTIVE = TOP.format(rotation="Quaternion", unit="Meters") + "\n\n" + MARKER + ROWS
-TYPED = "righthanded\ninfo,version,1.1\n"
 PNG, TIFF = encoded(".png", SMALL), tiff(SMALL, "", compression="tiff_lzw")
 
 
-class Sound(NamedTuple):
-    """A sound file, its reader, and the changes: old (None: all), new, words, evidence."""
+class Format(NamedTuple):
+    """A reader, the sound file in place of a text of refusals.yaml, and its name."""
 
-    content: bytes | str
-    read: partial | object
-    changes: list[tuple]
-    name: str = "file.csv"
-
-
-def gap(lacking: Iterable[int]) -> str:
-    return "".join(f"{k / 100},{'' if k in lacking else 1.5},2\n" for k in range(40))
+    read: Callable[[Path], object]
+    sound: bytes | str = ""
+    file: str = "file.csv"
 
 
-def typed(*rows: str) -> str:
-    return TYPED + "\n".join([*rows, ""])
+class Fault(NamedTuple):
+    """Content of a format that is replaced (None: all of it), by what, words of the message, and
+    the line or key that it names.
+    """
+
+    name: str
+    old: bytes | str | None
+    new: bytes | str
+    words: str
+    place: int | str | None = None
+
+
+def rows_with_gap(lost: range) -> str:
+    """Rows of two joints, of which the first has no number in the rows ``lost``."""
+    rows = []
+    for k in range(40):
+        angle = "" if k in lost else 1.5
+        rows.append(f"{k / 100},{angle},2\n")
+    return "".join(rows)
 
 
 camera = partial(read_intrinsics, width=640, height=480)
-motive = partial(read_motive, unit=None)
-forces = partial(read_force_table, options=FORCES)
 joints = partial(read_joint_table, options=TWO)
-image = partial(read_depth, shape=SMALL.shape)
 FORMATS = {
-    "binary PCD": Sound(CLOUDS["binary.pcd"], read_cloud, [
-        *((None, content, "", None) for content in (b"", b"VERSION 0.7\n")),
-    ], "c.pcd"),
-    "text PCD": Sound(CLOUDS["ascii.pcd"], read_cloud, [], "c.pcd"),
-    "PLY": Sound(CLOUDS["ascii.ply"], read_cloud, [
-        *((None, content, "", None) for content in (b"ply", bytes(20_000))),
-    ], "c.ply"),
-    "image": Sound(PNG, image, [
-        (None, encoded(".png", frame((9, 9))), "9 × 9 pixels where the camera has", None),
-        (None, encoded(".png", SMALL.astype(np.uint8)), "1 channel(s) of uint8", None),
-        (None, encoded(".png", np.zeros((12, 16, 3), np.uint16)), "3 channel(s) of uint16", None),
-        *((None, content, "no PNG", None) for content in (b"no image at all\n", b"")),
-        *((None, content, "truncated or damaged", None) for content in (
-            PNG[:-60], PGM[:-300], TIFF[:60] + b"\xff" * 30 + TIFF[90:])),
-    ], "d.png"),
-    "index": Sound("0.5 a.png\n0.6 b.png\n", read_index, []),
-    "OpenCV's calibration": Sound(CALIBRATIONS["opencv.yaml"], camera, [], "c.yaml"),
-    "calibration": Sound(CALIBRATIONS["plain.yaml"], camera, [
-        (None, "{" * 2_000, "no calibration", None),
-        (None, '{"fx": 1%s, "fy": 1, "cx": 4, "cy": 3}' % ("0" * 400), "decimal numbers", None),
-    ], "c.yaml"),
-    "DAQ F/T": Sound(DAQ, read_daqft, [
-        (DAQ, "1.5,2,3,4,5,6\n" * 2, "labels: none", f"{FORCE}.columns"),
-        (DAQ, netft_text(WRENCHES), "set format to netft", f"{FORCE}.format"),
-        *((None, content, "", None) for content in (b"", b"0.1,0.2,0.3\n", PNG)),
-    ]),
-    "Net F/T": Sound(netft_text(WRENCHES), read_netft, []),
-    "ATI calibration": Sound(CALIBRATION, read_calibration, []),
-    "force table": Sound("time,F1,F2,F3,M1,M2,M3\n" + SAMPLES, forces, []),
-    "joint table": Sound("0.1, 1, 2\n0.2, 1, 2\n0.3, 1, 2\n", joints, [
-        (None, b"\x89PNG\0", "not plain text", None),
-    ]),
-    "joint table with a gap": Sound(gap([5]), joints, [
-        (None, gap(range(5, 20)), "column 2  has no number in a gap of more than 10 of its", 6),
-    ]),
-    "labelled joint table": Sound("t,q1,q2\n0.0,0.5,0.25\n0.1,0.5,0.25\n",
-                                  partial(read_joint_table, options=BY_NAME), []),
-    "Motive": Sound(MOTIVE, motive, [
-        (MARKER + ROWS, MARKER.partition("Frame")[0], "no row that starts with 'Frame'", 6),
-        *((None, content, "", None) for content in (b"", b"\x89PNG\r\n\0\0", b'"op\n')),
-    ]),
-    "Motive, typed rows": Sound(typed(DEFINITION, *(seen_row(k) for k in range(3))),
-                                partial(read_motive, unit="m"), [
-        (None, typed(DEFINITION, frame_row(0)), "rate is '' in the header and 0 by", 4),
-        (None, typed(DEFINITION, frame_row(0), frame_row(0, "1,1,1,1,3,M-3")), "not increase", 5),
-        (None, typed(DEFINITION, DEFINITION.replace("Arm", "Leg")), "defined twice", 4),
-        (None, typed(DEFINITION, seen_row(0)[:-12]), "counts require", 4),
-        (None, typed(DEFINITION, seen_row(0).replace(",0,1,2,Arm", ",0,x,2,Arm")), "'x'", 4),
-        (None, typed(DEFINITION, frame_row(0, "2,1,1,1,2,A,5,5,5,4,A")), "are named 'A'", 4),
-        (None, typed(*(frame_row(k, f"1,1,{k}000,3,4,a", tracked=False) for k in range(2))),
-         "a is at 1000 m", 4),
-    ]),
-    "trajectory": Sound(STEPS, read_trajectory, []),
-}  # fmt: skip
-CHANGES = read_yaml(Path(__file__).with_name("refusals.yaml"))  # of text, by format
-for name, changes in CHANGES.items():
-    FORMATS[name].changes.extend(changes)
+    "binary PCD": Format(read_cloud, CLOUDS["binary.pcd"], "c.pcd"),
+    "text PCD": Format(read_cloud, CLOUDS["ascii.pcd"], "c.pcd"),
+    "PLY": Format(read_cloud, CLOUDS["ascii.ply"], "c.ply"),
+    "image": Format(partial(read_depth, shape=SMALL.shape), PNG, "d.png"),
+    "index": Format(read_index),
+    "OpenCV's calibration": Format(camera, CALIBRATIONS["opencv.yaml"], "c.yaml"),
+    "calibration": Format(camera, CALIBRATIONS["plain.yaml"], "c.yaml"),
+    "DAQ F/T": Format(read_daqft),
+    "Net F/T": Format(read_netft, NETFT),
+    "ATI calibration": Format(read_calibration, CALIBRATION),
+    "force table": Format(partial(read_force_table, options=FORCES)),
+    "joint table": Format(joints),
+    "joint table with a gap": Format(joints, rows_with_gap(range(5, 6))),
+    "labelled joint table": Format(partial(read_joint_table, options=BY_NAME)),
+    "Motive": Format(partial(read_motive, unit=None)),
+    "Motive, typed rows": Format(partial(read_motive, unit="m")),
+    "trajectory": Format(read_trajectory),
+}
+TRUNCATED = [PNG[:-60], PGM[:-300], TIFF[:60] + b"\xff" * 30 + TIFF[90:]]
+LONG_NUMBER = '{"fx": 1%s, "fy": 1, "cx": 4, "cy": 3}' % ("0" * 400)
+LONG_GAP = rows_with_gap(range(5, 20))
+GAP_WORDS = "column 2  has no number in a gap of more than 10 of its"
+OTHER_SIZE, BYTES = encoded(".png", frame((9, 9))), SMALL.astype(np.uint8)
+COLOURS = np.zeros((12, 16, 3), np.uint16)
+FAULTS = [
+    Fault("PLY", None, bytes(20_000), ""),
+    Fault("image", None, OTHER_SIZE, "9 × 9 pixels where the camera has"),
+    Fault("image", None, encoded(".png", BYTES), "1 channel(s) of uint8"),
+    Fault("image", None, encoded(".png", COLOURS), "3 channel(s) of uint16"),
+    Fault("image", None, b"no image at all\n", "no PNG"),
+    Fault("image", None, b"", "no PNG"),
+    *(Fault("image", None, image, "truncated or damaged") for image in TRUNCATED),
+    Fault("calibration", None, "{" * 2_000, "no calibration"),
+    Fault("calibration", None, LONG_NUMBER, "decimal numbers"),
+    Fault("DAQ F/T", None, NETFT, "set format to netft", "dataset.force.log.format"),
+    Fault("DAQ F/T", None, PNG, ""),
+    Fault("joint table", None, b"\x89PNG\0", "not plain text"),
+    Fault("joint table with a gap", None, LONG_GAP, GAP_WORDS, 6),
+    Fault("Motive", None, b"\x89PNG\r\n\0\0", ""),
+]
+for name, text in TEXTS.items():
+    FAULTS += [Fault(name, *fault) for fault in text["faults"]]
 
 
 def as_bytes(text: bytes | str) -> bytes:
     return text if isinstance(text, bytes) else text.encode()
 
 
-CASES = [
-    (name, n) for name, sound in FORMATS.items() for n in range(len(sound.changes))
-]
+def sound_content(name: str) -> bytes:
+    """Content of the sound file of a format."""
+    return as_bytes(FORMATS[name].sound or TEXTS[name]["sound"])
 
 
-@pytest.mark.parametrize(("name", "number"), CASES)
+@pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.name)
 def test_a_file_with_a_fault_is_refused_by_its_place_and_nothing_is_printed(
     tmp_path,
     capfd,
-    name,
-    number,
+    fault,
 ):
-    sound, content = FORMATS[name], as_bytes(FORMATS[name].content)
-    old, new, words, where = sound.changes[number]
-    file, changed = tmp_path / sound.name, as_bytes(new)
-    if old is not None:
-        changed = content.replace(as_bytes(old), changed)
-        assert changed != content
-    file.write_bytes(changed)
-    error = refusal(sound.read, file)
-    assert words in error.message
-    if where is not None:
-        assert error.evidence["key" if isinstance(where, str) else "line"] == where
-    assert capfd.readouterr() == ("", "") or changed.startswith(PNG[:8])  # libpng's own
+    sound = sound_content(fault.name)
+    file = tmp_path / FORMATS[fault.name].file
+    old = sound if fault.old is None else as_bytes(fault.old)
+    faulty = sound.replace(old, as_bytes(fault.new))
+    assert faulty != sound
+    file.write_bytes(faulty)
+
+    error = refusal(FORMATS[fault.name].read, file)
+
+    assert fault.words in error.message
+    if fault.place is not None:
+        key = "key" if isinstance(fault.place, str) else "line"
+        assert error.evidence[key] == fault.place
+    if not faulty.startswith(PNG[:8]):  # libpng prints warnings of its own
+        assert capfd.readouterr() == ("", "")
 
 
 @pytest.mark.parametrize("name", FORMATS)
 def test_the_control_is_read_and_no_file_and_a_folder_are_refused(tmp_path, name):
-    sound = FORMATS[name]
-    (tmp_path / sound.name).write_bytes(as_bytes(sound.content))
-    sound.read(tmp_path / sound.name)
-    for absent in (tmp_path / "absent.pcd", tmp_path):
-        refusal(sound.read, absent)
+    file, read = tmp_path / FORMATS[name].file, FORMATS[name].read
+    file.write_bytes(sound_content(name))
+    read(file)
+    refusal(read, tmp_path / "absent.pcd")
+    refusal(read, tmp_path)

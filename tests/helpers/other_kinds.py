@@ -178,6 +178,23 @@ def urdf(links: list[str], joints: list[str]) -> str:
     return f'<robot name="many">{"".join(elements)}</robot>'
 
 
+def planar_arm(link: str = "hand") -> str:
+    """A URDF of the joints shoulder, elbow and wrist, which moves ``link``, and of a fixed tool."""
+    links = ["base", "upper", link, "jaw", "tip"]
+    joints = []
+    for k, name in enumerate(["shoulder", "elbow", "wrist", "tool"]):
+        kind = "fixed" if name == "tool" else "revolute"
+        height = (k + 1) / 10
+        joints.append(joint(name, links[k], links[k + 1], kind=kind, height=height))
+    return '<?xml version="1.0"?>\n' + urdf(links, joints)
+
+
+def write_planar_arm(folder: Path, head: str = "", kind: str = "revolute") -> None:
+    """Write :func:`planar_arm` behind a ``head``, its first joint of another ``kind``."""
+    text = planar_arm().replace("revolute", kind, 1)
+    (folder / "arm.urdf").write_text(head + text)
+
+
 def write_robot(
     folder: Path,
     links: list[str],
@@ -234,11 +251,45 @@ Q = np.stack([np.sin(3 * TIME)] * 2, axis=1)  # rad
 STAMPS = pd.to_datetime(1.7e9 + TIME, unit="s")
 
 
+ARRAYS = {"time": TIME, "q": Q, "q_target": Q}
+
+
 def table() -> pd.DataFrame:
     """Measured and commanded angles of two joints."""
-    signals = {"q_0": Q[:, 0], "q_1": Q[:, 1]}
-    signals |= {"q_target_0": Q[:, 0], "q_target_1": Q[:, 1]}
-    return pd.DataFrame(signals)
+    labels = ["q_0", "q_1", "q_target_0", "q_target_1"]
+    return pd.DataFrame(np.hstack([Q, Q]), columns=labels)
+
+
+def write_dates(folder: Path) -> None:
+    """Write a Parquet file with dates as times."""
+    table().assign(time=STAMPS).to_parquet(folder / "log.parquet")
+
+
+def write_durations(folder: Path) -> None:
+    """Write a Parquet file with durations as times."""
+    table().assign(t=STAMPS - STAMPS[0]).to_parquet(folder / "a.parquet")
+
+
+def write_times_as_index(folder: Path) -> None:
+    """Write a Parquet file whose index is the time."""
+    indexed = table().set_index(TIME).rename_axis("t")
+    indexed.to_parquet(folder / "a.parquet")
+
+
+def write_array_of_dates(folder: Path) -> None:
+    """Write arrays of angles and of dates."""
+    np.savez(folder / "a.npz", **ARRAYS | {"time": STAMPS.to_numpy()})
+
+
+def write_array_of_times(folder: Path, struct: str = "", format: str = "5") -> None:
+    """Write a MATLAB file of arrays, in a ``struct`` if it is named, in a version's ``format``."""
+    arrays = {struct: ARRAYS} if struct else ARRAYS
+    savemat(folder / "a.mat", arrays, format=format)
+
+
+def write_objects_beside(folder: Path) -> None:
+    """Write arrays beside one of objects, which are not loaded."""
+    np.savez(folder / "objects.npz", **ARRAYS, about=np.array([{}], object))
 
 
 WRITERS: dict[str, Callable[..., object]] = {
@@ -258,21 +309,12 @@ WRITERS: dict[str, Callable[..., object]] = {
     "link as text": write_link_as_text,
     "empty folder": make_folder,
     "camera": write_camera,
-    "dates": lambda folder: (
-        table().assign(time=STAMPS).to_parquet(folder / "log.parquet")
-    ),
-    "durations": lambda folder: (
-        table().assign(t=STAMPS - STAMPS[0]).to_parquet(folder / "a.parquet")
-    ),
-    "array of dates": lambda folder: np.savez(
-        folder / "a.npz",
-        time=STAMPS.to_numpy(),
-        q=Q,
-        q_target=Q,
-    ),
-    "array of times": lambda folder: savemat(
-        folder / "a.mat",
-        {"time": TIME, "q": Q, "q_target": Q},
-    ),
+    "planar arm": write_planar_arm,
+    "dates": write_dates,
+    "durations": write_durations,
+    "array of dates": write_array_of_dates,
+    "array of times": write_array_of_times,
+    "objects beside": write_objects_beside,
+    "times as index": write_times_as_index,
 }
 KINDS: list[FileKind] = read_kinds("other_kinds.yaml", WRITERS)
