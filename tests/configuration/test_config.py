@@ -9,6 +9,7 @@ from tempfile import TemporaryDirectory
 
 import pytest
 import yaml
+from case_tables import cases_beside
 from sample_options import parameters
 
 from pipeline.configuration import config, datasheet
@@ -20,8 +21,9 @@ from pipeline.laboratory.causes import dynamics_type
 from pipeline.laboratory.options import SECTIONS
 from pipeline.models.kinds import kinds, options_type
 
-PARTS = "robot motion trajectory mocap depth force laboratory".split()
-NOTHING = "{" + ", ".join(f"{part}: null" for part in PARTS) + "}"
+cases = cases_beside(__file__)
+NAMES = {group: config.option_names(group) for group in config.GROUPS}
+MODELS = config.option_names("model")
 
 
 @pytest.fixture
@@ -31,37 +33,22 @@ def compose(tmp_path, monkeypatch):
     return lambda **choices: config.compose_config(parameters(tmp_path, **choices))
 
 
-@pytest.mark.parametrize(
-    "number",
-    range(max(len(config.option_names(group)) for group in config.GROUPS)),
-)
+@pytest.mark.parametrize("number", range(max(map(len, NAMES.values()))))
 def test_every_option_composes(compose, number):
     # as many at a time as there are groups: the first of each, the second of each, …
-    names = {group: config.option_names(group) for group in config.GROUPS}
-    models = config.option_names("model")
-    chosen = {group: options[number % len(options)] for group, options in names.items()}
-    composed = compose(**chosen, models=f"[{models[number % len(models)]}]")
-    assert (
-        composed.dataset.name == chosen["dataset"]
-        and composed.scale.name == chosen["scale"]
-    )
-    assert list(composed.models) == [models[number % len(models)]]
+    chosen = {}
+    for group, names in NAMES.items():
+        chosen[group] = names[number % len(names)]
+    model = MODELS[number % len(MODELS)]
+
+    composed = compose(**chosen, models=f"[{model}]")
+
+    assert composed.dataset.name == chosen["dataset"]
+    assert composed.scale.name == chosen["scale"]
+    assert list(composed.models) == [model]
 
 
-@pytest.mark.parametrize(
-    ("choices", "words"),
-    [
-        ({"filter": "nonsense"}, ", ".join(config.option_names("filter"))),
-        ({"models": "[]"}, "models: list should have at least 1 item"),
-        ({"models": "[additive, additive]"}, "additive occurs twice"),
-        ({"models": "[additive, laplace]"}, "no option 'laplace'; there are additive"),
-        ({"seed": "abc"}, "seed: input should be a valid integer.*got 'abc'"),
-        ({"seed": None}, "no value for seed"),
-        ({"seed": "???"}, "seed"),
-        ({"sede": "1"}, "unknown key 'sede'; there are dataset, .*; did you mean seed"),
-        ({"overrides": "3"}, "overrides: must contain keys and values"),
-    ],
-)
+@cases("wrong lines")
 def test_a_wrong_line_of_params_yaml_is_refused_in_one_line(compose, choices, words):
     with pytest.raises(ConfigError, match=words) as refused:
         compose(**choices)
@@ -69,44 +56,7 @@ def test_a_wrong_line_of_params_yaml_is_refused_in_one_line(compose, choices, wo
     assert refused.value.evidence["key"] == next(iter(choices))
 
 
-@pytest.mark.parametrize(
-    ("path", "value", "words"),
-    [
-        ("filter.partcles", "5", "unknown key 'partcles'; .*; did you mean particles"),
-        ("filter.particles", "0", "greater than or equal to 1, got 0"),
-        ("filter.particles", "1000000000000", "less than or equal to 10000000"),
-        (
-            "dataset.recordings",
-            "../../../etc",
-            "in the project, beside it .* or an absolute path",
-        ),
-        ("dataset.recordings", "data/../../etc", "in the project, beside it"),
-        ("filter.scheme", "systemtic", "'systematic', .* did you mean systematic"),
-        ("dataset.motion", "null", "requires a robot and its motion"),
-        ("dataset", NOTHING, "a dataset needs a robot or a force transducer"),
-        ("dataset.robot.task", "[x, phi]", "by commanded x and z; keep both rows"),
-        ("dataset.mocap.markers", "{link1: {a: [x, 0, 0]}}", "valid number.*got 'x'"),
-        (
-            "dataset.force.configurations.C9",
-            "{file: C9.csv}",
-            "no value for dataset.force",
-        ),
-        (
-            "dataset.laboratory.nonsense",
-            "3",
-            "unknown key 'nonsense'; there are cause, trajectory",
-        ),
-        ("dataset.laboratory.cause", "swai", "'sway'.*did you mean sway"),
-        (
-            "dataset.laboratory.mocap",
-            "{noise_std: -1.0}",
-            "noise_std.*greater than or equal to 0",
-        ),
-        ("models.wishart", "{kind: laplace}", "no kind 'laplace'; there are additive"),
-        ("models.wishart.left", "[[1.0]]", "unknown key 'left'"),
-        ("models.gaussian_2", "{kind: gaussian}", "no model gaussian_2 is chosen"),
-    ],
-)
+@cases("wrong overrides")
 def test_a_wrong_value_is_refused_with_its_key(compose, path, value, words):
     nested = value
     for part in reversed(path.split(".")):
@@ -114,29 +64,14 @@ def test_a_wrong_value_is_refused_with_its_key(compose, path, value, words):
     with pytest.raises(ConfigError, match=words) as refused:
         compose(overrides=nested)
     key = str(refused.value.evidence["key"])
-    assert (
-        key.startswith(path.rpartition(".")[0].partition(".")[0])
-        or key == "overrides.models"
-    )
+    section = path.split(".")[0]
+    assert key.startswith(section) or key == "overrides.models"
     # a part that the null leaves alone is named in the file that states it
     names = ("params.yaml", "dataset.yaml", "youbot.yaml")
     assert refused.value.evidence["file"].name in names
 
 
-@pytest.mark.parametrize(
-    ("file", "old", "new", "key"),
-    [
-        (
-            "filter/systematic.yaml",
-            "threshold: 0.5",
-            "threshold: 5",
-            "filter.threshold",
-        ),
-        ("dataset/youbot.yaml", "gate: 0.012", "gate: far", "dataset.mocap.gate"),
-        ("model/wishart.yaml", "kind: wishart", "kind: wishrat", "models.wishart.kind"),
-        ("scale/paper.yaml", "test_takes: 50", "test_takes: 0", "scale.test_takes"),
-    ],
-)
+@cases("wrong option files")
 def test_a_wrong_value_of_an_option_file_is_refused_with_the_file(
     compose,
     tmp_path,
@@ -146,23 +81,21 @@ def test_a_wrong_value_of_an_option_file_is_refused_with_the_file(
     new,
     key,
 ):
-    shutil.copytree(config.CONF, tmp_path / "conf")
-    monkeypatch.setattr(config, "CONF", tmp_path / "conf")
-    text = (tmp_path / "conf" / file).read_text()
+    folder = shutil.copytree(config.CONF, tmp_path / "conf")
+    monkeypatch.setattr(config, "CONF", folder)
+    text = (folder / file).read_text()
     assert old in text
-    (tmp_path / "conf" / file).write_text(text.replace(old, new))
+    (folder / file).write_text(text.replace(old, new))
     with pytest.raises(ConfigError) as refused:
         compose()
-    assert refused.value.evidence["file"] == tmp_path / "conf" / file
-    assert refused.value.evidence["key"] == key
+    assert refused.value.evidence == {"file": folder / file, "key": key}
 
 
 def test_all_faults_are_in_one_message(compose):
     with pytest.raises(ConfigError, match="2 faults") as refused:
         compose(overrides="{filter: {particles: 0}, wrench: {grd: 3}}")
-    assert "filter.particles: " in str(refused.value) and "did you mean grid" in str(
-        refused.value,
-    )
+    message = str(refused.value)
+    assert "filter.particles: " in message and "did you mean grid" in message
     with pytest.raises(ConfigError, match=r"filter\.9: keys should be strings, got 9"):
         validated(Filter, {9: 4}, "filter")
 
@@ -198,11 +131,9 @@ def test_comments_leave_the_written_configuration_as_it_is_and_a_refusal_too(tmp
 def written(**choices: str) -> bytes:
     """The composed configuration as the stage configure writes it."""
     with TemporaryDirectory() as folder:
-        config.write_config(
-            parameters(Path(folder), **choices),
-            Path(folder) / "config.yaml",
-        )
-        return (Path(folder) / "config.yaml").read_bytes()
+        file = Path(folder) / "config.yaml"
+        config.write_config(parameters(Path(folder), **choices), file)
+        return file.read_bytes()
 
 
 @pytest.fixture
@@ -267,8 +198,7 @@ def test_a_study_of_motion_is_refused_without_a_robot_and_the_papers_stage_is_no
 
 
 def test_models_and_the_laboratory_have_their_own_types(sections):
-    names = ", ".join(config.option_names("model"))
-    models = sections("models", models=f"[{names}]").models
+    models = sections("models", models=f"[{', '.join(MODELS)}]").models
     for model in models.values():
         assert type(model) is options_type(model.kind)
     assert {model.kind for model in models.values()} == {*kinds()}
@@ -308,24 +238,23 @@ class StudyOptions:
 
 
 def test_a_study_gets_its_options_for_the_scale_of_the_run(sections, tmp_path):
-    file = tmp_path / "params.yaml"
-    text = (
-        "paper: {takes: 20, estimators: [a, b]}\nsmoke: {takes: 3, estimators: [a]}\n"
-    )
+    (tmp_path / "params.yaml").write_text(STUDY)
     for scale, expected in (("paper", (20, ["a", "b"])), ("smoke", (3, ["a"]))):
         sections("seed", scale=scale)
-        file.write_text(text)
         assert config.study_options(tmp_path, StudyOptions) == StudyOptions(*expected)
-    for old, new, words in (
-        ("smoke: {takes: 3", "smoke: {takes: few", "takes"),
-        ("smoke: {takes: 3", "smoke: {taken: 3", "taken"),
-        ("smoke: {takes: 3, ", "smoke: {", "takes"),
-        ("smoke:", "tiny:", "no section for the scale smoke"),
-    ):
-        file.write_text(text.replace(old, new))
-        with pytest.raises(ConfigError, match=words) as refused:
-            config.study_options(tmp_path, StudyOptions)
-        assert refused.value.evidence["file"] == file
+
+
+STUDY = "paper: {takes: 20, estimators: [a, b]}\nsmoke: {takes: 3, estimators: [a]}\n"
+
+
+@cases("wrong study options")
+def test_wrong_options_of_a_study_are_refused(sections, tmp_path, old, new, words):
+    sections("seed", scale="smoke")
+    file = tmp_path / "params.yaml"
+    file.write_text(STUDY.replace(old, new))
+    with pytest.raises(ConfigError, match=words) as refused:
+        config.study_options(tmp_path, StudyOptions)
+    assert refused.value.evidence["file"] == file
 
 
 @pytest.fixture
@@ -356,36 +285,7 @@ def test_values_of_both_files_are_in_the_configuration(sheet, compose):
     assert composed.depth.takes == "kinect/test_*" and not hasattr(composed, "about")
 
 
-@pytest.mark.parametrize(
-    ("key", "value", "words"),
-    [
-        *(
-            (key, value, f"also in youbot.yaml: dataset.{key}; keep each in one file")
-            for key, value in (
-                ("mocap.gate", 0.1),
-                ("name", "a"),
-                ("depth.workspace", None),
-            )
-        ),
-        (
-            "mocap.base.position",
-            ["???", 0.0, 0.0],
-            "fill in mocap.base.position[0]: the value",
-        ),
-        (
-            "mocap.markers.link2.link2_a",
-            "???",
-            "fill in mocap.markers.link2.link2_a: the value",
-        ),
-        ("about.licence", "???", "fill in about.licence: "),
-        ("about", None, "needs about"),
-        ("about.page", "1", "'page'"),
-        ("depth.clock_offset", "early", "clock_offset"),
-        ("mocap.markrs", {}, "did you mean markers"),
-        ("depth.takes", "${oc.env:HOME}/kinect", "variable of the environment"),
-        ("force.log.rate", "${oc.decode:${ oc.env:RATE}}", "variable of the environ"),
-    ],
-)
+@cases("wrong datasheets")
 def test_a_wrong_value_or_key_is_named_with_the_datasheet(
     sheet,
     compose,

@@ -17,6 +17,7 @@ from time import process_time
 
 import numpy as np
 import pytest
+from case_tables import cases_beside
 from omegaconf import OmegaConf
 from project_copy import ROOT
 
@@ -40,6 +41,9 @@ def test_an_error_keeps_its_evidence_in_the_message_and_across_processes(kind):
     assert error.message == "the column is torn"
     assert error.evidence == evidence
     assert str(kind("no evidence")) == "no evidence"
+
+
+cases = cases_beside(__file__)
 
 
 def elsewhere(code: str, **variables: str) -> str:
@@ -84,43 +88,29 @@ def test_values_of_yaml_are_those_that_omegaconf_reads(tmp_path):
     assert read_yaml(file) == {}
 
 
-@pytest.mark.parametrize(
-    "content",
-    [
-        b"a: 1\na: 2\n",
-        b"a: [1, 2\n",
-        b"- 1\n",
-        b"text",
-        b"a: \xff\n",
-        b"a: !!python/object:a.b x",
-    ],
-)
+@cases("ambiguous", ["a: \xff\n"])
 def test_yaml_that_is_ambiguous_or_holds_no_keys_is_refused_with_its_file(
     tmp_path,
     content,
 ):
     file = tmp_path / "a.yaml"
-    file.write_bytes(content)
+    file.write_text(content, encoding="latin-1")
     with pytest.raises(ConfigError) as caught:
         read_yaml(file)
     assert caught.value.evidence["file"] == file
 
 
-@pytest.mark.parametrize(
-    ("content", "words"),
-    [
-        (b"a: " + b"[" * 40_000 + b"]" * 40_000, "line 1 nests more than 100 levels"),
-        (b"a:\n  " + b"- " * 40_000 + b"1\n", "line 2 nests more than 100 levels"),
-        (b"{a: " * 40_000, "line 1 nests more than 100 levels"),
-        (b"a: &x {b: *x}\n", r"alias \*x in line 1 stands for what contains it"),
-        (b"a: &x\n- [*x]\n", r"alias \*x in line 2 stands for what contains it"),
-        (b"? &k [a]\n: 1\n? *k\n: 2\n", "unhashable key"),
-        (b"? {a: 1}\n: 1\n? {a: 1}\n: 2\n", "unhashable key"),
-    ],
-)
+DEEP = [
+    ["a: " + "[" * 40_000 + "]" * 40_000, "line 1 nests more than 100 levels"],
+    ["a:\n  " + "- " * 40_000 + "1\n", "line 2 nests more than 100 levels"],
+    ["{a: " * 40_000, "line 1 nests more than 100 levels"],
+]
+
+
+@cases("no values", *DEEP)
 def test_yaml_that_cannot_be_values_is_refused_in_plain_words(tmp_path, content, words):
     file = tmp_path / "a.yaml"
-    file.write_bytes(content)
+    file.write_text(content)
     with pytest.raises(ConfigError, match=words) as refused:
         read_yaml(file)
     assert "\n" not in str(refused.value)
@@ -147,15 +137,7 @@ def test_a_users_own_setting_is_overwritten_by_the_command():
     assert printed.splitlines() == [*BOUNDS.values()]
 
 
-@pytest.mark.parametrize(
-    ("machine", "flags", "variable", "equal"),
-    [
-        ("x86_64", "sse4_2 avx2 fma", "", True),
-        ("x86_64", "sse4_2 avx2 fma", "any", False),
-        ("x86_64", "sse4_2 avx", "", False),
-        ("aarch64", "", "", False),
-    ],
-)
+@cases("processors")
 def test_a_processor_without_avx2_runs_at_its_own_level(
     machine,
     flags,
@@ -230,30 +212,22 @@ def _outcome(sandbox: Sandbox, function, *arguments: object) -> object:
     return within(SMALL, sandbox.call, function, *arguments)
 
 
-@pytest.mark.parametrize(
-    ("function", "arguments", "words"),
-    [
-        (_crash, (signal.SIGSEGV,), r"ends the process \(SIGSEGV\)"),
-        (_crash, (signal.SIGKILL,), "was killed, as where a machine lacks memory"),
-        (_fill, (), "no space left on device at .*: free some space, or set TMPDIR"),
-        (
-            import_module,
-            ("pipeline.absent",),
-            r"a package is missing \(No module named",
-        ),
-        (os.listdir, ("/absent",), r"cannot be read \(No such file"),
-        (time.sleep, (60,), r"not read within 1 s.*dataset\.reading\.seconds"),
-        (
-            np.ones,
-            (1 << 29,),
-            r"more than 256 MiB of memory.*dataset\.reading\.memory_mib",
-        ),
-        (_recurse, (), "nests too deeply"),
-        (_refuse, (), r"^no marker \[file a.csv, line 3\]$"),
-        (int, ("1" * 5000,), "its reader fails on it .ValueError: Exceeds"),
-        (sys.exit, (3,), r"ends the process \(exit code 3\)"),
-    ],
-)
+BAD_ENDS = [  # function, its arguments, words of the refusal
+    (_crash, [signal.SIGSEGV], r"ends the process \(SIGSEGV\)"),
+    (_crash, [signal.SIGKILL], "was killed, as where a machine lacks memory"),
+    (_fill, [], "no space left on device at .*: free some space, or set TMPDIR"),
+    (import_module, ["pipeline.absent"], r"a package is missing \(No module named"),
+    (os.listdir, ["/absent"], r"cannot be read \(No such file"),
+    (time.sleep, [60], r"not read within 1 s.*dataset\.reading\.seconds"),
+    (np.ones, [1 << 29], r"more than 256 MiB of memory.*dataset\.reading\.memory_mib"),
+    (_recurse, [], "nests too deeply"),
+    (_refuse, [], r"^no marker \[file a.csv, line 3\]$"),
+    (int, ["1" * 5000], "its reader fails on it .ValueError: Exceeds"),
+    (sys.exit, [3], r"ends the process \(exit code 3\)"),
+]
+
+
+@pytest.mark.parametrize(("function", "arguments", "words"), BAD_ENDS)
 def test_what_ends_badly_is_refused_and_the_next_call_is_made(
     function,
     arguments,

@@ -11,18 +11,20 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from case_tables import cases_beside
 
 from pipeline.core import columns, contracts
 from pipeline.core.contracts import TABLES, Column, expand_families, read_declarations
 from pipeline.core.errors import ContractError
 
+cases = cases_beside(__file__)
 # every file of declarations, by the folder it lies in: pipeline or a study
 FILES = {
     file.parent.name: file for file in sorted(TABLES.parent.glob("**/tables.yaml"))
 }
-DECLARED = [
-    (place, name) for place, file in FILES.items() for name in read_declarations(file)
-]
+DECLARED = []
+for folder, declarations in FILES.items():
+    DECLARED += [(folder, table) for table in read_declarations(declarations)]
 JOINTS, ROWS = ("base", "tip"), 4  # of the families' columns here; of every table
 
 
@@ -66,37 +68,26 @@ def test_a_table_that_fits_is_read_as_it_was_written_and_no_column_more_or_less(
     name,
     tmp_path,
 ):
-    good, file = table(name, place), FILES[place]
+    sound, file = table(name, place), FILES[place]
     for column, kind in declaration(place, name).items():
         if kind.gaps:
             lost = -np.inf if kind.kind == "log" else np.nan
-            good[column] = [1.0, np.nan, lost, 1.0]
-    contracts.write(good, name, tmp_path, file)
-    pd.testing.assert_frame_equal(contracts.read(name, tmp_path, file), good)
+            sound[column] = [1.0, np.nan, lost, 1.0]
+    contracts.write(sound, name, tmp_path, file)
+    pd.testing.assert_frame_equal(contracts.read(name, tmp_path, file), sound)
     with pytest.raises(ContractError, match=r"is not declared.*surplus"):
-        contracts.write(good.assign(surplus=1.0), name, tmp_path, file)
+        contracts.write(sound.assign(surplus=1.0), name, tmp_path, file)
+    families = sound.columns.str.split(":").str[0]
     for column, kind in read_declarations(file)[name].items():
-        family = column.split(":")[0]
-        rest = good[[label for label in good if label.split(":")[0] != family]]
+        without = sound.loc[:, families != column.split(":")[0]]
         if kind.optional:
-            contracts.write(rest, name, tmp_path, file)
+            contracts.write(without, name, tmp_path, file)
             continue
         with pytest.raises(ContractError, match="is missing"):
-            contracts.write(rest, name, tmp_path, file)
+            contracts.write(without, name, tmp_path, file)
 
 
-@pytest.mark.parametrize(
-    ("text", "bad"),
-    [
-        ("real 0..1 | m", [np.inf, -np.inf, np.nan, -1e-9, 1 + 1e-9, "1.0"]),
-        ("real gaps | m", [np.inf, "1.0"]),
-        ("log | nat", [np.inf, "1.0"]),
-        ("count 2..9 | 1", [1.5, np.nan, "1", 1, 10]),
-        ("flag | yes or no", ["yes", None, 0.5]),
-        ("text (a, b) | name", [3, None, "c"]),
-        ("text | name", [3, None]),
-    ],
-)
+@cases("wrong values")
 def test_a_column_refuses_values_that_do_not_fit(text, bad, tmp_path, monkeypatch):
     column = Column.parse(text)
     declarations = {"one": {"it": column}}
@@ -112,17 +103,7 @@ def test_a_column_refuses_values_that_do_not_fit(text, bad, tmp_path, monkeypatc
         assert not file.exists()
 
 
-@pytest.mark.parametrize(
-    ("column", "value"),
-    # nor does a pair of joints pass for a joint
-    [
-        ("k", -1),
-        ("q:tip", np.inf),
-        ("take", None),
-        ("part", "rehearsal"),
-        ("q:base:tip", 1.0),
-    ],
-)
+@cases("wrong joints")
 def test_a_table_that_another_program_wrote_is_checked_on_reading(
     column,
     value,
@@ -230,31 +211,19 @@ def test_metrics_keep_every_digit_and_those_not_finite_leave_the_old_file(tmp_pa
     assert [path.name for path in file.parent.iterdir()] == ["metrics.json"]
 
 
-@pytest.mark.parametrize(
-    "write",
-    [
-        lambda file: contracts.write_text("text", file),
-        lambda file: contracts.write(
-            pd.DataFrame(),
-            "kept",
-            file.parent,
-            file.parent / "t.yaml",
-        ),
-    ],
-)
-def test_a_full_disk_names_the_file_that_cannot_be_written(
-    write,
-    tmp_path,
-    monkeypatch,
-):
+def test_a_full_disk_names_the_file_that_cannot_be_written(tmp_path, monkeypatch):
     def full(*_: object, **__: object) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    (tmp_path / "t.yaml").write_text("kept: {}\n")
+    declarations = tmp_path / "t.yaml"
+    declarations.write_text("kept: {}\n")
     monkeypatch.setattr(Path, "write_text", full)
     monkeypatch.setattr(pd.DataFrame, "to_parquet", full)
     with pytest.raises(OSError, match="No space left") as refused:
-        write(tmp_path / "kept.json")
+        contracts.write_text("text", tmp_path / "kept.json")
+    assert Path(refused.value.filename).name.startswith("kept.")
+    with pytest.raises(OSError, match="No space left") as refused:
+        contracts.write(pd.DataFrame(), "kept", tmp_path, declarations)
     assert Path(refused.value.filename).name.startswith("kept.")
 
 

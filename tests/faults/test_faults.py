@@ -1,11 +1,15 @@
 """A damaged recording is repaired and counted, refused with its place, or left unharmed."""
 
 from fnmatch import fnmatchcase
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pytest
-import recording_damage as d
+import recording_damage as damage
+from case_tables import cases_beside
+
+from pipeline.core.typed_yaml import read_yaml
 
 REPAIRED, REFUSED, UNHARMED, UNNOTICED = "repaired", "refused", "unharmed", "unnoticed"
 SEEDS = 4  # of each fault, from mild to grave
@@ -22,77 +26,49 @@ class Fault(NamedTuple):
     change: object
     mild: float
     grave: float
-    outcomes: tuple[str, ...]
-    counted: tuple[str, ...] = ()
+    outcomes: list[str]
+    counted: list[str]
 
     def inflict(self, files, severity: float, seed: int) -> dict[str, bytes]:
         """The files with the damage."""
         rng = np.random.default_rng(seed)
         if not self.pattern:
             return self.change(files, severity, rng)
-        (name,) = d.some(
-            [name for name in files if fnmatchcase(name, self.pattern)],
-            1,
-            rng,
-        )
+        names = [name for name in files if fnmatchcase(name, self.pattern)]
+        (name,) = damage.some(names, 1, rng)
         return {**files, name: self.change(files[name], severity, rng)}
 
+    def severities(self) -> list[float]:
+        """Severities from mild to grave, whole numbers if these are."""
+        severities = np.geomspace(self.mild, self.grave, SEEDS)
+        if isinstance(self.mild, int):
+            severities = severities.round().astype(int)
+        return severities.tolist()
 
-TAKE, INDEX = "optitrack/*.csv", "kinect/*/depth.txt"
-CLOCK = ("clock_offset", "clock_drift")
-ANY, FIXED, COUNTED = (REPAIRED, REFUSED), (REFUSED,), (REPAIRED,)
-# within three standard errors a change is not seen
-SEEN = (
-    REPAIRED,
-    REFUSED,
-    UNNOTICED,
-)
-offset = d.retimed(lambda t, share, s: t + s)
-drift = d.retimed(lambda t, share, s: t * (1 + s))
-jump = d.retimed(lambda t, share, s: t + s * (share > 0.5))
-# by instrument, pattern and name: damage, mild, grave, outcomes, and the counts of which a repair
-# changes one; formats/test_damage.py has the rows that are lost, doubled or cut
-GRID = {
-    ("take", TAKE): {
-        "frame count": (
-            d.header_number(b"Total Exported Frames"), 0.5, 1e3, COUNTED, "announced_frames"),
-        "rate": (d.header_number(b"Export Frame Rate"), 1.2, 2.4, FIXED),
-        "no unit": (d.header_word(b"Meters", b""), 1, 1, FIXED),
-        "other unit": (d.header_word(b"Meters", b"Millimeters"), 1, 1, FIXED),
-        "other lengths": (d.other_lengths, 39.37, 1000.0, FIXED),
-        "link hidden": (d.hidden_link, 5, 60, ANY, "interpolated", "missing"),
-        "samples hidden": (d.hidden_samples, 0.01, 0.3, COUNTED, "missing"),
-        "labels swapped": (d.swapped_labels, 5, 60, COUNTED, "relabelled"),
-        "links swapped": (d.swapped_links, 5, 60, COUNTED, "relabelled"),
-        "label lost": (d.lost_label, 5, 60, COUNTED, "adopted"),
-        "frozen": (d.frozen_tracker, 5, 60, ANY, "frozen_frames"),
-    },
-    ("depth", ""): {
-        "missing": (d.all_lost, 1, 10, FIXED),
-        "frozen": (d.all_frozen, 1, 10, ANY, "frozen_frames"),
-        "pixels lost": (d.all_lost_pixels, 0.1, 0.95, ANY, "valid", "frames_without_fit"),
-        "other unit": (d.all_other_unit, 0.2, 0.5, FIXED),
-    },
-    ("depth", INDEX): {
-        "clock offset": (offset, 0.02, 5.0, SEEN, *CLOCK),
-        "clock drift": (drift, 0.01, 0.1, SEEN, *CLOCK),
-        "clock jump": (jump, 0.02, 5.0, SEEN, *CLOCK, "dropped_frames"),
-    },
-}  # fmt: skip
-FAULTS = {
-    f"{pattern}: {name}": Fault(instrument, pattern, *row[:4], row[4:])
-    for (instrument, pattern), rows in GRID.items()
-    for name, row in rows.items()
-}
+
+def read_faults() -> dict[str, Fault]:
+    """The faults of the file beside this module, by pattern and name."""
+    faults = {}
+    for group in read_yaml(Path(__file__).with_suffix(".yaml"))["faults"]:
+        instrument, pattern = group["instrument"], group["pattern"]
+        for name, ((function, *arguments), *row) in group["damage"].items():
+            change = getattr(damage, function)
+            if arguments:
+                change = change(*(text.encode() for text in arguments))
+            faults[f"{pattern}: {name}"] = Fault(instrument, pattern, change, *row)
+    return faults
+
+
+cases = cases_beside(__file__)
+FAULTS = read_faults()
 
 
 @pytest.mark.parametrize("name", FAULTS)
 def test_a_fault_is_repaired_and_counted_or_refused_with_its_place(benches, name):
     fault = FAULTS[name]
     bench = benches[fault.instrument]
-    for seed, severity in enumerate(np.geomspace(fault.mild, fault.grave, SEEDS)):
-        whole = float(fault.mild).is_integer() and float(fault.grave).is_integer()
-        files = fault.inflict(bench.files, round(severity) if whole else severity, seed)
+    for seed, severity in enumerate(fault.severities()):
+        files = fault.inflict(bench.files, severity, seed)
         assert files != bench.files
         kind, outcome = bench.outcome(files, fault.counted)
         assert kind in fault.outcomes, (seed, kind, outcome)
@@ -102,17 +78,7 @@ def test_a_fault_is_repaired_and_counted_or_refused_with_its_place(benches, name
             assert "\n" not in outcome.message and "/tmp" not in outcome.message
 
 
-@pytest.mark.parametrize(
-    ("name", "severity", "times"),
-    [
-        (f"{TAKE}: labels swapped", 60, 1.05),
-        (f"{TAKE}: links swapped", 60, 1.05),
-        (f"{TAKE}: label lost", 60, 1.05),
-        (f"{TAKE}: frozen", 10, 6.0),
-        (": frozen", 5, 1.5),
-        (f"{INDEX}: clock offset", 0.1, 1.5),
-    ],
-)
+@cases("repaired")
 def test_a_repaired_recording_has_the_error_of_a_clean_one(
     benches,
     motion,

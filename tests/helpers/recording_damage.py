@@ -190,3 +190,8 @@ def retimed(change):
         return b"".join(lines)
 
     return apply
+
+
+clock_offset = retimed(lambda t, share, severity: t + severity)
+clock_drift = retimed(lambda t, share, severity: t * (1 + severity))
+clock_jump = retimed(lambda t, share, severity: t + severity * (share > 0.5))

@@ -4,20 +4,25 @@ order, sign and clock of a command, found whatever the others do; uneven clocks 
 
 import numpy as np
 import pytest
+from case_tables import cases_beside
+from numpy.testing import assert_allclose, assert_array_equal
 
 from pipeline.core.errors import RecordingError
 from pipeline.formats.joints.log import JointLog, LogOptions
 from pipeline.recordings import commands, movement
 from pipeline.recordings.depth_takes import find_offset
 
+cases = cases_beside(__file__)
 OFFSET = 0.0837  # s
 MIX = np.array([[0.8, 0.15], [-0.1, 1.1]])
 
 
 def path(t: np.ndarray) -> np.ndarray:
     """A centroid (m) that goes 12 cm out and back between 0 and 3.2 s, symmetric in time."""
-    p = (1 - np.cos(2 * np.pi * np.clip(t / 3.2, 0, 1))) / 2
-    return np.stack([0.12 * p, 0.05 * np.sin(np.pi * p) + 0.02 * p], axis=-1)
+    phase = 2 * np.pi * np.clip(t / 3.2, 0, 1)
+    p = (1 - np.cos(phase)) / 2
+    x, z = 0.12 * p, 0.05 * np.sin(np.pi * p) + 0.02 * p
+    return np.stack([x, z], axis=-1)
 
 
 def recording(
@@ -75,16 +80,7 @@ def test_a_drift_is_found_beside_the_offset_and_none_where_there_is_none(drift):
     assert result.value == pytest.approx(OFFSET, abs=0.006)
 
 
-@pytest.mark.parametrize(
-    ("fault", "search", "words"),
-    [
-        ("at rest", 0.5, r"no motion.*take-2"),
-        ("only noise", 0.5, "not alike|edge"),
-        ("none", 0.05, "edge"),
-        ("100 s later", 0.5, "overlap"),
-        ("backwards", 0.5, "increase"),
-    ],
-)
+@cases("no offset")
 def test_signals_that_tell_no_offset_are_refused_with_the_take(fault, search, words):
     t_a, a, t_b, b = recording(0.001)
     if fault == "at rest":
@@ -100,8 +96,7 @@ def test_signals_that_tell_no_offset_are_refused_with_the_take(fault, search, wo
 
 
 RATE, JOINTS = 100.0, ("a", "b", "c", "d")
-TURN = 180 / np.pi
-HELD = {"rate": RATE, "limit": 0.05, "joints": JOINTS}
+PAIR = {"rate": RATE, "limit": 0.05, "joints": JOINTS}
 
 
 def logged(
@@ -130,39 +125,32 @@ def logged(
 
 
 KINDS = ("there and back", "without rest")
-WRONG = {
-    "unit": ([TURN] * 4, [0, 1, 2, 3], 0),
-    "unit twice": ([TURN**2] * 4, [0, 1, 2, 3], 0),
-    "order": ([1] * 4, [1, 0, 2, 3], 0),
-    "sign": ([1, 1, -1, 1], [0, 1, 2, 3], 0),
-    "clock": ([1] * 4, [0, 1, 2, 3], 140),
-    "late clock": ([1] * 4, [0, 1, 2, 3], -60),
-    "all": ([1 / TURN, -1 / TURN, 1 / TURN, 1 / TURN], [2, 0, 1, 3], 140),
-}
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("name", WRONG)
-def test_what_is_wrong_is_found_to_the_row_and_refused_with_its_option(kind, name):
-    factor, order, delay = WRONG[name]
-    right = commands.Pairing(np.array(factor, float), np.array(order), delay)
+@cases("pairings")
+def test_what_is_wrong_is_found_to_the_row_and_refused_with_its_option(
+    kind,
+    factor,
+    order,
+    delay,
+):
     actual, target = commands.shift_rows(*logged(kind, lag=4e-3), -delay)
-    # commanded angles from which ``right`` recovers ``target``
+    # commanded angles from which factor and order recover the target
     wrong = np.empty_like(target)
-    wrong[:, right.order] = target / right.factor
+    wrong[:, order] = target / factor
+
     pair = commands.find_pairing(actual, wrong, RATE)
-    np.testing.assert_allclose(pair.factor, right.factor)
+    with pytest.raises(RecordingError, match="do not agree") as refused:
+        commands.require_pair(actual, wrong, **PAIR, file="log")
+
+    assert_allclose(pair.factor, factor)
     assert (pair.order.tolist(), pair.delay) == (order, delay)
     assert commands.tracking_errors(*pair.apply(actual, wrong)).max() < 0.02
-    with pytest.raises(RecordingError, match="do not agree") as refused:
-        commands.require_pair(actual, wrong, **HELD, file="log")
-    is_wrong = {
-        "target_factor": np.any(right.factor != 1),
-        "signals": order != [0, 1, 2, 3],
-        "target_delay": delay != 0,
-    }
-    for option, is_named in is_wrong.items():
-        assert (f"({option}: " in refused.value.message) == is_named
+    message = refused.value.message
+    assert ("(target_factor: " in message) == (factor != [1, 1, 1, 1])
+    assert ("(signals: " in message) == (order != [0, 1, 2, 3])
+    assert ("(target_delay: " in message) == (delay != 0)
     assert refused.value.evidence["file"] == "log"
 
 
@@ -171,23 +159,24 @@ def test_a_controllers_lag_is_no_offset_of_two_clocks_where_the_unit_is_wrong_to
     for late in (0.6 * commands.LATEST, 1.6 * commands.LATEST):
         actual, target = logged(kind, lag=late)
         pair = commands.find_pairing(actual, np.degrees(target), RATE)
-        np.testing.assert_allclose(pair.factor, np.pi / 180)
-        assert pair.delay == (round(late * RATE) if late > commands.LATEST else 0)
+        assert_allclose(pair.factor, np.pi / 180)
+        expected = round(late * RATE) if late > commands.LATEST else 0
+        assert pair.delay == expected
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_what_is_right_stays_as_it_is(kind):
     actual, target = logged(kind, lag=4e-3)
-    commands.require_pair(actual, target, **HELD)
+    commands.require_pair(actual, target, **PAIR)
     pairing = commands.find_pairing(actual, target, RATE)
     assert not [*commands.suspects(pairing, actual, target, RATE)]
     # up to the limit a lag is the controller's
     actual, target = logged(kind, lag=0.9 * commands.LATEST)
-    commands.require_pair(actual, target, **HELD)
+    commands.require_pair(actual, target, **PAIR)
     actual, target = logged(kind, lag=1.3 * commands.LATEST)
     words = r"s behind its command|target_delay: 0.0[67]"
     with pytest.raises(RecordingError, match=words):
-        commands.require_pair(actual, target, **HELD)
+        commands.require_pair(actual, target, **PAIR)
 
 
 def test_another_movement_is_no_pair_and_a_few_pushes_do_not_decide():
@@ -195,14 +184,14 @@ def test_another_movement_is_no_pair_and_a_few_pushes_do_not_decide():
     _, target = logged("there and back")
     words = r"no other unit, order or clock: .* of one movement"
     with pytest.raises(RecordingError, match=words):
-        commands.require_pair(actual, target, **HELD)
+        commands.require_pair(actual, target, **PAIR)
     actual, target = logged()
     actual[700:760, 0] += 0.3
-    commands.require_pair(actual, target, **HELD)
+    commands.require_pair(actual, target, **PAIR)
     # the control: a joint that stands elsewhere than it is commanded to does
     actual[:, 3] += 0.2
     with pytest.raises(RecordingError, match="d misses its command by 1"):
-        commands.require_pair(actual, target, **HELD)
+        commands.require_pair(actual, target, **PAIR)
 
 
 def test_an_error_is_a_share_of_the_motion_and_at_rest_of_a_tenth_of_a_radian():
@@ -238,19 +227,23 @@ def test_a_jittered_clock_is_asked_about_and_the_angles_say_which_it_is(
     assert refused.value.evidence["key"] == "dataset.joint_log.clock"
     smoother = movement.smoothness_by_rows(log.time, log.signals["actual"], 200.0)
     assert smoother < 0.1 if sampled else smoother > 10
-    errors = {}
-    for clock in ("rows", "times"):
-        signals, counts = movement.read_movement(files, 200.0, clock)
-        begun = log.time[0] if clock == "times" else 0.0
-        grid = np.arange(len(signals["actual"]))[:, None] * 0.005 + begun
-        truth = np.sin(2 * grid + np.arange(3))
-        errors[clock] = np.abs(signals["actual"] - truth).max()
+    by_rows, of_rows = movement.read_movement(files, 200.0, "rows")
+    by_times, of_times = movement.read_movement(files, 200.0, "times")
+    for counts in (of_rows, of_times):
         assert counts["clock_jitter"] == pytest.approx(2e-4 * np.sqrt(2), rel=0.1)
         assert 0 < counts["uneven_rows"] < 400
-        assert counts.get("resampled_rows", 0) == (len(grid) if clock == "times" else 0)
-    right, wrong = ("times", "rows") if sampled else ("rows", "times")
+    assert of_rows.get("resampled_rows", 0) == 0
+    assert of_times["resampled_rows"] == len(by_times["actual"])
+    errors = [error_of(by_rows["actual"]), error_of(by_times["actual"], log.time[0])]
+    right, wrong = errors[::-1] if sampled else errors
     # the jitter of 0.2 ms is up to 0.4 mrad a standard deviation at 2 rad/s
-    assert errors[right] < 1e-7 and errors[wrong] > 4e-4
+    assert right < 1e-7 and wrong > 4e-4
+
+
+def error_of(angles: np.ndarray, start: float = 0.0) -> float:
+    """Greatest error in rad of the angles at 200 Hz of :func:`jittered` from ``start`` in s on."""
+    grid = start + np.arange(len(angles)) * 0.005
+    return np.abs(angles - np.sin(np.add.outer(2 * grid, np.arange(3)))).max()
 
 
 def test_a_late_clock_that_is_on_time_again_is_no_missing_row(tmp_path):
@@ -258,13 +251,11 @@ def test_a_late_clock_that_is_on_time_again_is_no_missing_row(tmp_path):
     late[50::23] += 0.004  # s, of steps of 5 ms
     files = {tmp_path / "log.npz": LogOptions(joints=3, signals={"actual": None})}
     rows = jittered(400).signals["actual"]
-    for times, words in (
-        (late, "of [0-9]+ rows are uneven"),
-        (np.delete(late, 60), "are missing"),
-    ):
-        np.savez(tmp_path / "log.npz", times=times, q=rows[: len(times)])
-        with pytest.raises(RecordingError, match=words):
-            movement.read_movement(files, 200.0)
+    np.savez(tmp_path / "log.npz", times=np.delete(late, 60), q=rows[1:])
+    with pytest.raises(RecordingError, match="are missing"):
+        movement.read_movement(files, 200.0)
     np.savez(tmp_path / "log.npz", times=late, q=rows)
+    with pytest.raises(RecordingError, match=r"of [0-9]+ rows are uneven"):
+        movement.read_movement(files, 200.0)
     signals, _ = movement.read_movement(files, 200.0, "rows")
-    np.testing.assert_array_equal(signals["actual"], rows)
+    assert_array_equal(signals["actual"], rows)

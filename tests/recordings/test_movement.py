@@ -8,8 +8,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from case_tables import cases_beside
 from joint_files import log, read_movement, table
 from joint_kinds import motion
+from numpy.testing import assert_allclose
 from planar_poses import load_arm
 from sample_options import made
 from written_logs import write_joint_log
@@ -26,44 +28,47 @@ from pipeline.recordings import commands, movement
 from pipeline.recordings.joint_logs import encoder_rows
 from pipeline.recordings.movement import read_logged_movement
 
+cases = cases_beside(__file__)
+DAMAGE = ("cut_rows", "blank_rows", "doubled_rows")
+
 
 def test_logs_of_one_movement_are_paired_row_by_row_as_far_as_the_shortest_goes(
     tmp_path,
 ):
-    for name, samples, seed in (("a.csv", 100, 1), ("b.csv", 93, 2)):
-        write_joint_log(tmp_path / name, log(samples, seed=seed))
-    angles, counts = read_movement(tmp_path, ["a.csv", "b.csv"])
-    no_damage = dict.fromkeys(("cut_rows", "blank_rows", "doubled_rows"), 0)
-    assert counts == no_damage | {"rows_without_partner": 7}
-    for read, samples, seed in zip(angles, (100, 93), (1, 2), strict=True):
-        written = log(samples, seed=seed).signals["actual"][:93]
-        np.testing.assert_allclose(read, written, rtol=0, atol=1e-6)
+    first, second = log(100, seed=1), log(93, seed=2)
+    write_joint_log(tmp_path / "a.csv", first)
+    write_joint_log(tmp_path / "b.csv", second)
 
-    # one table of several signals is counted once
-    rows = ("0.000,0.5,1", "0.008,0.6,2", "0.008,0.6,2", "", "0.016,0.7")
-    options = LogOptions(joints=1, signals={"actual": ["q"], "target": ["qd"]})
+    (actual, target), counts = read_movement(tmp_path, ["a.csv", "b.csv"])
+
+    assert counts == dict.fromkeys(DAMAGE, 0) | {"rows_without_partner": 7}
+    assert_allclose(actual, first.signals["actual"][:93], rtol=0, atol=1e-6)
+    assert_allclose(target, second.signals["actual"], rtol=0, atol=1e-6)
+
+
+def test_the_damage_of_one_table_of_several_signals_is_counted_once(tmp_path):
+    rows = "0.000,0.5,1", "0.008,0.6,2", "0.008,0.6,2", "", "0.016,0.7"
     file = table(tmp_path, "t,q,qd", *rows)
-    read, counts = movement.read_movement({file: options}, 125.0)
-    assert [rows.tolist() for rows in read.values()] == [[[0.5], [0.6]], [[1], [2]]]
-    damage = dict.fromkeys(no_damage, 1)
-    assert counts == damage | {"rows_without_partner": 0}
+    options = LogOptions(joints=1, signals={"actual": ["q"], "target": ["qd"]})
+    signals, counts = movement.read_movement({file: options}, 125.0)
+    assert signals["actual"].tolist() == [[0.5], [0.6]]
+    assert signals["target"].tolist() == [[1], [2]]
+    assert counts == dict.fromkeys(DAMAGE, 1) | {"rows_without_partner": 0}
 
 
-EVEN = np.arange(50)
-SKIPPING = np.delete(np.arange(51), 20)
-CROWDED = np.sort(np.append(np.arange(49), 20.3))
+EVEN = 0.008 * np.arange(50)  # s
+SKIPPING = np.delete(0.008 * np.arange(51), 20)
+CROWDED = np.sort([*EVEN[:49], 0.1624])
+CLOCKS = [  # times of a file, and words of the refusal
+    (SKIPPING, "a.csv", "is 0.016 s at 0.152 s .*are missing"),
+    (CROWDED, "a.csv", "at 0.16 s .*too close"),
+    (EVEN / 4, "a.csv", "is 0.002 s on average.* the rate to 500"),
+    (EVEN * 1.05, "a.csv", "is 0.0084 s on average.* the rate to 119.048"),
+    (EVEN + 0.004, "b.csv", "differ from the times of a.csv"),
+]
 
 
-@pytest.mark.parametrize(
-    ("time", "file", "words"),
-    [
-        (SKIPPING * 0.008, "a.csv", "is 0.016 s at 0.152 s .*are missing"),
-        (CROWDED * 0.008, "a.csv", "at 0.16 s .*too close"),
-        (EVEN * 0.002, "a.csv", "is 0.002 s on average.* the rate to 500"),
-        (EVEN * 0.0084, "a.csv", "is 0.0084 s on average.* the rate to 119.048"),
-        (EVEN * 0.008 + 0.004, "b.csv", "differ from the times of a.csv"),
-    ],
-)
+@pytest.mark.parametrize(("time", "file", "words"), CLOCKS)
 def test_clocks_that_skip_or_disagree_are_refused(tmp_path, time, file, words):
     for name in ("a.csv", "b.csv"):
         write_joint_log(tmp_path / name, log(50))
@@ -74,6 +79,7 @@ def test_clocks_that_skip_or_disagree_are_refused(tmp_path, time, file, words):
     assert caught.value.evidence["file"] == tmp_path / file
 
 
+PAIRED = {"actual": ["actual"], "target": ["target"]}
 # rad; the first joint passes π
 TURNING = np.linspace(2.9, 3.5, 60)[:, None] * [1.0, 0.1]
 WRAP = {
@@ -90,20 +96,24 @@ def test_wrapped_angles_are_unwrapped_counted_and_taken_beside_their_command(
     actual,
     target,
 ):
-    rows = {"actual": WRAP[actual](TURNING + 1e-5), "target": WRAP[target](TURNING)}
-    np.savez(tmp_path / "run.npz", time=np.arange(60) / 100, **rows)
-    signals = {name: [name] for name in rows}
-    options = made(Log, joints=["a", "b"], signals=signals, time="time")
-    read = read_logged_movement("run", tmp_path / "run.npz", options, 100.0)
-    np.testing.assert_allclose(read.actual - read.target, 1e-5, atol=1e-6)
+    file, joints = tmp_path / "run.npz", ["a", "b"]
+    measured, commanded = WRAP[actual](TURNING + 1e-5), WRAP[target](TURNING)
+    time = np.arange(60) / 100
+    np.savez(file, time=time, actual=measured, target=commanded)
+    options = made(Log, joints=joints, signals=PAIRED, time="time")
+
+    read = read_logged_movement("run", file, options, 100.0)
+
+    assert_allclose(read.actual - read.target, 1e-5, atol=1e-6)
     # on the circle they are where they were
-    np.testing.assert_allclose(np.cos(read.target), np.cos(TURNING), atol=1e-6)
+    assert_allclose(np.cos(read.target), np.cos(TURNING), atol=1e-6)
     assert np.abs(np.diff(read.target, axis=0)).max() < 0.02
-    first_joint = np.stack([angles[:, 0] for angles in rows.values()])
+    first_joint = np.stack([measured[:, 0], commanded[:, 0]])
     jumps = np.count_nonzero(np.abs(np.diff(first_joint)) > np.pi)
     assert read.counts.get(movement.UNWRAPPED, 0) == jumps
-    apart = abs(np.round((rows["target"] - rows["actual"])[0, 0] / TURN))
-    assert read.counts.get("joints_moved_by_whole_turns", 0) == apart
+    apart = commanded[0, 0] - measured[0, 0]
+    turns = abs(round(apart / TURN))
+    assert read.counts.get("joints_moved_by_whole_turns", 0) == turns
 
 
 @pytest.mark.parametrize(
@@ -235,14 +245,7 @@ def test_every_log_of_a_take_is_read_at_its_own_rate(raw):
     np.testing.assert_allclose(rows["q:elbow"], 35 * stepping[:, 1], atol=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        ({"training": "logs/run_*.csv"}, "no log matches 'logs/run_"),
-        ({"actual": ["actual_shoulder"]}, "holds 1 joints, not 2"),
-        ({"actual": ["actual_shoulder", "actual_wrist"]}, "actual_wrist"),
-    ],
-)
+@cases("other joints")
 def test_logs_of_other_joints_are_refused(raw, options, words):
     with pytest.raises(PipelineError, match=words):
         encoder_rows(raw[0], encoder_dataset(**options))
@@ -296,31 +299,30 @@ def test_a_path_or_velocities_in_another_unit_order_or_clock_are_refused(wrong):
     assert refused.value.evidence["file"] == Path("t.csv")
 
 
+TRACKED = pd.DataFrame({"t": TIME} | spread("q", JOINTS, Q))
 TIMES = np.arange(250) / 83.3
+READINGS = pd.DataFrame({"t": TIMES})
+for name, joint in zip(columns("q", JOINTS), Q.T, strict=True):
+    READINGS[name] = np.interp(TIMES, TIME, joint) + 2e-3
+OTHER_READINGS = {  # words of the refusal: readings
+    "angle_unit": scaled(READINGS, columns("q", JOINTS), 180 / np.pi),
+    "order of the columns": exchanged(READINGS, columns("q", JOINTS)),
+    "start of the log": READINGS.add([1, 0, 0, 0]),
+    "0 of 250 readings": READINGS.add([10, 0, 0, 0]),
+    "joint_2 .*6.28.*turns": READINGS.add([0, 2 * np.pi, 0, 0]),
+}
 
 
-@pytest.mark.parametrize(
-    ("wrong", "words"),
-    [
-        (lambda table, names: scaled(table, names, 180 / np.pi), "angle_unit"),
-        (exchanged, "order of the columns"),
-        (lambda table, names: table.assign(t=table["t"] + 1), "start of the log"),
-        (lambda table, names: table.assign(t=table["t"] + 10), "0 of 250 readings"),
-        (lambda table, names: table.add([0, 2 * np.pi, 0, 0]), "joint_2 .*6.28.*turns"),
-    ],
-)
+def test_encoders_that_agree_with_what_was_tracked_are_accepted():
+    commands.require_encoders(TRACKED, READINGS, JOINTS, "a")
+
+
+@pytest.mark.parametrize("words", OTHER_READINGS)
 def test_encoders_in_another_unit_order_or_clock_than_what_was_tracked_are_refused(
-    wrong,
     words,
 ):
-    tracked = pd.DataFrame({"t": TIME} | spread("q", JOINTS, Q))
-    at_readings = np.stack([np.interp(TIMES, TIME, joint) for joint in Q.T], axis=1)
-    angles = spread("q", JOINTS, at_readings + 2e-3)
-    readings = pd.DataFrame({"t": TIMES} | angles)
-    commands.require_encoders(tracked, readings, JOINTS, "a")
-    spoilt = wrong(readings, columns("q", JOINTS))
     with pytest.raises(RecordingError, match=words):
-        commands.require_encoders(tracked, spoilt, JOINTS, "a")
+        commands.require_encoders(TRACKED, OTHER_READINGS[words], JOINTS, "a")
 
 
 def test_speeds_of_true_steps_count_steps_beyond_a_limit_and_against_the_command():

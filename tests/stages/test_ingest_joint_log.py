@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from case_tables import cases_beside
 from joint_files import read_joint_log, read_movement
 from joint_logs import AWAY, FILES, HOME, quality, write_movement
 from planar_poses import load_arm
@@ -20,6 +21,7 @@ from pipeline.formats.joints.log import JointLog
 from pipeline.stages import files
 from pipeline.tools.inventory import command
 
+cases = cases_beside(__file__)
 CHAIN = ["joint_2", "joint_3", "joint_4"]
 
 
@@ -44,24 +46,7 @@ def test_repetitions_are_gathered_over_movements_and_their_mean_command_is_the_t
     np.testing.assert_allclose(values(trajectory.loc[[0, 140]], "x"), ends, atol=2e-6)
 
 
-@pytest.mark.parametrize(
-    ("choice", "words"),
-    [
-        ({"movements": "run_*"}, "no folder"),
-        (
-            {"end": [0.0] * 3},
-            r"0 repet.*-1.9, -0.4\] to \[-3.0, -0.3, -1.5\] in 100 steps",
-        ),
-        ({"steps": 200}, "0 repetition.*in 100 steps"),
-        ({"rest": 58, "steps": 216}, "0 repetition"),
-        ({"movements": "move_2"}, "1 repetition"),
-        (
-            {"movements": "move_3"},
-            "a motion from row 60, cut off by the end of the log",
-        ),
-        ({"tolerance": 1e-4}, "another motion"),
-    ],
-)
+@cases("too few repetitions")
 def test_too_few_or_unequal_repetitions_are_refused_with_what_there_is(
     read,
     tmp_path,
@@ -95,14 +80,7 @@ def test_recordings_that_are_not_there_are_refused_by_their_folder(
     assert inventory.read_text() == "file\n"
 
 
-@pytest.mark.parametrize(
-    ("choice", "words"),
-    [
-        ({"joints": ["joint_2", *CHAIN]}, "each logged joint once"),
-        ({"start": [0.0]}, "values as start"),
-        ({"signals": {"actual": [0, 1]}}, "must name 6 columns or one array"),
-    ],
-)
+@cases("contradictions")
 def test_options_that_contradict_each_other_are_refused(
     log_project,
     tmp_path,
@@ -171,10 +149,6 @@ def test_a_disturbed_repetition_is_left_out_by_name_and_the_others_stay_as_they_
     assert "disturbed from row 700" in capsys.readouterr().out
 
 
-ROWS = 30  # by which the command is early
-ORDER = [1, 3, 2, 4, 5, 6]
-
-
 @pytest.fixture
 def logs(tmp_path) -> Path:
     """Two movements of a robot that repeats its motions, as it should be logged."""
@@ -202,26 +176,7 @@ def spoil(
         write_joint_log(folder / name, JointLog(log.time, signals, {}))
 
 
-@pytest.mark.parametrize(
-    ("wrong", "words", "option"),
-    [
-        (
-            {"factor": np.pi / 180},
-            "target_factor: 57.2957",
-            {"target_factor": 180 / np.pi},
-        ),
-        (
-            {"order": True},
-            r"\[1, 3, 2, 4, 5, 6\]",
-            {"signals": {"target": ORDER, "speed": ORDER}},
-        ),
-        (
-            {"early": ROWS},
-            "target_delay: 0.24",
-            {"target_delay": {"move_1": 0.24, "move_2": 0.24}},
-        ),
-    ],
-)
+@cases("no pairs")
 def test_a_command_that_is_no_pair_is_refused_and_settled_by_its_option(
     read,
     logs,

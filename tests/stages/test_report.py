@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+from case_tables import cases_beside
 
 from pipeline.configuration import config
 from pipeline.core.errors import ConfigError, ContractError
@@ -17,6 +18,7 @@ from pipeline.stages import report
 from pipeline.verdicts.report_page import BLOCK
 from pipeline.verdicts.run import read_run
 
+cases = cases_beside(__file__)
 ROOT = Path(__file__).parents[2]
 OWN = "claims.csv report.md errata.md model_card.md recordings.md summary.json".split()
 WRITTEN = [
@@ -69,10 +71,9 @@ def written() -> list[bytes]:
 
 def decided() -> pd.Series:
     """The verdicts in claims.csv by claim and dataset."""
-    rows = pd.read_csv("reports/youbot/claims.csv")
-    return rows.drop_duplicates(["claim", "dataset"]).set_index(["claim", "dataset"])[
-        "verdict"
-    ]
+    keys = ["claim", "dataset"]
+    rows = pd.read_csv("reports/youbot/claims.csv").drop_duplicates(keys)
+    return rows.set_index(keys)["verdict"]
 
 
 def test_every_claim_has_its_verdict_in_both_forms():
@@ -173,33 +174,19 @@ def test_an_altered_number_a_dataset_of_the_paper_and_another_dataset_are_seen()
     assert "UR5, real" in Path("reports/youbot/report.md").read_text()
 
 
-@pytest.mark.parametrize(
-    ("file", "old", "new", "words"),
-    [
-        (CLAIMS, "rule: less", "rule: fewer", "rule"),
-        (CLAIMS, "claims:", "claims: 3 #", "claims"),
-        (CLAIMS, "model: wishart", "model: wishrat", "'wishrat'; did you mean wishart"),
-        (
-            CLAIMS,
-            "estimator: paper",
-            "estimator: papers",
-            "'papers'; did you mean paper",
-        ),
-        (CLAIMS, 'entry: ["11"', 'entry: ["1l"', "the entry '1l'"),
-        (CLAIMS, "lwr4_lab:", "lwr4_lba:", "no dataset lwr4_lba"),
-        (YOUBOT.with_name("ur5.json"), "", "{}", r"ur5\.json"),
-        (YOUBOT, "youbot", "other", "edited after its stage wrote it"),
-        (YOUBOT, None, "", "no evidence of the dataset youbot"),
-    ],
-)
+@cases("malformed")
 def test_malformed_claims_or_evidence_are_refused_and_earlier_pages_are_left(
     file,
     old,
     new,
     words,
 ):
-    before, text = written(), file.read_text() if file.exists() else ""
-    file.write_text(text.replace(old, new, 1)) if old is not None else file.unlink()
+    before, edited = written(), Path(file)
+    text = edited.read_text() if edited.exists() else ""
+    if old is None:
+        edited.unlink()
+    else:
+        edited.write_text(text.replace(old, new, 1))
     with pytest.raises((ConfigError, ContractError), match=words):
         report.run()
     assert written() == before

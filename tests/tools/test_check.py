@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from case_tables import cases_beside
 from motive_files import START, random_take
 from source_code import ROOT
 
@@ -15,6 +16,7 @@ from pipeline.core.errors import ConfigError
 from pipeline.formats.motion.motive import write_motive
 from pipeline.tools.inspect.command import as_table, inspect
 
+cases = cases_beside(__file__)
 JOINTS = "joints: [joint_1, joint_2, joint_3, joint_4, joint_5, joint_6]"
 SHEET = f"""\
 about: {{{{subject: an arm, source: a test, licence: MIT}}}}
@@ -118,22 +120,7 @@ def test_the_command_that_pulls_missing_recordings_is_named(root, files, capsys)
     assert "`dvc --cd data/recordings pull -R arm` brings them" in refused(capsys, 1)
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "words"),
-    [
-        ("No*", "walk_*", "no folder or file of a movement matches"),
-        ("q_actual.csv", "q.csv", "No1_slow/q.csv"),
-        ("q_actual.csv", "q.csv", "No2_slow/q.csv"),
-        ("joint_6]", "joint_7]", "joint_6 of robot.joints is not logged"),
-        ("joint_log:", "joint_log:\n  angle_unit: deg", "no motion"),
-        (
-            "joint_log:",
-            "joint_log:\n  rest: 10",
-            "also in lab.yaml: dataset.joint_log.rest",
-        ),
-        ("logs\n", f"logs\n{MOCAP}", "Link1:Markr3"),
-    ],
-)
+@cases("faults", ["logs\n", f"logs\n{MOCAP}", "Link1:Markr3"])
 def test_what_configure_and_ingest_would_refuse_is_printed(
     files,
     capsys,

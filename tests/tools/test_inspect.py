@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from case_tables import cases_beside
 from motive_files import rows_file
 from sample_recordings import write_zoo
 from source_code import ROOT
@@ -17,23 +18,8 @@ from pipeline.core.typed_yaml import read_yaml
 from pipeline.tools.inspect.command import as_json, as_table, describe_file, inspect
 from pipeline.tools.inspect.finding import Finding
 
-FORMATS = {
-    "Motive CSV": ["columns.csv", "rows.csv"],
-    "C3D": ["take.c3d"],
-    "ATI DAQ F/T log": ["points.csv", "commas.csv"],
-    "ATI Net F/T log": ["netft.csv"],
-    "ATI calibration": ["FT7.cal"],
-    "depth image": ["single.png", "metres.tiff"],
-    "depth sequence with index": ["indexed/depth.txt"],
-    "depth sequence, numbered": ["numbered/[0-9]*.png"],
-    "camera intrinsics": ["camera.yaml", "sized.json"],
-    "point cloud": ["cloud.ply", "cloud.pcd"],
-    "ROS bag": ["ros1/take.bag", "sqlite3/take", "mcap/take"],
-    "table of numbers": ["q.csv"],
-    "commanded trajectory": ["path.csv"],
-    "URDF": ["three.urdf"],
-    "unknown": ["dataset.yaml", "notes.md", "payload.pkl"],
-}
+cases = cases_beside(__file__)
+FORMATS = read_yaml(Path(__file__).with_suffix(".yaml"))["formats"]
 STATED = read_yaml(Path(__file__).with_name("findings.yaml"))
 BODY_ROWS = [f"frame,{k},{k / 100:.6f},1,1,{k},0,1,0,0,0,1,0,0,0,0" for k in range(9)]
 
@@ -105,35 +91,17 @@ def test_a_robot_states_its_arms_and_planar_chains(tmp_path, zoo, findings):
     assert "robot.urdf" in changed(urdf.replace("<limit", "<no", 1)).stops[0]
 
 
-@pytest.mark.parametrize(
-    ("name", "text", "said"),
-    [
-        ("empty.csv", "", "empty"),
-        (
-            "take.csv",
-            "Format Version;1.23;Length Units;Meters\n\n",
-            "another program saved",
-        ),
-        (
-            "a.urdf",
-            "<robot name='a'><link name='foot'/></robot>",
-            "no revolute or prismatic",
-        ),
-        ("take.bag", "#ROSBAG V2.0\n", "damaged"),
-        ("c.npz", b"PK\3\4" + bytes(200), "unpack an archive"),
-        ("f.bin", b"\1\2\0\3" * 9, "binary data"),
-        ("e.csv", "time,q1,q2,q3\n", "without rows of numbers"),
-    ],
-)
+@cases("refused", ["c.npz", "PK\3\4" + 200 * "\0", "unpack an archive"])
 def test_what_a_reader_refuses_says_why_and_what_to_do(tmp_path, name, text, said):
-    (tmp_path / name).write_bytes(text if isinstance(text, bytes) else text.encode())
+    (tmp_path / name).write_text(text)
+
     (finding,) = inspect(tmp_path)
+
     reason = finding.facts.get("reason", "")
     assert said in " ".join([reason, *finding.stops, *map(str, finding.open)])
-    table = as_table([finding], tmp_path).splitlines()
-    assert said in table[-1] and (
-        not reason or table[-1].startswith("not recognised, ")
-    )
+    *_, last_line = as_table([finding], tmp_path).splitlines()
+    assert said in last_line
+    assert last_line.startswith("not recognised, ") or not reason
 
 
 def test_a_sequence_names_its_damaged_and_missing_frames(zoo, tmp_path):
@@ -153,11 +121,8 @@ def test_recordings_that_differ_in_a_number_share_a_line_and_json_has_each(tmp_p
     rows_file(tmp_path, "rigidbody,Hand,1,0", *BODY_ROWS)
     findings = inspect(tmp_path)
     table = as_table(findings, tmp_path)
-    lines, heads = (
-        table.splitlines(),
-        ["rows.csv: Motive CSV 1.1", "take_*.csv (12): Motive CSV 1.1"],
-    )
-    assert [line for line in lines if line[0] != " "] == heads
+    heads = [line for line in table.splitlines() if line[0] != " "]
+    assert heads == ["rows.csv: Motive CSV 1.1", "take_*.csv (12): Motive CSV 1.1"]
     assert table.count("    ? the file does not state the unit of its lengths") == 2
     # a terminal acts on nothing that a file holds
     assert "\x1b" not in table and "Ha\N{REPLACEMENT CHARACTER}[2Jnd" in table
@@ -198,12 +163,11 @@ def test_files_that_real_instruments_wrote_are_told_apart():
     findings = {finding.file.name: finding for finding in inspect(SAMPLES)}
     for version in ("1.1", "1.21", "1.23"):
         assert findings[f"motive_v{version}_rigidbody.csv"].version == version
-    assert [n for n, one in findings.items() if one.stops] == ["motive_v1.23_empty.csv"]
+    stopped = [name for name, finding in findings.items() if finding.stops]
+    assert stopped == ["motive_v1.23_empty.csv"]
     assert findings["motive_v1.23_markers_millimetres.csv"].units == {"length": "mm"}
     assert findings["motive_v1.1_rigidbody.csv"].open[0].option == "dataset.mocap.unit"
     force = findings["daqft_dotnet_semicolon.csv"]
     assert (force.rate, force.facts["decimal"]) == (62.5, ",")
-    assert findings["kinect2_ir_intrinsics.yaml"].facts["fx"] == pytest.approx(
-        366.95,
-        abs=0.01,
-    )
+    camera = findings["kinect2_ir_intrinsics.yaml"].facts
+    assert camera["fx"] == pytest.approx(366.95, abs=0.01)

@@ -12,6 +12,7 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
+from case_tables import cases_beside
 from new_datasets import UR5, contains, run, unfilled, written
 from source_code import ROOT
 
@@ -20,6 +21,8 @@ from pipeline.configuration import datasheet
 from pipeline.core.errors import ConfigError, PipelineError
 from pipeline.recordings.motions import FoundMotion
 from pipeline.tools.new_dataset import command
+
+cases = cases_beside(__file__)
 
 
 @pytest.mark.slow
@@ -174,19 +177,7 @@ def test_values_that_depend_on_each_other_are_set_together_in_any_order(
     assert (robot["joints"], robot["task"]) == (joints, ["x", "y", "z"])
 
 
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (["lab", "--set", "robot.urdf"], "--set takes KEY=VALUE"),
-        (["lab", "--set", "robot.pace=1"], "robot.pace"),
-        (["lab", "--set", "pace=1"], "unknown key 'pace'"),
-        (["lab", "--set", "robot=1"], "has parts: set robot.PART"),
-        (["lab", "--set", "robot.urdf=no.urdf"], "no.urdf"),
-        (["lab", "--motion", "1"], "to find the motions, first fill in robot.urdf"),
-        (["lab", "--from", "nothing"], "no such folder"),
-        *((([name]), "cannot name a dataset") for name in ("1st", "../up", "ü")),
-    ],
-)
+@cases("refused")
 def test_an_option_name_or_folder_that_does_not_fit_writes_nothing(
     root,
     logs,
@@ -197,34 +188,27 @@ def test_an_option_name_or_folder_that_does_not_fit_writes_nothing(
         run(*(words if "--from" in words else [*words, "--from", logs]))
     with pytest.raises(ConfigError, match=r"make it with --from|cannot name"):
         run(words[0], "--ask")
-    assert [file for file in root.rglob("*") if file.is_file()] == [
-        root / "params.yaml",
-    ]
+    files = [file for file in root.rglob("*") if file.is_file()]
+    assert files == [root / "params.yaml"]
 
 
 def test_motions_through_a_singular_pose_or_made_once_are_offered_last(monkeypatch):
-    twice = [("a", 0), ("a", 9)]
-    offered = [
-        FoundMotion(np.zeros(2), np.ones(2), number, None, places, [], least)
-        for number, (places, least) in enumerate(
-            [(twice, 1e-3), (twice[:1], 1.0), (twice, 0.9)],
-        )
-    ]
+    def found(steps: int, places: list, least_singular: float) -> FoundMotion:
+        ends = np.zeros(2), np.ones(2)
+        return FoundMotion(*ends, steps, None, places, [], least_singular)
+
+    twice, once = [("a", 0), ("a", 9)], [("a", 0)]
+    motions = [found(0, twice, 1e-3), found(1, once, 1.0), found(2, twice, 0.9)]
     dataset = SimpleNamespace(robot=None, motion=SimpleNamespace(rate=1.0))
-    for name, result in (
-        ("find_motions", offered),
-        ("validated", dataset),
-        ("read_movements", {}),
-    ):
-        monkeypatch.setattr(command, name, lambda *_, result=result: result)
-    values = {
-        "robot": {"joints": ["a", "b"]},
-        "motion": {"rate": 1},
-        "name": "",
-        "recordings": "",
-    }
-    found = command.motions_in_logs(values | {"joint_log": {}})
-    assert [motion.steps for motion in found] == [2, 0, 1]
+    monkeypatch.setattr(command, "find_motions", lambda *_: motions)
+    monkeypatch.setattr(command, "validated", lambda *_: dataset)
+    monkeypatch.setattr(command, "read_movements", lambda *_: {})
+    values = {"robot": {"joints": ["a", "b"]}, "motion": {"rate": 1}}
+    values |= {"name": "", "recordings": "", "joint_log": {}}
+
+    offered = command.motions_in_logs(values)
+
+    assert [motion.steps for motion in offered] == [2, 0, 1]
 
 
 def test_nothing_is_overwritten(root, logs):

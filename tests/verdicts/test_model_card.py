@@ -7,6 +7,7 @@ from itertools import permutations, product
 import numpy as np
 import pandas as pd
 import pytest
+from case_tables import cases_beside
 
 from pipeline.evidence.table import evidence_row, evidence_table
 from pipeline.models.joint_error.choice import left_out, pooled, pooled_interval
@@ -23,7 +24,7 @@ PARAMETER = {
     "s_interval_low": 0.48,
     "s_interval_high": 0.53,
 }
-LIMIT = "sigma_b_limit_of_the_covariance"
+cases = cases_beside(__file__)
 MOTIONS = ["motion", "takes", "steps", "moving"]
 RANGE = ["quantity", "name", "unit", "least", "greatest"]
 LAWS = {"joint_step": 8.0, "joint_error": 9.0}  # score of a joint and horizon
@@ -191,18 +192,7 @@ def test_the_card_names_every_predicted_standard_deviation_that_is_not_confirmed
     )
 
 
-@pytest.mark.parametrize(
-    ("changes", "law"),
-    [
-        ({"predicted": 1.9e-4}, "joint_error"),
-        # σ beyond a factor of 2: the simpler law
-        ({"predicted": 2.1e-4}, "joint_step"),
-        ({"predicted": 4.9e-5}, "joint_step"),
-        ({"gain": -0.5}, "joint_step"),
-        ({"gain": -0.1}, "joint_error"),  # the interval of the margin contains zero
-        ({"motions": 1}, "joint_error"),  # one part shows no variation
-    ],
-)
+@cases("named laws")
 def test_the_sound_law_with_the_highest_mean_score_is_named(changes, law):
     assert f"(`{law}`)" in answer(logged(**changes)).splitlines()[0]
 
@@ -307,14 +297,7 @@ def test_the_card_holds_parameters_ranges_takes_and_other_datasets():
     assert "| wishart | s | 0.5 | 0.0125 | – |" in model_card(run, [])
 
 
-@pytest.mark.parametrize(
-    ("fitted", "absent"),
-    [
-        ({"u": 9.0, "u_unbounded": 1, "u_standard_error": 1.0, "alpha": 0.1}, "alpha"),
-        ({"sigma_b": 0.75, "sigma_b_standard_error": 0.1, LIMIT: 0.7071}, "sigma_b"),
-        ({"std_share_of_the_step_b": 9.0}, "std_share_of_the_step_b"),
-    ],
-)
+@cases("no numbers")
 def test_a_parameter_that_the_recordings_cannot_tell_has_no_number(fitted, absent):
     run = predicted(wishart=12.0)
     run.metrics["fit_additive"] |= fitted

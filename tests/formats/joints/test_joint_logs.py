@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from case_tables import cases_beside
 from joint_files import read_joint_log, table
 from numpy.testing import assert_allclose, assert_array_equal
 from ros_bags import Message, write_bag
@@ -25,25 +26,11 @@ from pipeline.formats.joints.log import LogOptions
 from pipeline.recordings.movement import read_log
 from pipeline.stages.files import reader_code
 
+cases = cases_beside(__file__)
 KEY = "dataset.joint_log"
 
 
-NAMES = ["q1", "q2", "q3"]
-
-
-DEGREES = "{t},5.729577951308232,11.45915590261646,17.1887338539247"
-FORMS = [
-    ("time,q1,q2,q3", "{t},0.1,0.2,0.3", NAMES, LogOptions("time")),
-    ("q3;x;q1;stamp (s);q2", "0,3;9,9;0,1;{t};0,2", NAMES, LogOptions("stamp")),
-    ("% t q1 q2 q3", "{t}  0.1 0.2   0.3", NAMES, LogOptions()),
-    ("", "{t}\t0.1\t0.2\t0.3", None, LogOptions()),
-    ("", "9 0.3 0.1 {t} 0.2", [2, 4, 1], LogOptions(3)),
-    ("a note\nt,q1 [deg],q2,q3", DEGREES, NAMES, LogOptions("t", angle_unit="deg")),
-    ("q1,q2,q3", "0.1,0.2,0.3", None, LogOptions(None, 125.0)),
-]
-
-
-@pytest.mark.parametrize(("header", "row", "columns", "options"), FORMS)
+@cases("forms")
 def test_tables_are_read_by_labels_or_numbers_in_any_form(
     tmp_path,
     header,
@@ -51,77 +38,56 @@ def test_tables_are_read_by_labels_or_numbers_in_any_form(
     columns,
     options,
 ):
-    times = [f"{0.008 * i:.3f}" for i in range(4)]
-    rows = [
-        row.format(t=time.replace(".", ",") if ";" in row else time) for time in times
-    ]
+    times = ["0.000", "0.008", "0.016", "0.024"]
+    rows = [row.format(t=time) for time in times]
+    if ";" in header:
+        rows = [text.replace(".", ",") for text in rows]
     file = table(tmp_path, header, *rows)
-    result = read_joint_log(file, joints=3, columns=columns, options=options)
-    assert_allclose(result.signals["actual"], [[0.1, 0.2, 0.3]] * 4, rtol=1e-12)
-    assert_allclose(result.time, np.arange(4) * 0.008, atol=1e-12)
+
+    log = read_joint_log(file, joints=3, columns=columns, options=LogOptions(**options))
+
+    assert_allclose(log.signals["actual"], [[0.1, 0.2, 0.3]] * 4, rtol=1e-12)
+    assert_allclose(log.time, [0, 0.008, 0.016, 0.024], atol=1e-12)
 
 
-def test_columns_whose_labels_or_cells_name_other_joints_are_refused(tmp_path):
-    labels = table(tmp_path, "t,q_elbow,q_wrist", "0,1,2", "1,1,2")
-    named = ["q_elbow", "q_wrist"]
+def test_columns_whose_labels_name_other_joints_are_refused(tmp_path):
+    file = table(tmp_path, "t,q_elbow,q_wrist", "0,1,2", "1,1,2")
     options = LogOptions("t", names=("wrist_joint", "elbow_joint"))
-    error = refusal(
-        partial(read_joint_log, joints=2, columns=named, options=options),
-        labels,
-    )
-    assert (
-        error.evidence["key"] == f"{KEY}.joints"
-        and "elbow_joint, wrist_joint" in error.message
-    )
-    cells = table(
-        tmp_path,
-        "t,name0,name1,q0,q1",
-        "0,elbow,wrist,1,2",
-        "1,elbow,wrist,1,2",
-    )
-    for names in (("elbow", "wrist"), ("wrist", "elbow")):
-        options = LogOptions("t", names=names)
-        read = partial(read_joint_log, joints=2, columns=["q0", "q1"], options=options)
-        if names[0] == "elbow":
-            assert read(cells).signals["actual"].tolist() == [[1, 2]] * 2
-        else:
-            assert refusal(read, cells).evidence["key"] == f"{KEY}.joints"
+    columns = {"columns": ["q_elbow", "q_wrist"], "options": options}
+    error = refusal(partial(read_joint_log, joints=2, **columns), file)
+    assert error.evidence["key"] == f"{KEY}.joints"
+    assert "elbow_joint, wrist_joint" in error.message
 
 
-UNITS = [  # header, option, unit, last time in s
-    ("t (s),q1 (deg),q2 (deg)", "angle_unit", "deg", 0.1),
-    ("t,q1 [degrees],q2", "angle_unit", "deg", 0.1),
-    ("t,q1,q2\ns,deg,deg", "angle_unit", "deg", 0.1),
-    ("t [ms],q1,q2", "time_unit", "ms", 1e-4),
-    ("t [ns],q1,q2", "time_unit", "ns", 1e-10),
-    ("t [s],q1 [rad],q2 [rad/s]", None, None, 0.1),
-    ("t [s],q1 [rad],q2 [mm]", None, None, 0.1),
-    ("t_ms,q1,q2", "time_unit", "ms", 1e-4),
-    ("t,q[0],q[1]", None, None, 0.1),
-]
+def test_columns_whose_cells_name_other_joints_are_refused(tmp_path):
+    row = "elbow,wrist,1,2"
+    file = table(tmp_path, "t,name0,name1,q0,q1", f"0,{row}", f"1,{row}")
+    read = partial(read_joint_log, joints=2, columns=["q0", "q1"])
+    right = LogOptions("t", names=("elbow", "wrist"))
+    assert read(file, options=right).signals["actual"].tolist() == [[1, 2]] * 2
+    exchanged = LogOptions("t", names=("wrist", "elbow"))
+    error = refusal(partial(read, options=exchanged), file)
+    assert error.evidence["key"] == f"{KEY}.joints"
 
 
-@pytest.mark.parametrize(("header", "key", "unit", "last"), UNITS)
+@cases("units")
 def test_a_unit_in_the_header_is_never_read_as_another(
     tmp_path,
     header,
     key,
     unit,
     last,
+    angles,
 ):
-    (tmp_path / "log.csv").write_text(f"{header}\n0.0,0.5,1.5\n0.1,0.5,1.5\n")
+    file, options = tmp_path / "log.csv", LogOptions()
+    file.write_text(f"{header}\n0.0,0.5,1.5\n0.1,0.5,1.5\n")
     if key:
-        read = partial(read_joint_log, joints=2)
-        assert refusal(read, tmp_path / "log.csv").evidence["key"] == f"{KEY}.{key}"
-    options = LogOptions(**({key: unit} if key else {}))
-    result = read_joint_log(tmp_path / "log.csv", joints=2, options=options)
-    assert result.time[-1] == pytest.approx(last)
-    angles = (
-        np.deg2rad([0.5, 1.5])
-        if unit == "deg"
-        else [0.5, 0.0015 if "mm" in header else 1.5]
-    )
-    assert_allclose(result.signals["actual"], [angles] * 2)
+        error = refusal(partial(read_joint_log, joints=2), file)
+        assert error.evidence["key"] == f"{KEY}.{key}"
+        options = LogOptions(**{key: unit})
+    log = read_joint_log(file, joints=2, options=options)
+    assert log.time[-1] == pytest.approx(last)
+    assert_allclose(log.signals["actual"], [angles] * 2)
 
 
 def test_degrees_that_are_taken_for_radians_are_refused_with_the_option_and_the_time(
@@ -141,14 +107,15 @@ ARRAYS["torques"] = 0 * ACTUAL
 
 
 def parquet(file: Path, arrays: dict[str, np.ndarray]) -> None:
-    columns = {}
-    for name, values in arrays.items():
-        many = {
-            f"{name}_{j}": column for j, column in enumerate(np.atleast_2d(values.T))
-        }
-        columns |= many if values.ndim > 1 else {name: values}
+    columns = {"mode": "servo"}
     # numbers order the joints, not the places of the columns
-    pd.DataFrame(dict(reversed(columns.items()))).assign(mode="servo").to_parquet(file)
+    for name, values in reversed(arrays.items()):
+        if values.ndim == 1:
+            columns[name] = values
+        else:
+            for joint in reversed(range(values.shape[1])):
+                columns[f"{name}_{joint}"] = values[:, joint]
+    pd.DataFrame(columns).to_parquet(file)
 
 
 WRITE = {
@@ -199,33 +166,31 @@ def test_arrays_and_columns_are_named_by_the_option(tmp_path, form):
     assert_allclose(log.time, np.arange(ROWS) * 0.005)
     assert_allclose(log.signals["actual"], np.deg2rad(ACTUAL))
     assert_array_equal(log.signals["actual"], log.signals["target"])
-    untimed = read_arrays(file, LogOptions(None, rate=200.0, signals={"actual": ["a"]}))
-    assert_allclose(untimed.time, np.arange(ROWS) * 0.005)
-    for names in (["a:3"] * 3, ["absent:0"] * 3):
-        options = LogOptions("clock", signals={"actual": names})
+
+
+def test_without_times_the_rate_gives_them_and_an_absent_column_is_refused(tmp_path):
+    file = archive(tmp_path, "npz", a=ACTUAL)
+    log = read_arrays(file, LogOptions(None, rate=200.0, signals={"actual": ["a"]}))
+    assert_allclose(log.time, np.arange(ROWS) * 0.005)
+    for column in ("a:3", "absent:0"):
+        options = LogOptions(None, rate=200.0, signals={"actual": [column] * 3})
         error = refusal(read_arrays, file, options)
         assert "a (6, 3)" in error.message
         assert error.evidence["key"] == f"{KEY}.signals"
 
 
-def changed(name: str, row: int, value: float) -> dict[str, np.ndarray]:
-    values = ARRAYS[name].copy()
-    values[row] = value
-    return ARRAYS | {name: values}
-
-
-REFUSED = {
+LOST, BACK = ACTUAL.copy(), STAMPS.copy()
+LOST[4], BACK[2] = np.nan, 0.0
+TWICE = "2 arrays could be the measured angles, positions, q; name one in signals"
+REFUSED = {  # words: arrays, evidence
     "positions:0 holds nan": (
-        changed("positions", 4, np.nan),
+        ARRAYS | {"positions": LOST},
         {"array": "positions:0", "row": 4},
     ),
-    "does not increase": (changed("times", 2, 0.0), {"array": "times", "row": 2}),
+    "does not increase": (ARRAYS | {"times": BACK}, {"array": "times", "row": 2}),
     "6 times for 5 of actual": (ARRAYS | {"positions": ACTUAL[:5]}, {"array": "times"}),
     "positions (6,)": (ARRAYS | {"positions": ACTUAL[:, 0]}, {"key": f"{KEY}.signals"}),
-    "2 arrays could be the measured angles, positions, q; name one in signals": (
-        ARRAYS | {"q": ACTUAL},
-        {"key": f"{KEY}.signals"},
-    ),
+    TWICE: (ARRAYS | {"q": ACTUAL}, {"key": f"{KEY}.signals"}),
     "no name of an array states the time": (
         {"q": ACTUAL, "q_target": ACTUAL},
         {"key": f"{KEY}.time"},
@@ -255,31 +220,26 @@ def test_objects_are_never_loaded(tmp_path):
 
     objects = np.empty((ROWS, 3), dtype=object)
     objects[:] = Trap()
-    error = refusal(
-        read_arrays,
-        archive(tmp_path, **ARRAYS | {"positions": objects}),
-        PLAIN,
-    )
+    file = archive(tmp_path, **ARRAYS | {"positions": objects})
+    error = refusal(read_arrays, file, PLAIN)
     assert "positions ()" in error.message and not (tmp_path / "pwned").exists()
 
 
-def test_matrices_in_structs_have_a_dotted_path_and_version_7_3_is_named(tmp_path):
-    rec = {
-        "t": STAMPS,
-        "arm": {"q": ACTUAL, "ref_pos_deg": np.rad2deg(ACTUAL)},
-        "name": "run",
-    }
-    file = archive(tmp_path, "mat", rec=rec)
+def test_matrices_in_structs_have_a_dotted_path(tmp_path):
+    arm = {"q": ACTUAL, "ref_pos_deg": np.rad2deg(ACTUAL)}
+    file = archive(tmp_path, "mat", rec={"t": STAMPS, "arm": arm, "name": "run"})
     signals = {"actual": ["rec.arm.ref_pos_deg"]}
     log = read_arrays(file, LogOptions("rec.t", angle_unit="deg", signals=signals))
     assert_allclose(log.signals["actual"], ACTUAL)
-    columns = {"actual": [f"rec.arm.q:{j}" for j in (2, 0, 1)]}
+    columns = {"actual": ["rec.arm.q:2", "rec.arm.q:0", "rec.arm.q:1"]}
     log = read_arrays(file, LogOptions("rec.t", signals=columns))
     assert_array_equal(log.signals["actual"], ACTUAL[:, [2, 0, 1]])
-    assert (
-        "rec.arm.q (6, 3)"
-        in refusal(read_arrays, file, LogOptions(signals={"actual": ["q"]})).message
-    )
+    error = refusal(read_arrays, file, LogOptions(signals={"actual": ["q"]}))
+    assert "rec.arm.q (6, 3)" in error.message
+
+
+def test_a_file_of_version_7_3_is_refused_with_the_option_of_matlab(tmp_path):
+    file = archive(tmp_path, "mat", **ARRAYS)
     file.write_bytes(b"MATLAB 7.3 MAT-file, " + file.read_bytes()[21:])
     assert "-v7" in refusal(read_arrays, file, PLAIN).message
 
@@ -307,9 +267,6 @@ def test_joints_times_samples_and_joint_names_beside_the_times_are_read(tmp_path
     assert log.joints == ("a", "b", "c")
     error = refusal(read_arrays, file, LogOptions("absent", joints=3))
     assert "None" not in error.message and "positions (6, 3)" in error.message
-    error = refusal(
-        read_log,
-        file,
-        LogOptions("times", joints=3, names=("b", "a", "c")),
-    )
+    exchanged = LogOptions("times", joints=3, names=("b", "a", "c"))
+    error = refusal(read_log, file, exchanged)
     assert "the joints of the log are a, b, c" in error.message
