@@ -9,11 +9,13 @@ import time
 from collections.abc import Callable
 
 import pytest
+from case_tables import cases_beside
 from source_code import ROOT
 
 from pipeline import __main__ as command
 from pipeline.core.errors import ConfigError
 
+cases = cases_beside(__file__)
 STAGES = sorted(file.stem for file in (ROOT / "pipeline/stages").glob("[a-z]*.py"))
 STUDIES = sorted(
     file.parent.name for file in (ROOT / "pipeline/studies").glob("*/stage.py")
@@ -48,16 +50,7 @@ def test_an_unknown_name_and_the_wrong_number_of_items_are_refused(monkeypatch, 
         assert capsys.readouterr().err == f"error: {refused}\n"
 
 
-@pytest.mark.parametrize(
-    ("words", "refused"),
-    [
-        ("configure dataset=ur5", "configure: takes no item, got dataset=ur5"),
-        ("fit gaussian filter.particles=100", "fit: takes one item (model), got gauss"),
-        ("fit filter.particles=100", "fit: takes one item (model), got filter.partic"),
-        ("configure --multirun", "configure: takes no item, got --multirun"),
-        ("--multirun configure", "--multirun: there is no such stage, study or tool"),
-    ],
-)
+@cases("notation of hydra")
 def test_an_option_in_the_notation_of_hydra_is_rejected_with_the_way_that_works(
     monkeypatch,
     capsys,

@@ -28,54 +28,75 @@ from pipeline.core.elementary import (
 
 def units(function, exact, x: np.ndarray) -> float:
     """Greatest error in units in the last place, against the library's in extended precision."""
-    result = np.array([function(value) for value in x])
-    right = exact(x.astype(np.longdouble))
-    return float(
-        np.max(np.abs(result - right) / np.spacing(np.maximum(np.abs(result), 1e-300))),
-    )
+    computed = np.array([function(value) for value in x])
+    error = np.abs(computed - exact(x.astype(np.longdouble)))
+    unit = np.spacing(np.maximum(np.abs(computed), 1e-300))
+    return float((error / unit).max())
 
 
 def test_sine_and_cosine_are_right_to_two_units_in_the_last_place_of_one():
-    rng, both = np.random.default_rng(1), from_python(sine_cosine)
-    near, far = np.linspace(-7, 7, 20_001), rng.uniform(-6000, 6000, 20_000)
-    angles = np.concatenate([near, far, np.arange(-8, 9) * np.pi / 4])
+    both = from_python(sine_cosine)
+    near, octants = np.linspace(-7, 7, 20_001), np.arange(-8, 9) * np.pi / 4
+    far = np.random.default_rng(1).uniform(-6000, 6000, 20_000)
+    angles = np.concatenate([near, far, octants])
     right = np.stack([np.sin(angles), np.cos(angles)], axis=1)
-    assert np.abs(np.array([both(angle) for angle in angles]) - right).max() < 3e-16
+
+    computed = np.array([both(angle) for angle in angles])
+
+    assert np.abs(computed - right).max() < 3e-16
     assert both(0.0) == (0.0, 1.0)
     # of a small angle to two of its own
-    assert units(lambda x: both(x)[0], np.sin, np.geomspace(1e-300, 1.5, 2000)) < 2
+    small = np.geomspace(1e-300, 1.5, 2000)
+    assert units(lambda angle: both(angle)[0], np.sin, small) < 2
 
 
-def test_the_exponential_is_right_to_two_units_in_the_last_place_and_less_one_to_three():
-    run = from_python(exponential)
-    assert units(run, np.exp, np.linspace(-707.9, 0, 20_001)) < 2
-    assert (run(0.0), run(-709.0), run(-np.inf)) == (1.0, 0.0, 0.0)
-    assert np.isnan(run(np.nan))
-    x = np.concatenate([np.geomspace(1e-290, 699, 20_000), np.linspace(0.3, 1.2, 5000)])
-    assert units(from_python(expm1), np.expm1, x) < 3
-    assert from_python(expm1)(0.0) == 0.0
+def test_the_exponential_is_right_to_two_units_in_the_last_place():
+    compiled_exp = from_python(exponential)
+    assert units(compiled_exp, np.exp, np.linspace(-707.9, 0, 20_001)) < 2
+    ends = compiled_exp(0.0), compiled_exp(-709.0), compiled_exp(-np.inf)
+    assert ends == (1.0, 0.0, 0.0)
+    assert np.isnan(compiled_exp(np.nan))
 
 
-@pytest.mark.parametrize("count", [0, 1, LANES - 1, LANES, LANES + 1, 10 * LANES + 3])
+def test_the_exponential_less_one_is_right_to_three_units_in_the_last_place():
+    compiled_expm1 = from_python(expm1)
+    assert units(compiled_expm1, np.expm1, np.geomspace(1e-290, 699, 20_000)) < 3
+    assert units(compiled_expm1, np.expm1, np.linspace(0.3, 1.2, 5000)) < 3
+    assert compiled_expm1(0.0) == 0.0
+
+
+COUNTS = [0, 1, LANES - 1, LANES, LANES + 1, 10 * LANES + 3]
+
+
+@pytest.mark.parametrize("count", COUNTS)
 def test_sums_and_the_greatest_are_numpys(count):
-    rng = np.random.default_rng(count)
-    x, y = rng.standard_normal((2, count))
+    x, y = np.random.default_rng(count).standard_normal((2, count))
+    gaps = np.append(x, np.nan)  # what is no number is not the greatest
     assert from_python(inner_product)(x, y) == pytest.approx(x @ y, abs=1e-13)
     assert from_python(total)(x) == pytest.approx(x.sum(), abs=1e-13)
-    gaps = np.append(x, np.nan)  # what is no number is not the greatest
     assert from_python(greatest)(gaps) == x.max(initial=-np.inf)
-    # to the bit: a lane each, joined half and half
-    lanes = np.zeros((2, LANES))
-    for k in range(0, count - count % LANES, LANES):
-        lanes += np.stack([x * y, x])[:, k : k + LANES]
-    for k in range(count - count % LANES, count):
-        lanes[:, 0] += [x[k] * y[k], x[k]]
-    while lanes.shape[1] > 1:
-        lanes = np.add(*np.split(lanes, 2, axis=1))
-    assert [from_python(inner_product)(x, y), from_python(total)(x)] == lanes[
-        :,
-        0,
-    ].tolist()
+
+
+def sum_by_lanes(terms: np.ndarray) -> float:
+    """The sum of terms in the order of the compiled code: whole lanes, the rest in the first lane,
+    and the lanes joined half and half.
+    """
+    whole = len(terms) - len(terms) % LANES
+    lanes = np.zeros(LANES)
+    for row in terms[:whole].reshape(-1, LANES):
+        lanes += row
+    for term in terms[whole:]:
+        lanes[0] += term
+    while len(lanes) > 1:
+        lanes = np.add(*np.split(lanes, 2))
+    return lanes[0]
+
+
+@pytest.mark.parametrize("count", COUNTS)
+def test_sums_are_those_of_lanes_to_the_bit(count):
+    x, y = np.random.default_rng(count).standard_normal((2, count))
+    assert from_python(inner_product)(x, y) == sum_by_lanes(x * y)
+    assert from_python(total)(x) == sum_by_lanes(x)
 
 
 INNER = """
@@ -157,22 +178,6 @@ def test_machine_code_depends_on_the_compiled_modules_and_their_imports_alone(
     tmp_path,
     monkeypatch,
 ):
-    needed, waiting = set(), []
-    for module in MODULES:
-        every = (
-            decorator
-            for node in tree(module).body
-            for decorator in getattr(node, "decorator_list", [])
-        )
-        if {"compiled", "inner", "inlined"} & {
-            getattr(decorator, "id", None) for decorator in every
-        }:
-            waiting.append(module)
-    assert len(waiting) > 10
-    while waiting:
-        needed.add(module := waiting.pop())
-        waiting += (imports(module, top=True) & MODULES.keys()) - needed
-    assert set(compiled.compiled_sources()) == {MODULES[module] for module in needed}
     folder = shutil.copytree(ROOT / "pipeline", tmp_path / "pipeline")
     monkeypatch.setattr(sources, "SOURCES", folder)
     for file, recompiled in (
@@ -184,6 +189,26 @@ def test_machine_code_depends_on_the_compiled_modules_and_their_imports_alone(
         before = sources.sources_hash(compiled.compiled_sources())
         with (folder / file).open("a") as text:
             text.write("# comment\n")
-        assert (
-            sources.sources_hash(compiled.compiled_sources()) != before
-        ) == recompiled
+        after = sources.sources_hash(compiled.compiled_sources())
+        assert (after != before) == recompiled
+
+
+def decorators_of(module: str) -> set[str]:
+    """Names of the decorators of a module's functions."""
+    names = set()
+    for node in tree(module).body:
+        for decorator in getattr(node, "decorator_list", []):
+            names.add(getattr(decorator, "id", None))
+    return names
+
+
+def test_the_sources_of_machine_code_are_the_compiled_modules_and_their_imports():
+    marks = {"compiled", "inner", "inlined"}
+    waiting = [module for module in MODULES if decorators_of(module) & marks]
+    assert len(waiting) > 10
+    needed = set()
+    while waiting:
+        module = waiting.pop()
+        needed.add(module)
+        waiting += (imports(module, top=True) & MODULES.keys()) - needed
+    assert set(compiled.compiled_sources()) == {MODULES[module] for module in needed}

@@ -21,12 +21,14 @@ def motion(rows: int = ROWS) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Times (N,) s, measured and commanded angles (N, 6) rad of a motion out and back."""
     k = np.arange(rows)
     since_start, to_end = k - 60, 340 - k
-    phase = np.clip(np.minimum(since_start, to_end) / 90, 0, 1)
-    share = (1 - np.cos(np.pi * phase)) / 2
+    moved = np.minimum(since_start, to_end) / 90
+    phase = np.pi * np.clip(moved, 0, 1)
+    share = (1 - np.cos(phase)) / 2
     target = HOME + share[:, None] * (AWAY - HOME)
-    actual = np.vstack([target[:1], target[:-1]])
-    noise = np.random.default_rng(3).normal(0, 1e-5, actual.shape)
-    return k / RATE, actual + noise, target
+
+    late = np.vstack([target[:1], target[:-1]])
+    noise = np.random.default_rng(3).normal(0, 1e-5, late.shape)
+    return k / RATE, late + noise, target
 
 
 def cell_of(value: object) -> str:
@@ -140,6 +142,11 @@ def added(
     return time, actual, target
 
 
+def scaled(*columns: np.ndarray | float) -> Columns:
+    """Columns of time, measured and commanded angles, times a factor each."""
+    return [columns[k] * columns[k + 3] for k in range(3)]
+
+
 def far_command(time, actual, target) -> Columns:
     """Columns whose commanded angles are far away in one row."""
     target[200] += 1e10
@@ -196,13 +203,8 @@ CHANGES: dict[str, Callable[..., Columns]] = {
     "no time": lambda t, *angles: angles,
     "steps of time": lambda t, *angles: (np.floor(9 * t), *angles),
     "row numbers": lambda t, *angles: (np.arange(float(len(t))), *angles),
-    "scaled time": lambda t, q, target, factor: (t * factor, q, target),
-    "minutes": lambda t, *angles: (t / 60, *angles),
-    "late jump": lambda t, *angles: (t + 3600 * (t > 2), *angles),
-    "degrees": lambda t, q, target: (t, np.degrees(q), np.degrees(target)),
-    "actual in degrees": lambda t, q, target: (t, np.degrees(q), target),
-    "command in degrees": lambda t, q, target: (t, q, np.degrees(target)),
-    "offset": lambda t, q, target: (t, q + 0.3 * np.eye(6)[2], target),
+    "late jump": lambda t, *angles: (np.where(t > 2, t + 3600, t), *angles),
+    "scaled": scaled,
     "added": added,
     "counted beside": counted_beside,
     "counts": counts,

@@ -44,12 +44,16 @@ def _block(model, chain, q, v, rng) -> tuple[np.ndarray, int]:
 def _gaussian(model, chain, q, v, rng) -> tuple[np.ndarray, int]:
     """(P, n) noise w ~ N(0, α²(u² − ‖J⁺‖²)‖v‖²/(mn) I), and how many were clipped."""
     inverse = chain.inverse_jacobian(q)
-    norm, entries = frobenius(inverse), inverse[0].size
+    norm = frobenius(inverse)
+    entries = inverse[0].size
     task = v[:, : len(chain.task)]
-    scale = model.alpha**2 * np.maximum(model.u**2 - norm**2, 0.0) / entries
+
+    remainder = np.maximum(model.u**2 - norm**2, 0.0)
+    scale = model.alpha**2 * remainder / entries
     std = np.sqrt(scale * np.vecdot(task, task))
     noise = std[:, None] * rng.standard_normal(q.shape)
-    return noise, int(np.count_nonzero(norm > model.u))
+    clipped = np.count_nonzero(norm > model.u)
+    return noise, int(clipped)
 
 
 def _wishart(model, chain, q, v, rng) -> np.ndarray:

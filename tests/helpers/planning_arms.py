@@ -31,8 +31,10 @@ LAWS = {
 
 def path_task(arm: str, steps: int) -> PathTask:
     """Path of an arm whose joints move from rest to rest in two seconds."""
-    robot, start, end = ARMS[arm]
+    robot, *ends = ARMS[arm]
+    start, end = np.array(ends)
     chain = chain_of(robot)
-    share = (1 - np.cos(np.linspace(0, np.pi, steps + 1))) / 2
-    q = np.array(start) + share[:, None] * (np.array(end) - np.array(start))
+    phase = np.linspace(0, np.pi, steps + 1)
+    share = (1 - np.cos(phase)) / 2
+    q = start + share[:, None] * (end - start)
     return PathTask(chain, chain.pose(q), rate=steps / 2, margin=0.02)

@@ -1,11 +1,13 @@
 """Depth takes, of images, bags or clouds, as points in the arm's plane on the motion's clock."""
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from planar_poses import load_arm, planar_chain
 from ros_bags import camera_info, cloud, image, write_bag
 from sample_options import made
@@ -50,14 +52,22 @@ def depth_image(arm: Arm, place: np.ndarray, units: float) -> np.ndarray:
     u = round(CAMERA.fx * x / depth + CAMERA.cx)
     v = round(CAMERA.fy * y / depth + CAMERA.cy)
 
-    rows, columns = np.mgrid[v - PATCH : v + PATCH + 1, u - PATCH : u + PATCH + 1]
-    x, y = (columns - CAMERA.cx) / CAMERA.fx, (rows - CAMERA.cy) / CAMERA.fy
-    rays = np.stack([x, y, np.ones(rows.shape)], axis=-1)
+    around = np.arange(-PATCH, PATCH + 1)
+    rows, columns = np.meshgrid(v + around, u + around, indexing="ij")
+    rays = rays_of(rows, columns)
     normal = arm.rotation[:, 1]
     distance = (arm.to_base(np.zeros(3)) - position) @ normal
+    depths = distance / (rays @ (normal @ rotation))
     image = np.zeros((HEIGHT, WIDTH), dtype=np.uint16)
-    image[rows, columns] = np.rint(units * distance / (rays @ (normal @ rotation)))
+    image[rows, columns] = np.rint(units * depths)
     return image
+
+
+def rays_of(rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """(..., 3) points in the camera's frame at the depth 1 m that it sees in these pixels."""
+    x = (columns - CAMERA.cx) / CAMERA.fx
+    y = (rows - CAMERA.cy) / CAMERA.fy
+    return np.stack([x, y, np.ones(rows.shape)], axis=-1)
 
 
 def record(folder: Path, arm: Arm, units: float = 1000.0) -> tuple[Path, Depth]:
@@ -69,34 +79,28 @@ def record(folder: Path, arm: Arm, units: float = 1000.0) -> tuple[Path, Depth]:
         write_depth(take / file, depth_image(arm, place, units))
     write_index(take / "depth.txt", np.array([5.0, 5.033, 5.069]), files)
     write_intrinsics(folder / "kinect" / "intrinsics.yaml", CAMERA)
-    camera = Pose(position=camera_position(arm).tolist(), rpy=list(RPY))
-    return take, Depth(
+    described = made(
+        Depth,
         takes="kinect/test_*",
         index="depth.txt",
         intrinsics="kinect/intrinsics.yaml",
         width=WIDTH,
         height=HEIGHT,
-        encoding="plain",
         units_per_metre=units,
-        rate=30.0,
         start=0.0,
-        camera=camera,
+        camera=Pose(camera_position(arm).tolist(), list(RPY)),
         search=0.4,
         workspace=Workspace(
-            0.05,
-            0.05,
-            0.06,
-            -0.02,
-            0.0,
-            min_pixels=10,
-            max_points=500,
+            0.05, 0.05, 0.06, -0.02, 0.0, min_pixels=10, max_points=500
         ),
     )
+    return take, described
 
 
 CAMERA_MATRIX = [CAMERA.fx, 0.0, CAMERA.cx, 0.0, CAMERA.fy, CAMERA.cy, 0.0, 0.0, 1.0]
 STAMPS = (1700000005.0, 1700000005.033, 1700000005.069)
 PIXELS = (2 * PATCH + 1) ** 2
+HALF_A_PIXEL = 0.5 * 1.2 / CAMERA.fx  # m, at the depth of the patch
 ONES = np.ones((HEIGHT, WIDTH), np.uint16)
 
 
@@ -114,110 +118,146 @@ def read(path: Path, depth: Depth, folder: Path):
 @pytest.mark.parametrize("units", [1000.0, 5000.0])
 def test_a_patch_of_the_arm_is_found_where_it_is(tmp_path, units):
     take, depth = record(tmp_path, ARM, units)
+
     rows, clouds, counted = read(take, depth, tmp_path)
+
     assert rows["t"].tolist() == [5.0, 5.033, 5.069] and counted["cut_rows"] == 0
     assert rows["file"].tolist() == [f"kinect/test_001/depth/{i}.png" for i in range(3)]
     assert set(rows["valid"]) == {PIXELS / (WIDTH * HEIGHT)}
-    # half a pixel in the middle of the patch, and the rounding of the depth
-    margin, size = 0.5 * 1.2 / CAMERA.fx + 0.5 / units, 2 * PATCH * 1.15 / CAMERA.fx
+    size = 2 * PATCH * 1.15 / CAMERA.fx
     for points, place in zip(clouds, PLACES, strict=True):
         assert len(points) == PIXELS
-        assert off(points, place) < margin
-        np.testing.assert_allclose(np.ptp(points, axis=0), size, rtol=0.1)
+        # half a pixel in the middle of the patch, and the rounding of the depth
+        assert off(points, place) < HALF_A_PIXEL + 0.5 / units
+        assert_allclose(np.ptp(points, axis=0), size, rtol=0.1)
 
 
 def test_frozen_frames_are_left_out_and_empty_ones_stay(tmp_path):
     take, depth = record(tmp_path, ARM)
     _, (first, *_), _ = read(take, depth, tmp_path)
-    (take / "depth/1.png").write_bytes((take / "depth/0.png").read_bytes())
-    write_depth(take / "depth/2.png", 0 * ONES)
+    images = take / "depth"
+    shutil.copy(images / "0.png", images / "1.png")
+    write_depth(images / "2.png", 0 * ONES)
+
     # frames are dropped by the times of the index, whatever rate is stated
     rows, points, counted = read(take, replace(depth, rate=15.0), tmp_path)
-    assert rows["frame"].tolist() == [0, 2] and rows["points"].tolist() == [PIXELS, 0]
-    assert (counted["frozen_frames"], counted["dropped_frames"]) == (1, 0)
-    np.testing.assert_array_equal(points[0], first)
+
+    assert rows["frame"].tolist() == [0, 2]
+    assert rows["points"].tolist() == [PIXELS, 0]
+    assert counted["frozen_frames"] == 1 and counted["dropped_frames"] == 0
+    assert_array_equal(points[0], first)
 
 
 @pytest.mark.parametrize("form", ["ros1", "sqlite3", "mcap"])
 def test_a_bag_of_images_gives_the_points_of_the_images(tmp_path, form):
     take, depth = record(tmp_path, ARM)
     expected, points, _ = read(take, depth, tmp_path)
-    stamped = zip(STAMPS, PLACES, strict=True)
-    images = [(t, image(depth_image(ARM, place, 1000.0), t)) for t, place in stamped]
-    info = [(STAMPS[0], camera_info(CAMERA_MATRIX, [0.0] * 5, (WIDTH, HEIGHT)))]
+    images = []
+    for stamp, place in zip(STAMPS, PLACES, strict=True):
+        images.append((stamp, image(depth_image(ARM, place, 1000.0), stamp)))
+    info = camera_info(CAMERA_MATRIX, [0.0] * 5, (WIDTH, HEIGHT))
+    topics = {"/depth/image": images, "/depth/camera_info": [(STAMPS[0], info)]}
     (tmp_path / "bags").mkdir()
-    bag = write_bag(
-        tmp_path / "bags",
-        form,
-        {"/depth/image": images, "/depth/camera_info": info},
-    )
+    bag = write_bag(tmp_path / "bags", form, topics)
     recorded = replace(depth, takes="bags/*", index=None, intrinsics=None, start=None)
-    assert depth_paths(tmp_path, recorded) == {"take": bag}
+
     rows, of_bag, _ = read(bag, recorded, tmp_path)
-    np.testing.assert_allclose(rows["t"], [0.0, 0.033, 0.069], atol=1e-6)
+
+    assert depth_paths(tmp_path, recorded) == {"take": bag}
+    assert_allclose(rows["t"], [0.0, 0.033, 0.069], atol=1e-6)
     assert rows["file"].tolist() == [f"bags/{bag.name}#{number}" for number in range(3)]
-    np.testing.assert_array_equal(np.concatenate(of_bag), np.concatenate(points))
+    assert_array_equal(np.concatenate(of_bag), np.concatenate(points))
     assert rows["valid"].tolist() == expected["valid"].tolist()
 
 
-def in_camera(place: np.ndarray) -> np.ndarray:
-    """The patch of :func:`depth_image` as points (N, 3) in the camera's frame."""
+def recorded_cloud(place: np.ndarray) -> np.ndarray:
+    """The patch of :func:`depth_image` as points (N, 3) in the camera's frame, with clutter and
+    points without a measurement.
+    """
     depth = depth_image(ARM, place, 1000.0) / 1000
-    v, u = np.nonzero(depth)
-    x, y = (u - CAMERA.cx) / CAMERA.fx, (v - CAMERA.cy) / CAMERA.fy
-    return depth[v, u, None] * np.stack([x, y, np.ones(len(v))], axis=-1)
+    rows, columns = np.nonzero(depth)
+    patch = depth[rows, columns, None] * rays_of(rows, columns)
+    clutter = np.random.default_rng(4).uniform([-1, -1, 0.2], [1, 1, 3], size=(40, 3))
+    return np.concatenate([patch, clutter, np.full((UNMEASURED, 3), np.nan)])
 
 
+UNMEASURED = 9
+CLOUDS = [recorded_cloud(place) for place in PLACES]
 PCD = "VERSION .7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH {0}\nHEIGHT 1\nPOINTS {0}\n"
 
 
-@pytest.mark.parametrize("form", ["pcd", "bag"])
-def test_clouds_enter_at_the_points(tmp_path, form):
-    _, depth = record(tmp_path, ARM)
-    clutter = np.random.default_rng(4).uniform([-1, -1, 0.2], [1, 1, 3], size=(40, 3))
-    gone = np.full((9, 3), np.nan)
-    clouds = [np.concatenate([in_camera(place), clutter, gone]) for place in PLACES]
-    take = tmp_path / "clouds" / "take"
+def write_pcds(folder: Path) -> Path:
+    """Write a PCD file for each of the CLOUDS; return their folder."""
+    take = folder / "take"
     take.mkdir(parents=True)
-    if form == "bag":
-        fields = [(name, 4 * i, 7, 1) for i, name in enumerate("xyz")]
-        stamped = zip(STAMPS, clouds, strict=True)
-        messages = [
-            (stamp, cloud(points, stamp, fields, 16)) for stamp, points in stamped
-        ]
-        take = write_bag(tmp_path / "clouds", "ros1", {"/points": messages})
-    for number, points in enumerate(clouds if form != "bag" else [], 1):
+    for number, points in enumerate(CLOUDS):
         head = f"{PCD.format(len(points))}DATA binary\n".encode()
         (take / f"{number}.pcd").write_bytes(head + points.astype("<f4").tobytes())
-    keys = dict.fromkeys(("index", "intrinsics", "width", "height", "start"))
-    described = replace(depth, **keys, frames="*.pcd", units_per_metre=1.0)
+    return take
+
+
+def write_cloud_bag(folder: Path) -> Path:
+    """Write a bag of the CLOUDS; return its path."""
+    folder.mkdir()
+    fields = [("x", 0, 7, 1), ("y", 4, 7, 1), ("z", 8, 7, 1)]
+    messages = []
+    for stamp, points in zip(STAMPS, CLOUDS, strict=True):
+        messages.append((stamp, cloud(points, stamp, fields, 16)))
+    return write_bag(folder, "ros1", {"/points": messages})
+
+
+@pytest.mark.parametrize("write", [write_pcds, write_cloud_bag])
+def test_clouds_enter_at_the_points(tmp_path, write):
+    _, depth = record(tmp_path, ARM)
+    take = write(tmp_path / "clouds")
+    absent = dict.fromkeys(("index", "intrinsics", "width", "height", "start"))
+    described = replace(depth, **absent, frames="*.pcd", units_per_metre=1.0)
+
     rows, on_arm, _ = read(take, described, tmp_path)
-    margin = 0.5 * 1.2 / CAMERA.fx + 0.5 / 1000
+
     for points, place in zip(on_arm, PLACES, strict=True):
-        assert len(points) == PIXELS and off(points, place) < margin
-    shares = [(len(points) - 9) / len(points) for points in clouds]
-    assert rows["valid"].tolist() == shares
+        assert len(points) == PIXELS
+        assert off(points, place) < HALF_A_PIXEL + 0.5e-3
+    measured = [1 - UNMEASURED / len(points) for points in CLOUDS]
+    assert rows["valid"].tolist() == pytest.approx(measured)
 
 
-def test_what_the_description_of_the_camera_leaves_open_or_contradicts_is_refused(
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"index": None}, "need.* index"),
+        ({"intrinsics": None}, "intrinsics"),
+        ({"width": None}, "width"),
+        ({"index": "none.txt"}, "none.txt"),
+    ],
+)
+def test_what_the_description_of_the_images_leaves_open_is_refused(
     tmp_path,
+    changes,
+    words,
 ):
     take, depth = record(tmp_path, ARM)
-    floats = [(stamp, image(ONES.astype(np.float32), stamp)) for stamp in STAMPS]
-    bag = write_bag(tmp_path, "ros1", {"/depth": floats})
-    for path, changes, words in [
-        (take, {"index": None}, "need.* index"),
-        (take, {"intrinsics": None}, "intrinsics"),
-        (take, {"width": None}, "width"),
-        (take, {"index": "none.txt"}, "none.txt"),
-        (bag, {"topic": "/colour"}, "/depth"),
-        (bag, {"intrinsics": None}, "CameraInfo"),
-        (bag, {}, "metres"),
-    ]:
-        with pytest.raises(PipelineError, match=words):
-            read(path, replace(depth, **changes), tmp_path)
+    with pytest.raises(PipelineError, match=words):
+        read(take, replace(depth, **changes), tmp_path)
     with pytest.raises(PipelineError, match="not both"):
         replace(depth, frames="*.png")
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"topic": "/colour"}, "/depth"),
+        ({"intrinsics": None}, "CameraInfo"),
+        ({}, "metres"),
+    ],
+)
+def test_a_bag_that_contradicts_the_description_is_refused(tmp_path, changes, words):
+    _, depth = record(tmp_path, ARM)
+    metres = ONES.astype(np.float32)
+    messages = [(stamp, image(metres, stamp)) for stamp in STAMPS]
+    bag = write_bag(tmp_path, "ros1", {"/depth": messages})
+    with pytest.raises(PipelineError, match=words):
+        read(bag, replace(depth, **changes), tmp_path)
 
 
 TIME, MOTION = np.arange(40) / 30.0, np.arange(160) / 100.0  # s
@@ -255,36 +295,30 @@ MARKERS = MARKERS.assign(link=1, marker=1, x=AT[0], y=AT[1], z=AT[2])
 
 def test_an_offset_is_that_of_the_motion_unless_it_is_stated():
     filmed = frames(path(TIME + 0.12))
-    rows, quality = on_motion_clock(
-        CameraTake(filmed, MARKERS, []),
-        made(Depth, search=0.3),
-        PLANAR,
-    )
-    values = {row["quantity"]: row["value"] for row in quality}
-    assert abs(values["clock_offset"] - 0.12) < 1e-4
-    np.testing.assert_allclose(rows["t"], TIME + values["clock_offset"])
-    stated = made(Depth, search=0.3, clock_offset=-0.25)
-    for seen in (filmed, frames(np.ones((len(TIME), 2)))):  # whatever the motion says
-        rows, quality = on_motion_clock(CameraTake(seen, MARKERS, []), stated, PLANAR)
-        np.testing.assert_allclose(rows["t"], TIME - 0.25)
-        assert [(row["quantity"], row["value"]) for row in quality] == [
-            ("clock_offset", -0.25),
-        ]
+    rows, (offset, *_) = on_clock(filmed)
+    assert offset["quantity"] == "clock_offset"
+    assert abs(offset["value"] - 0.12) < 1e-4
+    assert_allclose(rows["t"], TIME + offset["value"])
+    for seen in (filmed, STILL):  # whatever the motion says
+        rows, (offset,) = on_clock(seen, clock_offset=-0.25)
+        assert_allclose(rows["t"], TIME - 0.25)
+        assert (offset["quantity"], offset["value"]) == ("clock_offset", -0.25)
+
+
+STILL = frames(np.ones((len(TIME), 2)))
+EMPTY = frames(np.full((len(TIME), 2), np.nan)).assign(points=0)
+
+
+def on_clock(seen: pd.DataFrame, **options: float) -> tuple[pd.DataFrame, list[dict]]:
+    """Rows of frames on the clock of the MARKERS, and their quality."""
+    described = made(Depth, search=0.3, **options)
+    return on_motion_clock(CameraTake(seen, MARKERS, []), described, PLANAR)
 
 
 def test_takes_that_tell_no_offset_are_refused_by_their_name():
-    still = frames(np.ones((len(TIME), 2)))
-    empty = frames(np.full((len(TIME), 2), np.nan)).assign(points=0)
-    for seen, words in (
-        (still, "no motion to compare the clocks by"),
-        (empty, "no frame shows"),
-    ):
+    for seen, words in ((STILL, "no motion to compare"), (EMPTY, "no frame shows")):
         with pytest.raises(RecordingError, match=words) as refused:
-            on_motion_clock(
-                CameraTake(seen, MARKERS, []),
-                made(Depth, search=0.3),
-                PLANAR,
-            )
+            on_clock(seen)
         assert refused.value.evidence["take"] == "test_001"
     with pytest.raises(RecordingError, match="no motion-capture take") as refused:
         with_markers(frames(path(TIME), "test_002"), MARKERS, MARKERS)

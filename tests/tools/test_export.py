@@ -20,7 +20,11 @@ from exported_models import PARAMETERS, write_model
 from source_code import ROOT
 
 from pipeline.configuration import config
-from pipeline.core.errors import ContractError, ModelDomainError
+from pipeline.core.errors import (
+    ContractError,
+    ModelDomainError,
+    SingularJacobianError,
+)
 from pipeline.models import load
 from pipeline.models.exported.copied import READER_NAME, reader_source
 from pipeline.models.exported.reader import SCORED, OutsideRanges, UnconfirmedBands
@@ -117,7 +121,7 @@ def test_equal_names_in_two_modules_of_the_reader_stay_apart(folder, monkeypatch
 def test_a_wrong_shape_and_a_singular_pose_are_named(folder, chain):
     model = load(write_model(folder / "wishart.json", "wishart", chain))
     straight = np.array([0.3, chain.straight, -0.4])
-    with pytest.raises(ModelDomainError, match="singular"):
+    with pytest.raises(SingularJacobianError, match="singular at 1 pose"):
         model.covariance(straight, task_step=np.zeros(3))
     with pytest.raises(ModelDomainError, match=r"q must have 3 .*\(2,\)"):
         model.mean(np.zeros(2), task_step=np.zeros(3))

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from planning_arms import LAWS, path_task
 from rectangle_clouds import CHAIN, cloud
 from sample_options import made
@@ -25,7 +26,11 @@ from pipeline.models.wishart.law import WishartModel
 from pipeline.perception.articulation import fit_sequence
 from pipeline.recordings.commands import speed_scores
 from pipeline.statistics.takes import lag_one_correlation
-from pipeline.studies.planning.solver import feasible_motions, summed_variance
+from pipeline.studies.planning.solver import (
+    PathTask,
+    feasible_motions,
+    summed_variance,
+)
 from pipeline.verdicts.paper import RATE, noise_levels
 from pipeline.verdicts.published import published_results
 from pipeline.wrench.models import (
@@ -42,6 +47,8 @@ from pipeline.wrench.study import (
 )
 
 ROOT = Path(__file__).parents[2]
+STATED = config.read_yaml(ROOT / "pipeline/verdicts/claims.yaml")["claims"]
+CLAIMS = {claim["id"]: claim for claim in STATED}
 
 POSE = np.array([0.4, 1.7, -0.3])
 STEP = np.array([0.004, -0.003, 0.03])
@@ -57,21 +64,19 @@ def arm(metre: float = 1.0) -> PlanarChain:
 @pytest.mark.parametrize("norm", [13.6, 14.5, 17.6])
 def test_the_printed_scale_and_bound_mean_a_third_of_the_noise_level(norm):
     """L is the level of the law's covariance, L² ‖v‖²/m = tr Cov, and not α·u."""
-    levels = noise_levels(
-        {"noise_level": 3.364, "rms_norm_of_the_inverse_jacobian": norm},
-        {"alpha": 0.1, "u": 18.0},
-    )
-    assert levels["published"] ** 2 / 3 == pytest.approx(
-        3 * noise_scale(norm, 0.1, 18.0, 3, 3),
-    )
-    here = noise_scale(norm, levels["alpha"], 18.0, 3, 3)
-    assert 3.364**2 / 3 == pytest.approx(3 * here)
-    assert (
-        levels["alpha_u"] == pytest.approx(18 * levels["alpha"])
-        and levels["alpha_u"] > 4.9
-    )
+    printed = {"alpha": 0.1, "u": 18.0}
+    fitted = {"noise_level": 3.364, "rms_norm_of_the_inverse_jacobian": norm}
+
+    levels = noise_levels(fitted, printed)
+
+    as_printed = noise_scale(norm, 0.1, 18.0, 3, 3)
+    assert levels["published"] ** 2 / 3 == pytest.approx(3 * as_printed)
+    as_fitted = noise_scale(norm, levels["alpha"], 18.0, 3, 3)
+    assert 3.364**2 / 3 == pytest.approx(3 * as_fitted)
+    assert levels["alpha_u"] == pytest.approx(18 * levels["alpha"])
+    assert levels["alpha_u"] > 4.9
     assert levels["ratio"] == pytest.approx(3.364 / levels["published"])
-    assert noise_levels({}, {"alpha": 0.1, "u": 18.0}) == {}
+    assert noise_levels({}, printed) == {}
 
 
 def test_noise_of_the_published_size_breaks_the_speed_limit_of_the_joints():
@@ -79,13 +84,17 @@ def test_noise_of_the_published_size_breaks_the_speed_limit_of_the_joints():
     std, limit = published_results()["sigma-omega"]["33"] ** 0.5, arm().max_speed
     assert RATE * std == pytest.approx(limit[2], rel=0.01)
     draws = std * np.random.default_rng(3).standard_normal((500, 2, 3))
-    nominal = np.broadcast_to([[1e-9] * 3, limit / RATE], draws.shape)
-    share = "true_moving_steps_beyond_a_speed_limit_share"
+    at_rest, at_peak = np.full(3, 1e-9), limit / RATE
+    nominal = np.broadcast_to([at_rest, at_peak], draws.shape)
+
     noisy = speed_scores(nominal + draws, nominal, limit, RATE, "abc")
-    assert noisy[share] > 0.4 and noisy["true_c_fast_steps_backwards_share"] > 0.1
-    # control: a twentieth of the noise
     calm = speed_scores(nominal + draws / 20, nominal, limit, RATE, "abc")
-    assert calm[share] < 0.05 and calm["true_c_fast_steps_backwards_share"] == 0
+
+    beyond = "true_moving_steps_beyond_a_speed_limit_share"
+    backwards = "true_c_fast_steps_backwards_share"
+    assert noisy[beyond] > 0.4 and noisy[backwards] > 0.1
+    # control: a twentieth of the noise
+    assert calm[beyond] < 0.05 and calm[backwards] == 0
 
 
 def test_only_measured_minus_nominal_is_the_noise_of_a_random_jacobian():
@@ -115,23 +124,34 @@ def test_noise_of_a_corrected_deviation_is_anticorrelated_and_white_noise_is_not
     e = np.zeros((takes, steps + 1))
     for k in range(steps):
         e[:, k + 1] = (1 - share) * e[:, k] + w[:, k]
+
+    of_noise = lag_one_correlation(np.diff(e))
+    of_white_noise = lag_one_correlation(w)
+
     band = 5 / np.sqrt(w.size)
-    assert abs(lag_one_correlation(np.diff(e)) + share / 2) < band
-    assert abs(lag_one_correlation(w)) < band < share / 2
-    assert w.sum(axis=1).std() > 0.8 * np.sqrt(steps) > 8 * e[:, -1].std()
+    assert abs(of_noise + share / 2) < band
+    assert abs(of_white_noise) < band < share / 2
+    random_walk = np.sqrt(steps)
+    assert w.sum(axis=1).std() > 0.8 * random_walk
+    assert e[:, -1].std() < 0.1 * random_walk
 
 
 @pytest.mark.parametrize("name", COMPUTED)
 def test_another_unit_of_length_is_another_model_but_under_qr_of_the_transpose(name):
     model = WishartModel(0.25, Decomposition(name))
-    metres = model.covariance(arm(), POSE, STEP)
-    millimetres = model.covariance(arm(1000), POSE, STEP * [1000, 1000, 1])
-    same = np.allclose(millimetres, metres, rtol=1e-6)
-    assert same == (name == "qr_transposed")
-    assert same or np.abs(np.diag(millimetres) / np.diag(metres) - 1).max() > 0.5
+    in_millimetres = STEP * [1000, 1000, 1]
+
+    of_metres = model.covariance(arm(), POSE, STEP)
+    of_millimetres = model.covariance(arm(1000), POSE, in_millimetres)
+
+    if name == "qr_transposed":
+        assert_allclose(of_millimetres, of_metres, rtol=1e-6)
+    else:
+        ratio = np.diag(of_millimetres) / np.diag(of_metres)
+        assert np.abs(ratio - 1).max() > 0.5
     # control: the nominal step is the same
-    nominal = arm(1000).inverse_jacobian(POSE) @ (STEP * [1000, 1000, 1])
-    np.testing.assert_allclose(nominal, arm().inverse_jacobian(POSE) @ STEP)
+    nominal = arm(1000).inverse_jacobian(POSE) @ in_millimetres
+    assert_allclose(nominal, arm().inverse_jacobian(POSE) @ STEP)
 
 
 def test_the_noise_under_pivoted_lu_jumps_where_the_pivots_change_and_under_qr_nowhere():
@@ -153,17 +173,21 @@ def test_steps_through_the_inverse_of_a_gaussian_matrix_have_no_variance():
     """
     rng = np.random.default_rng(1)
     chain, size = arm(), 400_000
-    drawn = chain.jacobian(POSE) + 0.05 * rng.standard_normal((size, 3, 3))
-    forward = np.abs(np.linalg.solve(drawn, STEP)[:, 0])
+    noise = 0.05 * rng.standard_normal((size, 3, 3))
+    drawn = chain.jacobian(POSE) + noise
+
+    steps = np.abs(np.linalg.solve(drawn, STEP)[:, 0])
+
     far = np.array([1.0, 4.0, 16.0])
-    tail = np.mean(forward > far[:, None], axis=1)
+    tail = np.mean(steps > far[:, None], axis=1)
     # four standard errors of the count beyond the farthest
     band = 4 / np.sqrt(size * tail[-1])
-    np.testing.assert_allclose(far * tail, far[0] * tail[0], rtol=band)
+    assert_allclose(far * tail, tail[0], rtol=band)
     # control: the model of the inverse has no step as far
     poses = np.tile(POSE, (size, 1))
-    inverse, _ = draw_steps(GaussianModel(0.1, 30.0), chain, poses, STEP, rng)
-    assert np.abs(inverse[:, 0] - POSE[0]).max() < far[0]
+    moved, _ = draw_steps(GaussianModel(0.1, 30.0), chain, poses, STEP, rng)
+    steps = np.abs(moved[:, 0] - POSE[0])
+    assert steps.max() < far[0]
 
 
 def test_half_of_the_matrices_exceed_the_bound_at_full_level():
@@ -195,15 +219,19 @@ def slopes(end: str) -> tuple[np.ndarray, np.ndarray]:
     rng = np.random.default_rng(9)
     d = rng.normal(scale=DEVIATION, size=(FRAMES, 3))
     clouds = [cloud(HELD + deviation, rng, points=600) for deviation in d]
-    ee = np.broadcast_to(CHAIN.points(HELD)[3], (FRAMES, 2))
+    commanded = np.broadcast_to(CHAIN.points(HELD)[3], (FRAMES, 2))
     options = made(ArticulationSection, end_point=end)
-    error = fit_sequence(clouds, CHAIN.origin, ee, CHAIN, options, HELD).q - HELD - d
+    fitted = fit_sequence(clouds, CHAIN.origin, commanded, CHAIN, options, HELD)
+    error = fitted.q - (HELD + d)
+
+    # least squares on a constant and the deviations
     design = np.column_stack([np.ones(FRAMES), d])
     inverse = np.linalg.inv(design.T @ design)
-    fit = inverse @ design.T @ error
-    rest = error - design @ fit
-    variance = np.outer(np.diag(inverse), (rest**2).sum(axis=0) / (FRAMES - 4))
-    return fit[1:].T, np.sqrt(variance[1:]).T
+    coefficients = inverse @ design.T @ error
+    residuals = error - design @ coefficients
+    residual_variance = np.sum(residuals**2, axis=0) / (FRAMES - 4)
+    variance = np.outer(np.diag(inverse), residual_variance)
+    return coefficients[1:].T, np.sqrt(variance[1:]).T
 
 
 @pytest.mark.slow
@@ -222,30 +250,39 @@ def test_with_the_commanded_end_the_error_depends_on_the_deviation_and_with_the_
 def test_of_two_motions_neither_has_the_lesser_sum_and_trace_and_determinant_disagree():
     task = path_task("planar", 40)
     chain = task.chain
-    motions = feasible_motions(task, 256)
     law = build_model(LAWS["pivoted_lu"])
-    sums, log_dets = [], []
-    for q in motions:
-        v = chain.displacement(chain.pose(q[:-1]), chain.pose(q[1:]))
+    sums, log_determinants = [], []
+    for q in feasible_motions(task, 256):
+        poses = chain.pose(q)
+        v = chain.displacement(poses[:-1], poses[1:])
         covariance = law.covariance(chain, q[:-1], v)
         sums.append(covariance.sum(axis=0))
-        in_row_space = np.linalg.eigvalsh(covariance)[:, 1:]
-        log_dets.append(np.log(in_row_space[np.any(v, axis=-1)]).sum())
+        moving = np.any(v, axis=-1)
+        in_row_space = np.linalg.eigvalsh(covariance[moving])[:, 1:]
+        log_determinants.append(np.log(in_row_space).sum())
+
     by_trace = np.argmin(np.trace(sums, axis1=1, axis2=2))
-    by_det = np.argmin(log_dets)
-    difference = np.linalg.eigvalsh(sums[by_det] - sums[by_trace])
-    scale = np.abs(difference).max()
-    assert difference[0] < -1e-3 * scale < 1e-3 * scale < difference[-1]
+    by_determinant = np.argmin(log_determinants)
+
+    eigenvalues = np.linalg.eigvalsh(sums[by_determinant] - sums[by_trace])
+    margin = 1e-3 * np.abs(eigenvalues).max()
+    assert eigenvalues[0] < -margin < margin < eigenvalues[-1]
+
+
+def planar_motions() -> tuple[PathTask, np.ndarray, np.ndarray]:
+    """A path of the planar arm, motions along it (N, 201, 3) in rad, and the steps of their tip."""
+    task = path_task("planar", 200)
+    motions = feasible_motions(task, 256)
+    poses = task.chain.pose(motions)
+    return task, motions, task.chain.displacement(poses[:, :-1], poses[:, 1:])
 
 
 def test_the_least_uncertain_motion_of_the_gaussian_model_goes_where_the_arm_is_worst_conditioned():
-    task = path_task("planar", 200)
-    motions = feasible_motions(task, 256)
+    task, motions, tip_steps = planar_motions()
     chain = task.chain
-    poses = chain.pose(motions)
-    tip_steps = chain.displacement(poses[:, :-1], poses[:, 1:])
-    norms = frobenius(chain.inverse_jacobian(motions[:, :-1])) ** 2
-    worst_conditioned = np.argmax((norms * np.vecdot(tip_steps, tip_steps)).sum(axis=1))
+    squares = frobenius(chain.inverse_jacobian(motions[:, :-1])) ** 2
+    weighted = squares * np.vecdot(tip_steps, tip_steps)
+    worst_conditioned = np.argmax(weighted.sum(axis=1))
     clearance = chain.least_singular_value(motions).mean(axis=1)
 
     def planned(law: str) -> int:
@@ -259,12 +296,9 @@ def test_the_least_uncertain_motion_of_the_gaussian_model_goes_where_the_arm_is_
 
 
 def test_under_the_wishart_model_by_qr_of_the_transpose_it_is_the_motion_of_least_norm():
-    task = path_task("planar", 200)
-    motions = feasible_motions(task, 256)
-    chain = task.chain
-    poses = chain.pose(motions)
-    tip_steps = chain.displacement(poses[:, :-1], poses[:, 1:])
-    joint_steps = np.matvec(chain.inverse_jacobian(motions[:, :-1]), tip_steps)
+    task, motions, tip_steps = planar_motions()
+    inverse = task.chain.inverse_jacobian(motions[:, :-1])
+    joint_steps = np.matvec(inverse, tip_steps)
     square_norm = np.sum(joint_steps**2, axis=(1, 2))
 
     def ratio(law: str) -> np.ndarray:
@@ -294,20 +328,9 @@ def bounds() -> dict[str, Bounds]:
     return of_configurations
 
 
-@pytest.fixture(scope="module")
-def published() -> np.ndarray:
-    """(3, 2) the published diagonals."""
-    stated = config.read_yaml(ROOT / "pipeline/verdicts/claims.yaml")["claims"]
-    claims = {claim["id"]: claim for claim in stated}
-    return np.array(
-        [claims[f"sigma-s-{name.lower()}"]["published"] for name in CONFIGURATIONS],
-    )
-
-
 @pytest.mark.slow
 def test_of_the_published_sigma_s_the_second_entry_of_c2_alone_is_doubtful_and_only_just(
     bounds,
-    published,
 ):
     """Beyond the 5 % limit of one normal distance, and on that of six (2.638) once the standard
     error is known to a percent.
@@ -315,21 +338,23 @@ def test_of_the_published_sigma_s_the_second_entry_of_c2_alone_is_doubtful_and_o
     distance, control = np.empty((3, 2)), np.empty((3, 2))
     for i, name in enumerate(CONFIGURATIONS):
         rng = np.random.default_rng(i)
-
-        def drawn(systems, name=name, rng=rng):
-            return averaged_sigma_s(draw_systems(bounds[name], systems, CABLES, rng))[
-                "diagonal"
-            ]
-
         expected = np.diag(expected_sigma_s(bounds[name], CABLES, rng)["diagonal"].mean)
-        many = drawn(100 * PUBLISHED_SYSTEMS)
+        many = averaged_diagonal(bounds[name], 100 * PUBLISHED_SYSTEMS, rng)
+        few = averaged_diagonal(bounds[name], PUBLISHED_SYSTEMS, rng)
         error = 10 * np.diag(many.standard_error)
-        distance[i] = (published[i] - expected) / error
+        published = CLAIMS[f"sigma-s-{name.lower()}"]["published"]
+        distance[i] = (published - expected) / error
         # averages over as many systems as the paper's do lie where the expectation says
-        control[i] = (np.diag(drawn(PUBLISHED_SYSTEMS).mean) - expected) / error
+        control[i] = (np.diag(few.mean) - expected) / error
     assert np.argwhere(np.abs(distance) > 1.96).tolist() == [[1, 1]]
     assert distance[1, 1] == pytest.approx(2.638, rel=0.03)
     assert np.abs(control).max() < 1.96
+
+
+def averaged_diagonal(bounds: Bounds, systems: int, rng: np.random.Generator):
+    """Mean and standard error of the diagonal form of Σ_S over drawn systems."""
+    drawn = draw_systems(bounds, systems, CABLES, rng)
+    return averaged_sigma_s(drawn)["diagonal"]
 
 
 def test_a_smaller_theta_meets_the_printed_constraints_with_a_greater_entropy():

@@ -6,6 +6,7 @@ from itertools import combinations_with_replacement
 
 import pandas as pd
 import pytest
+from case_tables import cases_beside
 
 from pipeline.core.columns import PLANE
 from pipeline.evidence.table import evidence_row, evidence_table
@@ -31,6 +32,7 @@ from pipeline.verdicts.tally import (
     tally,
 )
 
+cases = cases_beside(__file__)
 STATED = {key: f"the {key}" for key in ("where", "statement", "quantity", "reason")}
 VALUE = {"quantity": "std", "joint": "{joint}"}
 BELOW = STATED | {"rule": "below", "limit": 0.5, "each": {"joint": "every"}}
@@ -93,37 +95,21 @@ def test_datasets_that_share_takes_are_one_group_but_not_those_that_share_a_lice
     assert texts(alone)["of-robots"] == "✓ holds"
 
 
-@pytest.mark.parametrize(
-    ("stds", "word", "text"),
-    [
-        ((0.1, 0.2, 0.3), HOLDS, "holds under 3 of 3 causes"),
-        ((0.7, 0.8, 0.9), FAILS, "fails under 3 of 3 causes (0 of 2)"),
-        (
-            (0.1, 0.7, 0.2),
-            DEPENDS,
-            "depends on the cause (holds: sway, poses; fails: timing)",
-        ),
-    ],
-)
+@cases("causes")
 def test_a_claim_about_robots_is_stated_over_the_causes_of_one_arm(stds, word, text):
-    causes = ("sway", "timing", "poses")
-    runs = [
-        a_run(f"lab_{cause}", std, cause=cause, files=[cause])
-        for cause, std in zip(causes, stds, strict=True)
-    ]
+    runs = []
+    for cause, std in zip(("sway", "timing", "poses"), stds, strict=True):
+        runs.append(a_run(f"lab_{cause}", std, cause=cause, files=[cause]))
 
     independent, group = groups(*runs)
+    rows = tally([independent, group])
 
     assert words(group)["of-robots"] == word and texts(group)["of-robots"] == text
-    assert words(independent) == {
-        "of-method": "no evidence",
-        "of-robots": "no evidence",
-        "study": HOLDS,
-    }
-    rows = tally([independent, group])
+    of_recordings = dict.fromkeys(("of-method", "of-robots"), "no evidence")
+    assert words(independent) == of_recordings | {"study": HOLDS}
     assert [row.decides for row in rows] == [True, True, False]
-    counts = [{w: len(row.claims[w]) for w in COUNTED} for row in rows]
-    assert counts[2] == dict.fromkeys(COUNTED, 0) | {word: 1}
+    counts = {counted: len(rows[2].claims[counted]) for counted in COUNTED}
+    assert counts == dict.fromkeys(COUNTED, 0) | {word: 1}
 
 
 @pytest.mark.parametrize(
