@@ -77,12 +77,12 @@ def test_a_name_on_a_page_adds_no_tag_column_or_control_character(name, tmp_path
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_name_in_a_figure_is_no_formula(name, tmp_path):
-    figure, _ = style.model_panels([name], [name], "error")
-    figure.savefig(tmp_path / "panels.svg")
-    value = np.linspace(-2, 2, 9)
-    rows = pd.DataFrame({"value": value, "density": np.exp(-(value**2))})
+    panels, _ = style.model_panels([name], [name], "error")
+    panels.savefig(tmp_path / "panels.svg")
+    rows = pd.DataFrame({"value": np.linspace(-2, 2, 9), "density": 1.0})
     drawn = rows.assign(configuration=name, row="fx", source="measured")
-    wrench.wrench_marginals(drawn, "recorded").savefig(tmp_path / "wrench.svg")
+    marginals = wrench.wrench_marginals(drawn, "recorded")
+    marginals.savefig(tmp_path / "wrench.svg")
 
 
 @pytest.mark.parametrize("name", ["a\x1b[2Jb", "c\x9b1md", TURNED])

@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from case_tables import cases_beside
+from numpy.testing import assert_allclose, assert_array_equal
 from planar_poses import load_arm
 from sample_options import parameters
 
@@ -26,6 +28,8 @@ from pipeline.recordings.quality import (
     require_enough,
 )
 
+cases = cases_beside(__file__)
+
 
 def measured(
     quantity: str,
@@ -43,30 +47,29 @@ def measured(
 def test_a_take_beyond_a_limit_is_left_out_whole_and_one_at_the_limit_or_without_stays():
     residual = measured("residual_rms", {"a": 1e-3, "b": 1.001e-3, "c": 2e-4})
     takes = beside_limits(residual, {"residual_rms": 1e-3})
-    assert takes[["take", "left_out"]].values.tolist() == [
-        ["a", False],
-        ["b", True],
-        ["c", False],
-    ]
+    assert takes["take"].tolist() == ["a", "b", "c"]
+    assert takes["left_out"].tolist() == [False, True, False]
     assert reasons(takes) == ["b (residual_rms 0.001 beyond 0.001)"]
-    copies = pd.concat(
-        [
-            measured("likeness", {"a": 9.0, "b": 9.0, "c": 1.0}, unit="1"),
-            measured("alike_takes", {"a": 2.0, "b": 2.0, "c": 1.0}, unit="takes"),
-        ],
-    )
-    words = "likeness 9 beyond 3.5, 2 takes are copies of one"
-    named = reasons(beside_limits(copies, {"likeness": 3.5}))
-    assert named == [f"a ({words})", f"b ({words})"]
     for limits in ({}, vars(Limits())):
         assert not beside_limits(residual, limits)["left_out"].any()
-    # a clock may drift to neither side, and to be less disturbed than others is no reason
+
+
+def test_copies_are_left_out_with_their_number():
+    ratio = measured("likeness", {"a": 9.0, "b": 9.0, "c": 1.0}, unit="1")
+    size = measured("alike_takes", {"a": 2.0, "b": 2.0, "c": 1.0}, unit="takes")
+    takes = beside_limits(pd.concat([ratio, size]), {"likeness": 3.5})
+    words = "likeness 9 beyond 3.5, 2 takes are copies of one"
+    assert reasons(takes) == [f"a ({words})", f"b ({words})"]
+
+
+def test_a_clock_may_drift_to_neither_side_and_a_less_disturbed_take_stays():
     drift = measured("clock_drift", {"a": -0.05, "b": 0.01}, unit="s/s")
     disturbance = measured("disturbance", {"a": -7.0, "b": 5.0})
     no_measure = measured("cut_rows", {"a": 9.0})
     limits = {"clock_drift": 0.02, "disturbance": 6.0}
     takes = beside_limits(pd.concat([drift, disturbance, no_measure]), limits)
-    assert takes[["take", "measure", "beyond", "left_out"]].values.tolist() == [
+    rows = takes[["take", "measure", "beyond", "left_out"]].to_numpy().tolist()
+    assert rows == [
         ["a", "clock_drift", True, True],
         ["a", "disturbance", False, True],
         ["b", "clock_drift", False, False],
@@ -87,14 +90,11 @@ def test_fewer_than_two_takes_of_a_part_are_refused_by_the_limits_name():
     require_enough(beside_limits(single, {"residual_rms": 1e-3}))
 
 
+FRAME = "kinect/test_001/depth/0.png"
 FILES = {
-    "motion": ("trajectory.csv", "optitrack/train_001.csv", "optitrack/test_001.csv"),
-    "depth": (
-        "kinect/intrinsics.yaml",
-        "kinect/test_001/depth.txt",
-        "kinect/test_001/depth/0.png",
-    ),
-    "force": ("force/C1.csv", "force/C2.csv", "force/C3.csv"),
+    "motion": ["trajectory.csv", "optitrack/train_001.csv", "optitrack/test_001.csv"],
+    "depth": ["kinect/intrinsics.yaml", "kinect/test_001/depth.txt", FRAME],
+    "force": ["force/C1.csv", "force/C2.csv", "force/C3.csv"],
 }
 UNCLAIMED = "notes/setup.txt"
 
@@ -104,7 +104,7 @@ def recordings(tmp_path, monkeypatch, dataset) -> Path:
     """The raw files of a youBot session, and a note that no pattern of its datasheet names."""
     monkeypatch.chdir(tmp_path)
     folder = Path(dataset.recordings)
-    for name in (*(name for named in FILES.values() for name in named), UNCLAIMED):
+    for name in sum(FILES.values(), [UNCLAIMED]):
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_text(name)
     return folder
@@ -167,16 +167,7 @@ def test_a_name_that_cannot_be_printed_is_refused_without_its_signs(tmp_path, na
     assert str(refused.value).isprintable()
 
 
-@pytest.mark.parametrize(
-    ("pattern", "path", "name"),
-    [
-        ("optitrack/train_*.csv", "optitrack/train_1.csv", "train_1"),
-        ("Movement_*/csv_files", "Movement_3/csv_files", "Movement_3"),
-        ("day_[12]/run_?.npz", "day_2/run_1.npz", "day_2_run_1"),
-        ("**/log.csv", "a/b/log.csv", "a_b"),
-        ("logs/only.csv", "logs/only.csv", "only"),
-    ],
-)
+@cases("names")
 def test_a_name_is_the_part_of_the_path_that_the_pattern_leaves_open(
     pattern,
     path,
@@ -244,20 +235,27 @@ def scores(rows: np.ndarray) -> np.ndarray:
 def test_a_push_at_one_repetition_stands_out_and_none_does_without(takes):
     rng = np.random.default_rng(takes)
     greatest = [scores(residuals(takes, rng)).max() for _ in range(100)]
-    assert sum(score > LIMIT for score in greatest) <= 1
+    false_alarms = [score for score in greatest if score > LIMIT]
+    assert len(false_alarms) <= 1
+
+    every_take = np.full(takes, True)
     for _ in range(30):
         rows, take = pushed(residuals(takes, rng), 2e-3, rng)
-        assert np.flatnonzero(scores(rows) > LIMIT).tolist() == [take]
-        assert beside_others(rows, np.arange(takes) >= 0)[take] > 1e-4
+        disturbed = np.flatnonzero(scores(rows) > LIMIT)
+        assert disturbed.tolist() == [take]
+        assert beside_others(rows, every_take)[take] > 1e-4
 
 
-def test_what_all_repetitions_share_is_no_disturbance_and_of_two_neither_is_disturbed():
+def test_what_all_repetitions_share_is_no_disturbance():
     apart = residuals(6, np.random.default_rng(3))
-    shared = apart + 5e-3 * np.linspace(-1, 1, 300)[:, None]
-    np.testing.assert_allclose(scores(shared), scores(apart), rtol=1e-7)
+    course = 5e-3 * np.linspace(-1, 1, 300)
+    assert_allclose(scores(apart + course[:, None]), scores(apart), rtol=1e-7)
+
+
+def test_of_two_repetitions_and_of_repetitions_at_rest_none_is_disturbed():
     pair = residuals(2, np.random.default_rng(4))
     pair[0, 100:150] += 0.01
-    np.testing.assert_allclose(scores(pair), 0, atol=1e-9)
+    assert_allclose(scores(pair), 0, atol=1e-9)
     assert scores(np.zeros((3, 10, 3))).tolist() == [0, 0, 0]
 
 
@@ -265,18 +263,19 @@ def test_the_paths_of_takes_have_the_tips_course_and_why_a_take_is_left_out():
     joints = ["joint_2", "joint_3", "joint_4"]
     chain = load_arm("pipeline/arm/ur5.urdf", joints, "wrist_centre", {}).chain
     steps = np.arange(MOST_ROWS + 1)
-    angles = np.stack([-2.1 - 1e-3 * steps, -1.9 + 1e-3 * steps, 0 * steps], axis=1)
+    start, step = np.array([-2.1, -1.9, 0]), np.array([-1e-3, 1e-3, 0])
+    angles = start + steps[:, None] * step
     rows = pd.DataFrame({"part": "training", "k": steps, "t": steps / 100})
     rows = rows.assign(**spread("q", joints, angles), residual=np.nan)
     logs = pd.concat([rows.assign(take="pushed"), rows.assign(take="sound")])
-    scores = measured("disturbance", {"pushed": 9.0, "sound": 0.5})
-    paths = take_paths(logs, beside_limits(scores, {"disturbance": 6.0}), chain)
+    measures = measured("disturbance", {"pushed": 9.0, "sound": 0.5})
+
+    paths = take_paths(logs, beside_limits(measures, {"disturbance": 6.0}), chain)
+
     by_take = dict(list(paths.groupby("take")))
-    assert [len(by_take[take]) for take in ("pushed", "sound")] == [101, 101]
-    assert set(by_take["pushed"]["reason"]) == {"disturbance 9 beyond 6"}
-    assert set(by_take["sound"]["reason"]) == {""}
-    assert (
-        by_take["pushed"]["left_out"].all() and not by_take["sound"]["left_out"].any()
-    )
-    tip = chain.coordinates(angles[::2])
-    np.testing.assert_array_equal(values(by_take["sound"], "x"), tip)
+    pushed, sound = by_take["pushed"], by_take["sound"]
+    assert len(pushed) == len(sound) == 101
+    assert set(pushed["reason"]) == {"disturbance 9 beyond 6"}
+    assert set(sound["reason"]) == {""}
+    assert pushed["left_out"].all() and not sound["left_out"].any()
+    assert_array_equal(values(sound, "x"), chain.coordinates(angles[::2]))
