@@ -35,6 +35,7 @@ def test_an_unknown_name_and_the_wrong_number_of_items_are_refused(monkeypatch, 
     assert run(monkeypatch, "nonsense") == 1
     message = capsys.readouterr().err
     assert message.endswith("error: nonsense: there is no such stage, study or tool\n")
+
     listed = {}
     for line in message.splitlines():
         kind, *names = line.split() or [""]
@@ -58,6 +59,7 @@ def test_an_option_in_the_notation_of_hydra_is_rejected_with_the_way_that_works(
     refused,
 ):
     assert run(monkeypatch, *words.split()) == 1
+
     message = capsys.readouterr().err
     assert f"error: {refused}" in message
     assert "`overrides: {filter: {particles: 100}}`" in message
@@ -112,6 +114,7 @@ def test_every_error_is_one_line_that_names_the_stage(
     assert run(monkeypatch, "track") == code
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("error: track: ") and all(word in line for word in words)
+
     monkeypatch.setenv(command.TRACE, "1")
     assert run(monkeypatch, "track") == code
     assert ("in run" in capsys.readouterr().err) == (code == 1)
@@ -156,6 +159,7 @@ def test_output_that_cannot_be_written_ends_without_a_traceback(unbuffered):
     environment = os.environ | {"PYTHONUNBUFFERED": unbuffered}
     done = called("-m pipeline --help > /dev/full", shell=True, **environment)
     assert done.returncode == 1
+
     (line,) = done.stderr.splitlines()
     assert "standard output: No space left on device" in line
 
@@ -164,6 +168,7 @@ def test_characters_that_the_locale_lacks_are_replaced(tmp_path):
     (tmp_path / "Prüfstand … 1.csv").write_text("t,a,b\n0,1,2\n1,2,3\n")
     ascii_only = os.environ | {"PYTHONIOENCODING": "ascii"}
     done = called(f"-m pipeline inspect {shlex.quote(str(tmp_path))}", **ascii_only)
+
     assert done.returncode == 0 and done.stderr == ""
     assert "Pr?fstand ? 1.csv" in done.stdout
 
@@ -172,6 +177,7 @@ def test_characters_that_the_locale_lacks_are_replaced(tmp_path):
 def test_without_docstrings_the_help_is_the_same(monkeypatch, capsys, name):
     without = called(f"-OO -m pipeline {name} --help", **os.environ)
     monkeypatch.setenv("COLUMNS", "80")
+
     assert run(monkeypatch, name, "--help") == 0
     assert capsys.readouterr().out == without.stdout
 

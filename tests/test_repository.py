@@ -54,6 +54,7 @@ def test_imports_run_one_way(package_name):
 
 def test_the_table_has_every_package_and_no_other_and_no_circle():
     assert {package(module) for module in MODULES} == {*PACKAGES, "__init__"}
+
     below: set[str] = set()
     # the order of the table is the order of the layers
     for name, entry in PACKAGES.items():
@@ -225,6 +226,7 @@ def test_no_committed_file_names_a_place_on_one_machine_or_a_package_registry(pa
         pytest.skip("not a git repository")
     files = [ROOT / name for name in listed.stdout.split("\0")]
     files = [file for file in files if file.is_file()]
+
     assert [file for file in files if pattern.search(file.read_bytes())] == []
 
 
@@ -236,11 +238,13 @@ def test_the_citation_agrees_with_the_package_the_change_log_and_the_readme():
     project = tomllib.loads(read("pyproject.toml"))["project"]
     for key in ("version", "license"):
         assert citation[key] == project[key]
+
     headings = re.findall(r"^## (.*)$", read("CHANGELOG.md"), re.MULTILINE)
     released = [heading for heading in headings if heading != "[Unreleased]"]
     assert released[0] == f"[{citation['version']}] - {citation['date-released']}"
     readme = read("README.md")
     assert f"# {citation['title']}" == readme.splitlines()[0]
+
     (paper,) = citation["references"]
     authors = [(name["given-names"], name["family-names"]) for name in paper["authors"]]
     names = [f"{given_names[0]}. {family}" for given_names, family in authors]

@@ -103,6 +103,7 @@ def test_a_stage_depends_on_the_code_that_it_runs_and_on_no_other(stage):
     read = sources(module)
     assert any(covers(path, "pipeline/core") for path in deps)
     assert uncovered(read, deps) == set()
+
     # options are found by their places, or read as texts
     result = set()
     if module.endswith((".choose", ".configure")):
@@ -169,6 +170,7 @@ def test_a_further_model_changes_no_parameter_of_the_readings(tmp_path):
         if "data/config.yaml" in keys
     ]
     changed = {key for key in composed[0] if composed[0][key] != composed[1][key]}
+
     assert changed == {"models"}
     assert changed.isdisjoint(entry)
 
@@ -190,6 +192,7 @@ def test_a_study_names_its_code_and_options_and_not_its_own_lock_file(stage):
         files = [file for file in (ROOT / place).rglob(pattern) if file.stat().st_size]
         read |= {str(file.relative_to(ROOT)) for file in files}
     deps = code(STUDIES[stage])
+
     assert uncovered(read, deps) <= {f"{place}/dvc.yaml"}
     # DVC writes the lock after the stage: a stage that depends on it is never up to date
     assert not any(covers(path, f"{place}/dvc.lock") for path in deps)

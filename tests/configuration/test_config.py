@@ -63,6 +63,7 @@ def test_a_wrong_value_is_refused_with_its_key(compose, path, value, words):
         nested = f"{{{part}: {nested}}}"
     with pytest.raises(ConfigError, match=words) as refused:
         compose(overrides=nested)
+
     key = str(refused.value.evidence["key"])
     section = path.split(".")[0]
     assert key.startswith(section) or key == "overrides.models"
@@ -85,6 +86,7 @@ def test_a_wrong_value_of_an_option_file_is_refused_with_the_file(
     monkeypatch.setattr(config, "CONF", folder)
     text = (folder / file).read_text()
     assert old in text
+
     (folder / file).write_text(text.replace(old, new))
     with pytest.raises(ConfigError) as refused:
         compose()
@@ -94,6 +96,7 @@ def test_a_wrong_value_of_an_option_file_is_refused_with_the_file(
 def test_all_faults_are_in_one_message(compose):
     with pytest.raises(ConfigError, match="2 faults") as refused:
         compose(overrides="{filter: {particles: 0}, wrench: {grd: 3}}")
+
     message = str(refused.value)
     assert "filter.particles: " in message and "did you mean grid" in message
     with pytest.raises(ConfigError, match=r"filter\.9: keys should be strings, got 9"):
@@ -110,6 +113,7 @@ def test_an_override_changes_its_value_and_nothing_else(compose):
     assert (after.dataset.mocap.gate, after.filter.particles) == (0.001, 7)
     assert (after.models, after.wrench) == (before.models, before.wrench)
     assert compose(overrides=None) == before
+
     two = compose(models="[wishart, additive]").models  # in the order of params.yaml
     assert list(two) == ["wishart", "additive"]
     # a scale reaches the options that refer to it
@@ -121,6 +125,7 @@ def test_comments_leave_the_written_configuration_as_it_is_and_a_refusal_too(tmp
     for comment, seed in (("", "2017"), ("# why", "2017"), ("# why", "2018")):
         config.write_config(parameters(tmp_path, comment, seed=seed), file)
         texts.append(file.read_bytes())
+
     assert texts[0] == texts[1] != texts[2]
     with pytest.raises(ConfigError):
         config.write_config(parameters(tmp_path, filter="nonsense"), file)
@@ -154,11 +159,13 @@ def sections(tmp_path, monkeypatch):
 def test_a_stage_gets_the_sections_that_it_declares_and_no_others(sections):
     settings = sections("seed", "dataset.robot", "filter", "scale.particles")
     assert settings.seed == 2017 and settings.scale.particles > 0
+
     typed = (settings.dataset.robot, settings.filter, settings.compute)
     assert [type(value) for value in typed] == [Robot, Filter, Compute]
     assert vars(settings).keys() == {"compute", "seed", "dataset", "filter", "scale"}
     assert vars(settings.dataset).keys() == {"robot"}
     assert vars(settings.scale).keys() == {"particles"}
+
     # an instrument that the dataset lacks is None
     names = [
         "mocap",
@@ -178,6 +185,7 @@ def test_a_stage_gets_the_sections_that_it_declares_and_no_others(sections):
 def test_a_null_in_the_option_file_leaves_a_section_of_the_datasheet_out(sections):
     shared = sections("dataset.force", "dataset.mocap").dataset
     alone = sections("dataset.force", "dataset.mocap", dataset="youbot_sway").dataset
+
     assert shared.force is not None and alone.force is None
     assert alone.mocap == shared.mocap
 
@@ -188,6 +196,7 @@ def test_a_study_of_motion_is_refused_without_a_robot_and_the_papers_stage_is_no
     tmp_path,
 ):
     assert sections("dataset.robot", dataset="towing").dataset.robot is None
+
     study = tmp_path / "pipeline/study/dvc.yaml"
     study.parent.mkdir(parents=True)
     study.write_bytes(Path("dvc.yaml").read_bytes())
@@ -204,6 +213,7 @@ def test_models_and_the_laboratory_have_their_own_types(sections):
     assert {model.kind for model in models.values()} == {*kinds()}
     alone = sections("models.${item.model}", item="wishart").models
     assert vars(alone) == {"wishart": models["wishart"]}
+
     laboratory = sections("dataset.laboratory").dataset.laboratory
     # the youBot's controller logs nothing
     types = {part: type(value) for part, value in laboratory.items()}
@@ -222,6 +232,7 @@ def test_a_stage_that_there_is_not_and_a_stale_configuration_are_refused(section
     sections("seed")
     with pytest.raises(ConfigError, match="no stage 'nonsense'; there are stage"):
         config.sections("nonsense")
+
     config.COMPOSED.write_text(
         config.COMPOSED.read_text().replace("particles:", "swarm:"),
     )
@@ -252,6 +263,7 @@ def test_wrong_options_of_a_study_are_refused(sections, tmp_path, old, new, word
     sections("seed", scale="smoke")
     file = tmp_path / "params.yaml"
     file.write_text(STUDY.replace(old, new))
+
     with pytest.raises(ConfigError, match=words) as refused:
         config.study_options(tmp_path, StudyOptions)
     assert refused.value.evidence["file"] == file
@@ -281,6 +293,7 @@ def edit(file: Path, key: str, value: object) -> None:
 def test_values_of_both_files_are_in_the_configuration(sheet, compose):
     edit(sheet, "depth.clock_offset", 0.125)
     composed = compose().dataset
+
     assert (composed.depth.clock_offset, composed.depth.search) == (0.125, 0.4)
     assert composed.depth.takes == "kinect/test_*" and not hasattr(composed, "about")
 
@@ -296,6 +309,7 @@ def test_a_wrong_value_or_key_is_named_with_the_datasheet(
     edit(sheet, key, value)
     with pytest.raises(ConfigError) as refused:
         compose()
+
     error = refused.value
     assert words in error.message and "\n" not in str(error)
     assert error.evidence["file"] == sheet
@@ -306,6 +320,7 @@ def test_a_variable_of_the_environment_in_an_override_is_refused_with_its_key(co
     with pytest.raises(ConfigError, match="variable of the environment") as refused:
         compose(overrides='{filter: {particles: "${oc.env:HOME}"}}')
     assert refused.value.evidence["key"] == "filter.particles"
+
     # an interpolation of another option stays possible
     composed = compose(overrides='{filter: {particles: "${seed}"}}')
     assert composed.filter.particles == composed.seed

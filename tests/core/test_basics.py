@@ -36,6 +36,7 @@ def test_an_error_keeps_its_evidence_in_the_message_and_across_processes(kind):
     evidence = {"file": "a.csv", "line": 7}
     raised = kind("the column is torn", **evidence, take=None)
     error = pickle.loads(pickle.dumps(raised))
+
     assert type(error) is kind
     assert str(error) == "the column is torn [file a.csv, line 7]"
     assert error.message == "the column is torn"
@@ -63,6 +64,7 @@ def test_equal_arguments_give_equal_streams_in_every_process():
     # strings hash differently in every process; the streams must not
     code = "from pipeline.core.rng import stream; print(stream(7, 'filter', 3).random(5).tolist())"
     first = stream(7, "filter", 3).random(5).tolist()
+
     assert stream(7, "filter", 3).random(5).tolist() == first
     assert json.loads(elsewhere(code)) == first
 
@@ -84,6 +86,7 @@ def test_values_of_yaml_are_those_that_omegaconf_reads(tmp_path):
     assert values == OmegaConf.to_container(OmegaConf.load(file))
     assert values["a"] == 0.001
     assert values["d"]["f"] == "${a}"
+
     file.write_text("# nothing yet\n")
     assert read_yaml(file) == {}
 
@@ -95,6 +98,7 @@ def test_yaml_that_is_ambiguous_or_holds_no_keys_is_refused_with_its_file(
 ):
     file = tmp_path / "a.yaml"
     file.write_text(content, encoding="latin-1")
+
     with pytest.raises(ConfigError) as caught:
         read_yaml(file)
     assert caught.value.evidence["file"] == file
@@ -111,6 +115,7 @@ DEEP = [
 def test_yaml_that_cannot_be_values_is_refused_in_plain_words(tmp_path, content, words):
     file = tmp_path / "a.yaml"
     file.write_text(content)
+
     with pytest.raises(ConfigError, match=words) as refused:
         read_yaml(file)
     assert "\n" not in str(refused.value)
@@ -150,6 +155,7 @@ def test_a_processor_without_avx2_runs_at_its_own_level(
     monkeypatch.setattr(environment, "FLAGS", tmp_path / "cpuinfo")
     monkeypatch.setattr(environment.platform, "machine", lambda: machine)
     monkeypatch.setenv(environment.PROCESSOR, variable)
+
     assert environment.has_equal_bytes() == equal
 
 
@@ -186,6 +192,7 @@ def test_the_fingerprint_tells_arithmetic_apart_and_nothing_else(changed):
         )
     there = json.loads(elsewhere(code, **changed))
     names = {name for name, state in fingerprint().items() if there[name] != state}
+
     assert names == ({"OPENBLAS_CORETYPE", "numpy's arithmetic"} if changed else set())
 
 
@@ -261,4 +268,5 @@ def test_a_reader_that_hangs_ends_a_worker_that_may_have_no_process():
     worker = get_context("spawn").Process(target=_hang, daemon=True)
     worker.start()
     worker.join(30)
+
     assert worker.exitcode == 1

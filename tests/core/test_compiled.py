@@ -53,6 +53,7 @@ def test_sine_and_cosine_are_right_to_two_units_in_the_last_place_of_one():
 def test_the_exponential_is_right_to_two_units_in_the_last_place():
     compiled_exp = from_python(exponential)
     assert units(compiled_exp, np.exp, np.linspace(-707.9, 0, 20_001)) < 2
+
     ends = compiled_exp(0.0), compiled_exp(-709.0), compiled_exp(-np.inf)
     assert ends == (1.0, 0.0, 0.0)
     assert np.isnan(compiled_exp(np.nan))
@@ -72,6 +73,7 @@ COUNTS = [0, 1, LANES - 1, LANES, LANES + 1, 10 * LANES + 3]
 def test_sums_and_the_greatest_are_numpys(count):
     x, y = np.random.default_rng(count).standard_normal((2, count))
     gaps = np.append(x, np.nan)  # what is no number is not the greatest
+
     assert from_python(inner_product)(x, y) == pytest.approx(x @ y, abs=1e-13)
     assert from_python(total)(x) == pytest.approx(x.sum(), abs=1e-13)
     assert from_python(greatest)(gaps) == x.max(initial=-np.inf)
@@ -206,6 +208,7 @@ def test_the_sources_of_machine_code_are_the_compiled_modules_and_their_imports(
     marks = {"compiled", "inner", "inlined"}
     waiting = [module for module in MODULES if decorators_of(module) & marks]
     assert len(waiting) > 10
+
     needed = set()
     while waiting:
         module = waiting.pop()

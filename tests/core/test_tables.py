@@ -77,6 +77,7 @@ def test_a_table_that_fits_is_read_as_it_was_written_and_no_column_more_or_less(
     pd.testing.assert_frame_equal(contracts.read(name, tmp_path, file), sound)
     with pytest.raises(ContractError, match=r"is not declared.*surplus"):
         contracts.write(sound.assign(surplus=1.0), name, tmp_path, file)
+
     families = sound.columns.str.split(":").str[0]
     for column, kind in read_declarations(file)[name].items():
         without = sound.loc[:, families != column.split(":")[0]]
@@ -113,6 +114,7 @@ def test_a_table_that_another_program_wrote_is_checked_on_reading(
     sound = list(rows.get(column, [1.0] * ROWS))
     rows[column] = [*sound[:-1], value]
     rows.to_parquet(tmp_path / "joints.parquet")
+
     with pytest.raises(ContractError, match="breaks its contract") as refused:
         contracts.read("joints", tmp_path)
     assert refused.value.evidence["column"] == column
@@ -146,6 +148,7 @@ def test_a_table_that_is_absent_or_cut_off_is_refused_with_its_file(tmp_path):
         file.write_bytes(whole[: int(share * len(whole))])
         with pytest.raises(ContractError, match="cannot be read"):
             contracts.read("joints", tmp_path)
+
     file.unlink()
     with pytest.raises(ContractError, match="no table 'joints'") as refused:
         contracts.read("joints", tmp_path)
@@ -162,6 +165,7 @@ def test_takes_are_stacked_in_the_order_of_the_table():
     names, values = contracts.stacked(takes(3, 3), ["q:tip", "q:base"])
     assert names == ["b", "a"]
     assert values.tolist() == [[[0, 0], [-1, 1], [-2, 2]], [[-3, 3], [-4, 4], [-5, 5]]]
+
     # a family is stacked in the order of its columns
     _, family = contracts.stacked(takes(3, 3), "q")
     np.testing.assert_array_equal(family, values[..., ::-1])
@@ -182,6 +186,7 @@ def test_values_and_symmetric_matrices_are_spread_over_columns_and_read_back():
     assert columns.members(spread, "q") == names
     assert "q:arm%3Abase" in spread
     np.testing.assert_array_equal(columns.values(spread, "q"), array.reshape(-1, 3))
+
     half = np.random.default_rng(3).random((5, 3, 3))
     full = half + half.swapaxes(1, 2)
     triangles = pd.DataFrame(columns.triangle("c", "abc", full))
@@ -203,6 +208,7 @@ def test_metrics_keep_every_digit_and_those_not_finite_leave_the_old_file(tmp_pa
     share = np.float64(0.1) + np.float64(0.2)
     metrics = {"share": share, "count": np.int64(3), "end": np.bool_(1)}
     contracts.write_metrics(metrics, file)
+
     for broken in (np.nan, np.inf, -np.inf):
         worse = {"good": 2.0, "worse": broken, "worst": broken}
         with pytest.raises(ContractError, match="worse, worst not finite"):
@@ -253,6 +259,7 @@ def test_a_folder_is_replaced_whole_or_stays_as_it_was(tmp_path):
     with contracts.replacing(folder) as partial:
         (partial / "new").touch()
     living.rmdir()
+
     for error in (ContractError("refused"), KeyboardInterrupt()):
         with pytest.raises(type(error)), contracts.replacing(folder) as partial:
             (partial / "newer").write_text("newer")
@@ -271,6 +278,7 @@ def test_an_output_folder_that_is_a_link_is_refused_and_its_content_stays(
         foreign.mkdir()
         (foreign / "thesis").write_text("mine")
     link.symlink_to(foreign)
+
     with pytest.raises(ContractError, match=r"is a link to .*foreign") as refused:
         with contracts.replacing(link):
             pass

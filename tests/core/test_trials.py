@@ -105,6 +105,7 @@ def test_a_trials_error_arrives_with_its_evidence_and_stops_the_rest(
     with pytest.raises(ConfigError, match="refused") as raised:
         results(partial(begin, folder=tmp_path), range(400), compute)
     assert raised.value.evidence == {"key": "a"}
+
     begun = {file.name for file in tmp_path.iterdir()}
     assert begun == {"0", "1"} if compute is SERIAL else len(begun) < 300
 

@@ -107,6 +107,7 @@ def test_a_number_changed_in_silence_is_unnoticed_and_other_line_ends_are_unharm
     head, y, z = row.rsplit(b",", 2)  # the marker's z is normal to the plane of the arm
     digit = b"9" if y[-1:] < b"5" else b"1"
     changed = b",".join([head, y[:-1] + digit, z])
+
     for old, new, kind in ((row, changed, UNNOTICED), (b"\r\n", b"\n", UNHARMED)):
         files = {**bench.files, name: bench.files[name].replace(old, new)}
         assert bench.outcome(files, ("skipped_frames",))[0] == kind

@@ -72,6 +72,7 @@ def test_a_copy_of_a_take_is_refused_with_both_names(folder, tmp_path, change, c
     renamed = change(content).replace(TRAIN.encode(), copy.encode())
     (tmp_path / f"optitrack/{copy}.csv").write_bytes(renamed)
     words = "have equal samples: one is a copy"
+
     with pytest.raises(RecordingError, match=words) as refused:
         ingest(folder, tmp_path)
     assert TRAIN in refused.value.message and copy in refused.value.message
@@ -81,6 +82,7 @@ def test_rounded_samples_are_equal_and_noise_is_not():
     first, second = np.random.default_rng(1).normal(size=(2, 50, 3))
     first[3] = np.nan
     distinct = {"a": first, "b": first + 1e-4, "c": second, "d": first[:40]}
+
     require_distinct("takes", distinct)
     with pytest.raises(RecordingError, match="a and b have equal samples"):
         require_distinct("takes", distinct | {"b": first.round(6)})
@@ -98,6 +100,7 @@ def test_a_header_that_names_another_take_is_counted_or_refused(
     assert counts[TRAIN]["named_otherwise"] == 1
     assert "named_otherwise" not in counts[TEST]
     assert "the take is 'Take 2017-05-02' by its header" in capsys.readouterr().out
+
     file.write_bytes(content.replace(TRAIN.encode(), TEST.encode()))
     (tmp_path / "out").rename(tmp_path / "before")
     with pytest.raises(RecordingError, match="another file has this name") as refused:
@@ -203,9 +206,12 @@ def test_groups_of_noisy_copies_are_found_whatever_their_number(
         group = slice(first, first + size)
         q[group] = q[first] + rng.normal(0, noise, q[group].shape)
         sizes[group], first = size, first + size
+
     alike = likeness(q)
+
     assert_array_equal(alike.size, sizes)
     assert_array_equal(alike.ratio > LIMITS.likeness, sizes > 1)
+
     # the copies count once where a take is held against the usual one: no sound take is disturbed
     measures = compare_takes(q, q, 100.0, LIMITS.likeness)
     assert measures["disturbance"][0][sizes == 1].max() < LIMITS.disturbance
@@ -225,6 +231,7 @@ def test_an_arm_that_repeats_within_its_noise_has_disturbed_takes_and_no_copies(
         q[take, first : first + 30, 1] += push
     measures = compare_takes(q, q, 100.0, LIMITS.likeness)
     assert measures["likeness"][0].max() < LIMITS.likeness
+
     beyond = measures["disturbance"][0] > LIMITS.disturbance
     assert np.flatnonzero(beyond).tolist() == [*range(pushed)]
     assert (measures["nearest_take"][0][pushed:] < WITHIN).all()
@@ -333,7 +340,9 @@ def test_a_plateau_of_equal_greatest_forces_is_saturation_wherever_it_lies():
     scale = np.array([32.0, 32.0, 100.0])
     rules = {"longest": 0.5, "share": 0.5, "file": "log.csv"}
     below = values[:, 0] < 26
+
     sound, counts = sound_samples(cut(values, 26.0), scale, **rules)
+
     assert counts == {"saturated_samples": (~below).sum()}
     assert_array_equal(sound, below)
     with pytest.raises(RecordingError, match="are saturated"):
@@ -386,6 +395,7 @@ def test_a_record_of_another_configuration_is_refused_by_its_name(forces, pair):
     check_forces(forces)
     first, second = pair
     words = f"nats from {first} .* from {second}.*exchanged"
+
     with pytest.raises(RecordingError, match=words):
         check_forces({**forces, first: forces[second]})
 
@@ -406,6 +416,7 @@ def test_a_record_off_the_desired_force_is_refused_with_both(forces, name):
     check_forces(only)
     check_forces({"C1": forces["C1"] - 0.1 * MEAN})  # robots that pull a tenth less
     words = r"mean force of C1 is .* desired \[3.0"
+
     with pytest.raises(RecordingError, match=words) as refused:
         check_forces({"C1": CONTRADICTIONS[name](forces["C1"])})
     assert refused.value.evidence["file"] == "C1.csv"

@@ -99,6 +99,7 @@ def test_a_name_on_the_terminal_has_no_control_character(
         assert main() == 0
     monkeypatch.setattr(command, "within", lambda *_: refuse(name))
     assert main() == 1
+
     printed = capsys.readouterr()
     assert not any(c in printed.out + printed.err for c in "\x1b\x9b\u202e")
     assert name[2:] in printed.err

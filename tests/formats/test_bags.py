@@ -62,9 +62,11 @@ def test_messages_come_in_order_with_the_time_of_their_headers_and_a_cut_bag_is_
 ):
     bag = recorded(tmp_path, form)
     assert is_bag(bag) and topics(bag) == {"/depth": IMAGE, "/colour": IMAGE}
+
     stamps, pixels = zip(*messages(bag, "/depth", first), strict=True)
     assert_allclose(stamps, START + 0.04 * np.arange(5), rtol=0, atol=1e-6)
     assert pixels == (0, 1, 2, 3, 4)
+
     inside = (
         bag if bag.is_file() else next(f for f in bag.iterdir() if f.suffix != ".yaml")
     )
@@ -77,6 +79,7 @@ def test_messages_come_in_order_with_the_time_of_their_headers_and_a_cut_bag_is_
 def test_a_topic_is_the_only_one_or_the_chosen_one(tmp_path):
     bag = recorded(tmp_path, "ros1")
     assert choose_topic(bag, (IMAGE,), "/depth") == "/depth"
+
     there = r"there are /colour \(Image\), /depth \(Image\)"
     for kind, chosen in (
         (IMAGE, None),
@@ -109,6 +112,7 @@ def test_files_that_are_no_bags_are_refused(tmp_path):
         (tmp_path / name / "metadata.yaml").write_text(text)
     for bag in [*tmp_path.iterdir(), tmp_path / "absent.bag"]:
         refusal(topics, bag)
+
     assert not is_bag(tmp_path / "absent.bag") and not is_bag(tmp_path)
 
 
@@ -116,6 +120,7 @@ def test_a_bag_that_lost_a_message_or_does_not_count_them_is_refused(tmp_path):
     metadata = recorded(tmp_path, "sqlite3") / "metadata.yaml"
     text = metadata.read_text()
     assert text.count("message_count: 5") == 2
+
     uncounted = ((count, "its number of") for count in ("", " 1e9"))
     for count, words in ((" 6", "announces 6 messages and holds 5"), *uncounted):
         metadata.write_text(text.replace("message_count: 5", f"message_count:{count}"))
@@ -153,7 +158,9 @@ def test_commands_are_interpolated_at_the_times_of_the_measured_angles(tmp_path,
         "/joint_commands": states(0.004, names=("b", "a")),
     }
     bag = write_bag(tmp_path, form, recorded)
+
     angles, counts = read_movement({bag: AB}, 100.0)
+
     # the first measured angles come before the first command
     assert_allclose(angles["actual"], angles["target"], atol=1e-12)
     assert_allclose(angles["actual"][:, 1], 0.02 * np.arange(1, 6), atol=1e-12)
@@ -185,9 +192,12 @@ def test_what_other_publishers_send_is_passed_over_and_repeated_messages_are_dro
     measured, counted = MEASURED[name]
     recorded = {"/joint_states": measured, "/joint_commands": states(-0.001)}
     bag = write_bag(tmp_path, "ros1", recorded)
+
     log = read_joint_bag(bag, options)
+
     assert log.joints == ("a", "b")
     assert_allclose(log.signals["actual"][:, 1], 2 * log.signals["actual"][:, 0])
+
     names = ("messages_of_other_joints", "doubled_rows")
     assert {name: log.counts[name] for name in names if name in log.counts} == counted
 
@@ -204,6 +214,7 @@ def test_a_topic_that_may_have_the_command_is_named_as_not_read_with_the_remedy(
     bag = write_bag(tmp_path, "sqlite3", held, kinds={"/commands": kind})
     words = f"{kind.rpartition('/')[2]} is not read.*publish them as JointState"
     assert re.search(words, summary(bag).passed_over["/commands"])
+
     options = made(JointLogSection, joints=["a", "b"])
     with pytest.raises(ConfigError, match=f"target angles of run; /commands: {words}"):
         read_logged_movement("run", bag, options, 100.0)
@@ -249,6 +260,7 @@ def test_the_state_of_a_controller_has_the_command_and_the_measured_angles(
     recorded = {"/arm/state": controller_states(points)} | beside
     log = read_joint_bag(write_bag(tmp_path, form, recorded), AB)
     commanded = np.outer(np.arange(6) / 100, [1.0, 2.0])
+
     assert_allclose(log.signals["target"], commanded, atol=1e-12)
     assert_allclose(log.signals["actual"], commanded - 0.1, atol=1e-12)
     assert (log.joints, log.counts["interpolated_rows"]) == (("a", "b"), 0)
@@ -259,7 +271,9 @@ def test_commands_of_a_controller_are_interpolated_at_chosen_measured_angles(tmp
     signals = {name: ["/arm/state"] for name in ("target", "speed", "torque")}
     signals["actual"] = ["/joint_states"]
     bag = write_bag(tmp_path, "mcap", recorded)
+
     log = read_joint_bag(bag, LogOptions(names=("a", "b"), signals=signals))
+
     assert_allclose(log.signals["target"], log.signals["actual"], atol=1e-9)
     assert log.signals["speed"].tolist() == [[1, 2]] * 5
     assert log.signals["torque"].tolist() == [[5, 6]] * 5
@@ -277,6 +291,7 @@ def test_the_public_case_of_a_controller_state_is_read_as_rosbags_reads_it(run):
         messages = [
             reader.deserialize(r, c.msgtype) for c, _, r in reader.messages(chosen)
         ]
+
     for signal, point in (("target", "desired"), ("actual", "actual")):
         values = [getattr(message, point).positions for message in messages]
         assert log.signals[signal].tolist() == np.stack(values).tolist()
@@ -288,9 +303,12 @@ def test_efforts_and_velocities_are_read_as_what_they_are(tmp_path):
     options = LogOptions(
         signals={k: ["/joint_states"] for k in ("actual", "speed", "torque")},
     )
+
     log = read_joint_bag(bag, options)
+
     assert log.signals["speed"].tolist() == [[1, 2]] * 6
     assert log.signals["torque"].tolist() == [[5, 6]] * 6
+
     bag = write_bag(tmp_path, "sqlite3", {"/joint_states": states()})
     with pytest.raises(RecordingError, match=r"no velocity of a, b \(speed\)"):
         read_joint_bag(bag, options)
@@ -306,7 +324,9 @@ def test_a_wrapped_command_is_unwrapped_before_it_is_interpolated(tmp_path):
         "ros1",
         {"/joint_states": states(turned=3.1), "/joint_commands": wrapped},
     )
+
     signals, counts = read_movement({bag: AB}, 100.0)
+
     assert_allclose(signals["actual"], signals["target"], atol=1e-9)
     assert counts["unwrapped_jumps"] == 2
 
@@ -374,6 +394,7 @@ def test_inspect_takes_a_bag_for_a_joint_log_where_nothing_else_in_it_is_analyse
     (finding,) = inspect(write_bag(tmp_path, "ros1", recorded))
     assert (finding.kind, finding.facts["joint_names"]) == ("joints", ["a", "b"])
     assert finding.gaps["joints_without_values"] == 1
+
     recorded |= {"/depth": [(1.0, image(np.full((2, 2), 900, np.uint16), 1.0))]}
     (finding,) = inspect(write_bag(tmp_path, "sqlite3", recorded))
     assert finding.kind == "bag"

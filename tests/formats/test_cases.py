@@ -67,7 +67,9 @@ def test_numbered_files_of_two_robots_are_two_findings_and_copies_are_one(tmp_pa
     arm = other_kinds.planar_arm()
     for number, text in enumerate([arm, arm, arm.replace("elbow", "knee")], start=1):
         (tmp_path / f"arm_{number}.urdf").write_text(text)
+
     findings = seen(tmp_path)
+
     assert "arm_*.urdf (2): URDF" in findings and "(shoulder, elbow" in findings
     assert "arm_3.urdf: URDF" in findings and "(shoulder, knee" in findings
 

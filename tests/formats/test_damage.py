@@ -172,6 +172,7 @@ def test_a_file_cut_at_any_byte_is_refused_or_holds_only_rows_that_were_whole(
         # the last number of a text cloud without its line end may lack digits
         sure = len(result) - (name in ("ascii.pcd", "ascii.ply", "crlf.ply"))
         assert_array_equal(result[:sure], whole[:sure])
+
     assert refused > 1
 
 
@@ -211,6 +212,7 @@ def test_dropped_doubled_and_swapped_rows_are_counted_or_refused(
     rows = distinct if has_time else picks
     counted = "doubled_rows" if has_time and "Motive" not in name else "repeated_rows"
     assert_array_equal(sound.rows(result), whole[rows])
+
     doubled = sum(before == after for before, after in pairwise(picks))
     assert result.counts.get(counted, 0) == doubled
 

@@ -39,6 +39,7 @@ for page in sorted(FOLDER.glob("*/README.md")):
 def test_an_example_prints_what_its_page_says(title, tmp_path, monkeypatch):
     *files, (language, place, code), (_, _, printed) = BLOCK.findall(SECTIONS[title])
     assert (language, place) == ("python", "") and printed
+
     monkeypatch.chdir(tmp_path)
     for _, name, text in files:
         Path(name).write_text(text)
@@ -117,6 +118,7 @@ def test_a_table_that_allows_more_is_refused_with_its_option_or_its_line(
 def test_options_settle_it_and_what_is_no_mark_is_refused(tmp_path):
     result = sheet(tmp_path, "1,5\n3,4\n", separator=";", decimal=",")
     assert (result.width, result.values([0]).tolist()) == (1, [[1.5], [3.4]])
+
     both_marks = {"separator": ",", "decimal": ","}
     for wrong in ({"separator": "|"}, {"decimal": "'"}, both_marks):
         with pytest.raises(ConfigError, match=KEY):
@@ -134,6 +136,7 @@ def test_a_last_row_that_is_short_or_has_no_end_is_left_out_and_counted(
 ):
     text = "\ufeffx,y\n1,2\n3,4\n" + last
     result = sheet(tmp_path, text.replace("\n", end))
+
     assert len(result.rows) == rows and result.lines[0] == 2
     assert result.counts["cut_rows"] == cut
 
@@ -145,6 +148,7 @@ def test_written_trajectories_read_back_bit_for_bit_with_and_without_joints(tmp_
     families = pd.DataFrame(numbers, columns=FAMILIES)
     joints = {"q:a": np.linspace(0, 1, 321), "q:b": np.linspace(2, 3, 321)}
     both = families.assign(**joints)
+
     for written in (families, both, both[["t", *joints]]):
         write_trajectory(file, written.assign(other=1.0))
         assert_frame_equal(read_trajectory(file), written, check_exact=True)
@@ -158,6 +162,7 @@ def test_plain_names_of_columns_in_any_order_are_read_and_a_pose_is_whole(tmp_pa
     plain[COLUMNS[::-1]].to_csv(file, index=False)
     families = pd.DataFrame(numbers, columns=FAMILIES)
     assert_frame_equal(read_trajectory(file), families, check_exact=True)
+
     # beside the joints a pose is whole, or there is none
     both = families.assign(**{"q:a": families["t"] / 9})
     both.drop(columns="x:z").rename(columns={"x:x": "x", "x:phi": "phi"}).to_csv(file)

@@ -163,6 +163,7 @@ def test_a_motion_of_opensim_is_read_in_the_unit_that_it_states(tmp_path):
     file.write_bytes(table(above=header, mark="\t"))
     (finding,) = inspect(file)
     assert "OpenSim" in finding.version and finding.facts["signals"] == SIGNALS
+
     options = LogOptions("time", joints=2, signals=SIGNALS)
     with pytest.raises(RecordingError, match="in deg by the header") as refused:
         read_joint_table(file, options)

@@ -47,6 +47,7 @@ def test_without_noise_the_offset_is_found_to_a_microsecond_on_any_clock():
     result = find_offset(t_a, a, t_b, b)
     assert result.value == pytest.approx(OFFSET, abs=2e-6)
     assert result.correlation == pytest.approx(1.0, abs=1e-6)
+
     apart = find_offset(t_a + 40.0, a, t_b, b, search=(-40.5, -39.5))
     assert apart.value == pytest.approx(OFFSET - 40.0, abs=2e-6)
 
@@ -61,10 +62,12 @@ def test_the_standard_errors_are_the_spread_of_the_estimates():
     assert 0.75 < z.std() < 1.2
     assert abs(z.mean()) < 4 / np.sqrt(120)
     assert errors.std() < 0.0024 and np.abs(errors).max() < 0.006
+
     # and the test would see a wrong clock: one frame of the motion capture
     late = find_offset(*recording(0.001, 0, OFFSET + 0.01))
     right = find_offset(*recording(0.001, 0, OFFSET))
     assert late.value - right.value == pytest.approx(0.01, abs=0.002)
+
     std_of_drift = np.std([offset.drift for offset in offsets])
     stated = np.mean([offset.drift_standard_error for offset in offsets])
     assert stated == pytest.approx(std_of_drift, rel=0.25)
@@ -76,6 +79,7 @@ def test_a_drift_is_found_beside_the_offset_and_none_where_there_is_none(drift):
     middle = t_a.mean()
     result = find_offset(middle + (t_a - middle) / (1 + drift), a, t_b, b)
     margin = 3 * result.drift_standard_error + 0.05 * abs(drift)
+
     assert abs(result.drift - drift) < margin
     assert result.value == pytest.approx(OFFSET, abs=0.006)
 
@@ -173,6 +177,7 @@ def test_what_is_right_stays_as_it_is(kind):
     # up to the limit a lag is the controller's
     actual, target = logged(kind, lag=0.9 * commands.LATEST)
     commands.require_pair(actual, target, **PAIR)
+
     actual, target = logged(kind, lag=1.3 * commands.LATEST)
     words = r"s behind its command|target_delay: 0.0[67]"
     with pytest.raises(RecordingError, match=words):
@@ -185,6 +190,7 @@ def test_another_movement_is_no_pair_and_a_few_pushes_do_not_decide():
     words = r"no other unit, order or clock: .* of one movement"
     with pytest.raises(RecordingError, match=words):
         commands.require_pair(actual, target, **PAIR)
+
     actual, target = logged()
     actual[700:760, 0] += 0.3
     commands.require_pair(actual, target, **PAIR)
@@ -197,6 +203,7 @@ def test_another_movement_is_no_pair_and_a_few_pushes_do_not_decide():
 def test_an_error_is_a_share_of_the_motion_and_at_rest_of_a_tenth_of_a_radian():
     still = np.zeros((100, 1))
     assert commands.tracking_errors(still + 0.01, still) == pytest.approx([0.1])
+
     moved = np.linspace(0, 2, 100)[:, None]
     assert commands.tracking_errors(moved + 0.01, moved) == pytest.approx([0.01 / 2])
 
@@ -227,6 +234,7 @@ def test_a_jittered_clock_is_asked_about_and_the_angles_say_which_it_is(
     assert refused.value.evidence["key"] == "dataset.joint_log.clock"
     smoother = movement.smoothness_by_rows(log.time, log.signals["actual"], 200.0)
     assert smoother < 0.1 if sampled else smoother > 10
+
     by_rows, of_rows = movement.read_movement(files, 200.0, "rows")
     by_times, of_times = movement.read_movement(files, 200.0, "times")
     for counts in (of_rows, of_times):
@@ -234,6 +242,7 @@ def test_a_jittered_clock_is_asked_about_and_the_angles_say_which_it_is(
         assert 0 < counts["uneven_rows"] < 400
     assert of_rows.get("resampled_rows", 0) == 0
     assert of_times["resampled_rows"] == len(by_times["actual"])
+
     errors = [error_of(by_rows["actual"]), error_of(by_times["actual"], log.time[0])]
     right, wrong = errors[::-1] if sampled else errors
     # the jitter of 0.2 ms is up to 0.4 mrad a standard deviation at 2 rad/s

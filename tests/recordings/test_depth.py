@@ -256,6 +256,7 @@ def test_a_bag_that_contradicts_the_description_is_refused(tmp_path, changes, wo
     metres = ONES.astype(np.float32)
     messages = [(stamp, image(metres, stamp)) for stamp in STAMPS]
     bag = write_bag(tmp_path, "ros1", {"/depth": messages})
+
     with pytest.raises(PipelineError, match=words):
         read(bag, replace(depth, **changes), tmp_path)
 
@@ -296,6 +297,7 @@ MARKERS = MARKERS.assign(link=1, marker=1, x=AT[0], y=AT[1], z=AT[2])
 def test_an_offset_is_that_of_the_motion_unless_it_is_stated():
     filmed = frames(path(TIME + 0.12))
     rows, (offset, *_) = on_clock(filmed)
+
     assert offset["quantity"] == "clock_offset"
     assert abs(offset["value"] - 0.12) < 1e-4
     assert_allclose(rows["t"], TIME + offset["value"])

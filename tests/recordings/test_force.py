@@ -63,9 +63,11 @@ def test_a_record_gives_the_loaded_samples_without_their_bias(tmp_path, netft):
     np.testing.assert_allclose(rows["t"], log.time[loaded], rtol=0, atol=1e-9)
     axes = ["fx", "fy", "fz", "mx", "my", "mz"]
     assert list(rows) == ["configuration", "t", *axes]
+
     expected = logged[loaded] - logged[~loaded].mean(axis=0)
     np.testing.assert_allclose(rows[axes], expected, atol=1e-12)
     np.testing.assert_allclose(rows[axes[:3]].mean(), LOAD, atol=5e-3)
+
     bias = [row["value"] for row in quality if row["quantity"].startswith("bias")]
     np.testing.assert_allclose(bias, [*BIAS, 0, 0, 0], atol=5e-3)
     # of the sensor's faults only those that there are
@@ -87,6 +89,7 @@ def test_moments_are_about_the_stated_point_whatever_the_bias(tmp_path):
     for about in (point.tolist(), [0.0, 0.0, 0.0]):
         rows, _ = force_rows(tmp_path, "C1", replace(options(), point=about))
         moments.append(rows[["mx", "my", "mz"]].to_numpy())
+
     np.testing.assert_allclose(moments[0], 0, atol=1e-12)
     # the control: about the origin
     np.testing.assert_allclose(

@@ -118,10 +118,12 @@ def test_markers_and_bodies_give_back_the_joints_that_carried_them(tmp_path):
     rows, count = read(written(tmp_path, markers_of(), first=72210))
     require_angles(rows)
     assert count("missing_samples") == count("unlabelled_markers") == 0
+
     bodies = {link: Body(f"B{j}", MOUNT) for j, link in enumerate(TEMPLATE, 1)}
     rows, _ = read(written(tmp_path, {}, bodies_of()), bodies=bodies)
     require_angles(rows)
     assert np.nanmax(tracked(rows).residual) < 1e-5
+
     # the control: the same bodies, taken to be mounted otherwise
     mount = Pose(MOUNT.position, [0.3, -0.1, 1.1])
     remounted = {link: Body(body.name, mount) for link, body in bodies.items()}
@@ -137,7 +139,9 @@ def test_bodies_and_markers_mix_link_by_link_and_lost_poses_are_missing_markers(
     bodies["B2"].quaternion[20:] *= -1  # the same rotations
     on_others = {n: points for n, points in markers.items() if not n.endswith("2")}
     file = written(tmp_path, on_others | {"stray": markers["a2"]}, bodies)
+
     rows, count = read(file, "test", bodies={"link2": Body("B2", MOUNT)})
+
     require_angles(rows)
     assert (count("missing_samples"), count("unlabelled_markers")) == (9, 0)
     assert count("missing_poses") == 3
@@ -149,6 +153,7 @@ def test_names_stand_without_their_asset_unless_two_assets_share_them(tmp_path):
     file = written(tmp_path, markers | {"Leg:a1": markers["Arm:a1"] + 1})
     with pytest.raises(RecordingError, match="'a1' may be Arm:a1 or Leg:a1"):
         read(file)
+
     first = {
         "Arm:a1" if name == "a1" else name: at for name, at in TEMPLATE["link1"].items()
     }
@@ -160,6 +165,7 @@ def test_names_stand_without_their_asset_unless_two_assets_share_them(tmp_path):
 def test_a_body_that_the_take_lacks_or_that_has_no_link_is_named(tmp_path):
     file = written(tmp_path, markers_of(), bodies_of())
     words = "no rigid body named X in the take; it has B1, B2, B3"
+
     with pytest.raises(RecordingError, match=words):
         read(file, bodies={"link1": Body("X", MOUNT)})
     with pytest.raises(ConfigError, match="no link arm; there are link1, link2, link3"):
@@ -187,6 +193,7 @@ def test_takes_of_another_rate_or_length_are_refused(tmp_path):
         match="no take of motion capture in C3D or Motive CSV",
     ):
         read(tmp_path / "walk.own")
+
     file = written(tmp_path, markers)
     file.write_bytes(b"".join(file.read_bytes().splitlines(keepends=True)[:-1]))
     with pytest.raises(RecordingError, match=r"spans 40 frames .* the motion has 41"):
@@ -257,6 +264,7 @@ def test_the_steps_take_the_arm_from_each_commanded_pose_to_the_next(file):
     steps = chain.displacement(chain.pose(q[:-1]), chain.pose(q[1:]))
     np.testing.assert_allclose(values(table, "v")[:-1] / 100, steps, atol=1e-12)
     assert members(table, "x") == chain.task and members(table, "u") == ()
+
     # an arm of more joints than rows is told its joints too
     table = trajectory_rows(file, commanded(replace(UR5, task=["x", "y", "z"])))
     assert values(table, "v").shape == (GRID + 1, 3)
@@ -292,5 +300,6 @@ def test_a_step_that_is_rounded_to_microseconds_has_the_rate_of_the_motion(
     if fits:
         assert len(trajectory_rows(file, commanded(rate=rate))) == GRID + 1
         return
+
     with pytest.raises(RecordingError, match=r"in 0\.250000 s; .* at 121 per second"):
         trajectory_rows(file, commanded(rate=rate))

@@ -50,7 +50,9 @@ def test_the_damage_of_one_table_of_several_signals_is_counted_once(tmp_path):
     rows = "0.000,0.5,1", "0.008,0.6,2", "0.008,0.6,2", "", "0.016,0.7"
     file = table(tmp_path, "t,q,qd", *rows)
     options = LogOptions(joints=1, signals={"actual": ["q"], "target": ["qd"]})
+
     signals, counts = movement.read_movement({file: options}, 125.0)
+
     assert signals["actual"].tolist() == [[0.5], [0.6]]
     assert signals["target"].tolist() == [[1], [2]]
     assert counts == dict.fromkeys(DAMAGE, 1) | {"rows_without_partner": 0}
@@ -74,6 +76,7 @@ def test_clocks_that_skip_or_disagree_are_refused(tmp_path, time, file, words):
         write_joint_log(tmp_path / name, log(50))
     signals = {"actual": log(50).signals["actual"]}
     write_joint_log(tmp_path / file, JointLog(time, signals, {}))
+
     with pytest.raises(RecordingError, match=words) as caught:
         read_movement(tmp_path, ["a.csv", "b.csv"])
     assert caught.value.evidence["file"] == tmp_path / file
@@ -127,7 +130,9 @@ def test_a_jump_that_is_neither_a_motion_nor_whole_turns_is_refused(
 ):
     angles = TURNING + np.where(np.arange(60) < 20, 0.0, size)[:, None] * [0, 1]
     np.savez(tmp_path / "run.npz", time=np.arange(60) / 100, q=angles)
+
     options = LogOptions(joints=2, names=("a", "b"), signals={"actual": None})
+
     with pytest.raises(RecordingError, match=rf"b \(actual\) {words}"):
         movement.read_log(tmp_path / "run.npz", options)
 
@@ -152,6 +157,7 @@ def test_a_spike_of_any_size_is_no_turn_and_a_wrap_beside_noise_is_one():
     assert len(errors) <= 4 and max(errors, default=0) < TURN_NOISE
     step = np.where(time[:, None] > 1, 1.0, 0 * angles)
     assert unwrap(step, time, signal="target")[1] == 0
+
     # control: an angle that crosses half a turn to and fro with noise of 10 mrad wraps at each row
     noisy = np.pi + rng.normal(0, 0.01, (400, 6))
     wrapped, jumps = unwrap((noisy + np.pi) % TURN - np.pi, time)
@@ -163,6 +169,7 @@ def test_positions_of_a_prismatic_joint_are_metres_and_never_unwrapped(tmp_path,
     (tmp_path / "rail.urdf").write_text(RAIL)
     circular = commands.circular_joints(str(tmp_path / "rail.urdf"), ["slide", "turn"])
     assert circular.tolist() == [False, True]
+
     slide, turn = np.linspace(0, 12, 60), WRAP["to ±π"](TURNING[:, 0])
     slide[30:] += 3.5
     scale = np.array([1.0, np.degrees(1.0) if unit == "deg" else 1.0])
@@ -179,6 +186,7 @@ def test_positions_of_a_prismatic_joint_are_metres_and_never_unwrapped(tmp_path,
     if unit == "rad":
         with pytest.raises(RecordingError, match=r"joint 1 .* jumps by"):
             movement.read_log(tmp_path / "run.npz", LogOptions(**options))
+
     # nor are 2π m beside the command a whole turn
     rows = {"actual": np.c_[slide + 2 * np.pi, turn], "target": np.c_[slide, turn]}
     np.savez(tmp_path / "run.npz", time=np.arange(60) / 100, **rows)
@@ -225,10 +233,12 @@ def test_every_log_of_a_take_is_read_at_its_own_rate(raw):
     first_rows = [rows.iloc[0] for rows, _ in logs]
     takes = [(row["take"], row["part"]) for row in first_rows]
     assert takes == [("train_a", "training"), ("test_a", "test"), ("test_b", "test")]
+
     rows, quality = logs[1]
     np.testing.assert_allclose(rows["t"], 0.1 + np.arange(40) / 250, atol=1e-9)
     np.testing.assert_allclose(rows[["q:shoulder", "q:elbow"]], q, atol=1e-9)
     assert {row["quantity"]: row["value"] for row in quality}["rows"] == 40
+
     # a step that the joint cannot make
     file = folder / "logs/test_a.csv"
     stepping = q + 0.1 * (np.arange(40) > 20)[:, None] * [0, 1]
@@ -236,6 +246,7 @@ def test_every_log_of_a_take_is_read_at_its_own_rate(raw):
     words = r"elbow \(actual\) steps by .* allows 2 rad/s"
     with pytest.raises(RecordingError, match=words):
         encoder_rows(folder, encoder_dataset())
+
     # metres are no angles
     sliding = ELBOW.replace("revolute", "prismatic")
     sliding = sliding.replace('velocity="2"', 'velocity="900"')
@@ -289,6 +300,7 @@ def test_a_path_or_velocities_in_another_unit_order_or_clock_are_refused(wrong):
     tracked = Q + np.random.default_rng(1).normal(0, 5e-3, Q.shape)
     trajectory, spoil = trajectory_table(CHAIN, Q, RATE), WRONG[wrong]
     commands.require_commanded(tracked, trajectory, CHAIN, "a")
+
     words = r"not on the commanded path.*suspected"
     with pytest.raises(RecordingError, match=words) as refused:
         commands.require_commanded(tracked, spoil(trajectory, POSITIONS), CHAIN, "a")

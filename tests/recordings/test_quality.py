@@ -47,6 +47,7 @@ def measured(
 def test_a_take_beyond_a_limit_is_left_out_whole_and_one_at_the_limit_or_without_stays():
     residual = measured("residual_rms", {"a": 1e-3, "b": 1.001e-3, "c": 2e-4})
     takes = beside_limits(residual, {"residual_rms": 1e-3})
+
     assert takes["take"].tolist() == ["a", "b", "c"]
     assert takes["left_out"].tolist() == [False, True, False]
     assert reasons(takes) == ["b (residual_rms 0.001 beyond 0.001)"]
@@ -59,6 +60,7 @@ def test_copies_are_left_out_with_their_number():
     size = measured("alike_takes", {"a": 2.0, "b": 2.0, "c": 1.0}, unit="takes")
     takes = beside_limits(pd.concat([ratio, size]), {"likeness": 3.5})
     words = "likeness 9 beyond 3.5, 2 takes are copies of one"
+
     assert reasons(takes) == [f"a ({words})", f"b ({words})"]
 
 
@@ -69,6 +71,7 @@ def test_a_clock_may_drift_to_neither_side_and_a_less_disturbed_take_stays():
     limits = {"clock_drift": 0.02, "disturbance": 6.0}
     takes = beside_limits(pd.concat([drift, disturbance, no_measure]), limits)
     rows = takes[["take", "measure", "beyond", "left_out"]].to_numpy().tolist()
+
     assert rows == [
         ["a", "clock_drift", True, True],
         ["a", "disturbance", False, True],
@@ -85,6 +88,7 @@ def test_fewer_than_two_takes_of_a_part_are_refused_by_the_limits_name():
     with pytest.raises(RecordingError, match=words):
         require_enough(beside_limits(rows, {"residual_rms": 1e-3}))
     require_enough(beside_limits(rows, {"residual_rms": 1e-2}))
+
     # a single take that no limit leaves out is for others to judge
     single = measured("residual_rms", {"a": 1e-4})
     require_enough(beside_limits(single, {"residual_rms": 1e-3}))
@@ -123,6 +127,7 @@ def test_each_part_has_the_files_that_its_patterns_name_and_what_none_names(
     assert [*parts] == [*inventory.KEYS]
     for part, named in FILES.items():
         assert set(parts[part]["file"]) == {*named, UNCLAIMED}
+
     dataset.depth.takes = "/absolute/*"
     with pytest.raises(ConfigError) as refused:
         inventory.by_part(inventory.listing(recordings), dataset)
@@ -135,7 +140,9 @@ def test_a_listing_tells_a_change_that_keeps_the_size_and_needs_a_file(
 ):
     before = inventory.listing(recordings).set_index("file")
     (recordings / UNCLAIMED).write_text(UNCLAIMED[::-1])
+
     after = inventory.listing(recordings).set_index("file")
+
     assert list(before.index[(before != after).any(axis=1)]) == [UNCLAIMED]
     assert (before["bytes"] == after["bytes"]).all()
     with pytest.raises(RecordingError, match="no recordings") as refused:
@@ -149,9 +156,11 @@ def test_evidence_of_other_files_is_named_by_their_place(recordings, tmp_path):
     places = ["force", "kinect", "notes", "optitrack", "trajectory.csv"]
     assert evidence["place"].tolist() == places
     assert inventory.other_files(evidence, table) == ""
+
     inventory.listing(recordings).to_csv(table, index=False)
     assert inventory.other_files(evidence, table) == ""
     assert "does not name its raw files" in inventory.other_files(None, table)
+
     (recordings / "kinect/test_001/depth/0.png").write_text("another image")
     (recordings / "more.csv").write_text("")
     inventory.listing(recordings).to_csv(table, index=False)
@@ -191,7 +200,9 @@ def test_each_step_says_what_it_found_kept_and_left_out():
     quality = [measured(name, n, unit="count") for name, n in movements.items()]
     quality.append(measured("disturbance", {"a_1": 7.0, "a_2": 0.5}))
     quality = pd.concat(quality, ignore_index=True)
+
     table = account(FOUND, quality, beside_limits(quality, {"disturbance": 6.0}))
+
     assert table.to_numpy().tolist() == [
         ["files", "all", 6, 3, "LICENSE, old (2)"],
         ["motions", "a", 6, 2, "cut off 1, other motion 3"],
@@ -255,6 +266,7 @@ def test_what_all_repetitions_share_is_no_disturbance():
 def test_of_two_repetitions_and_of_repetitions_at_rest_none_is_disturbed():
     pair = residuals(2, np.random.default_rng(4))
     pair[0, 100:150] += 0.01
+
     assert_allclose(scores(pair), 0, atol=1e-9)
     assert scores(np.zeros((3, 10, 3))).tolist() == [0, 0, 0]
 

@@ -78,6 +78,7 @@ def test_ways_out_and_back_are_told_apart_by_their_commands_in_spite_of_noise(no
 def test_a_way_without_enough_rest_beside_it_is_left_out():
     short = rest(10, AWAY)
     result = find(*log(AT_HOME, OUT, short, BACK, AT_HOME, OUT, AT_AWAY))
+
     assert first_rows(result.runs) == [310]
     assert result.left_out["too_little_rest"] == [50]
 
@@ -85,6 +86,7 @@ def test_a_way_without_enough_rest_beside_it_is_left_out():
 def test_a_way_at_another_speed_is_another_motion():
     slower = way(HOME, AWAY, 130)
     angles, speeds = log(*OUT_AND_BACK, AT_HOME, slower, AT_AWAY)
+
     assert first_rows(find(angles, speeds).runs) == [50]
     assert first_rows(find(angles, speeds, steps=130).runs) == [350]
 
@@ -92,6 +94,7 @@ def test_a_way_at_another_speed_is_another_motion():
 def test_the_jerk_of_a_controller_taking_over_and_a_rest_are_no_excursions():
     jerk = rest(3, HOME), way(HOME, HOME + 5e-4, 3)
     motions = repetitions.excursions(*log(*jerk, AT_HOME, OUT, AT_AWAY))
+
     assert first_rows(motions) == [56]
     assert repetitions.excursions(*log(rest(300, HOME))) == []
 
@@ -147,6 +150,8 @@ def test_a_motion_in_passing_is_found_in_each_period_and_brought_in_phase():
 def test_motions_that_would_overlap_are_left_out():
     command = periodic(800, 200.0)
     ends = command[10], command[260]
+
     outcome = repetitions.find_repetitions(command, [], ends, 250, rest=0)
+
     assert first_rows(outcome.runs) == [10, 410]
     assert outcome.left_out == {"overlapping": [210]}

@@ -97,7 +97,9 @@ def test_a_stretch_of_a_long_run_is_of_its_motion_and_another_command_is_not():
     logs = {}
     for name, q in (("a", wave(t)), ("b", wave(t[300:1300])), ("c", wave(t, 1.2))):
         logs[name] = movement(q, q + 1e-6)
+
     runs, _ = joint_runs(logs, RATE)
+
     assert [run.motion for run in runs] == ["1", "1", "2"]
 
 
@@ -105,7 +107,9 @@ def test_disturbed_runs_and_logs_at_rest_are_named():
     logs = several("abcd", ways=3)
     logs["c"].actual[150:200, 1] += 0.01
     logs["still"] = movement(np.zeros((N, 3)), np.zeros((N, 3)))
+
     runs, unused = joint_runs(logs, RATE)
+
     assert "disturbed" in unused["c_1"] and "never moves" in unused["still"]
     assert len(unused) == 2 and len(runs) == 4 * 3 - 1
     with pytest.raises(RecordingError, match=r"still: the command never moves"):
@@ -116,7 +120,9 @@ def test_a_joint_that_stands_still_is_named():
     logs = several("ab", ways=3)
     for log in logs.values():
         log.actual[:, 2] = 0.0
+
     runs, unused = joint_runs(logs, RATE)
+
     assert "it moves by 0 rad" in unused["joint_3"]
     assert runs[0].joints == ("joint_1", "joint_2")
 
@@ -124,6 +130,7 @@ def test_a_joint_that_stands_still_is_named():
 def test_a_file_that_was_copied_is_no_second_recording():
     logs = {"a": stops(2, 1), "b": stops(2, 1), "c": stops(2, 2)}
     runs, unused = joint_runs(logs, RATE)
+
     assert len(runs) == 4 and [*unused] == ["b"]
     assert unused["b"].startswith("a copy:")
 
@@ -158,6 +165,7 @@ def test_a_wrong_command_leaves_out_its_own_run_alone(size, follows, left_out):
         logs["c"].actual[180, 1] += size
     _, unused = joint_runs(logs, RATE)
     wrong = [name for name, reason in unused.items() if "and back in row 180" in reason]
+
     assert wrong == left_out
     assert {*unused} <= {"c_1"}
 
@@ -170,6 +178,7 @@ def test_a_second_way_that_runs_repeat_is_no_disturbance():
         logs[name].actual[:, 1] += another_way
     _, unused = joint_runs(logs, RATE)
     assert not unused
+
     logs["d"].actual[150:200, 1] += 0.01
     _, unused = joint_runs(logs, RATE)
     assert [*unused] == ["d_1"]
@@ -205,7 +214,9 @@ def test_rows_at_the_end_where_the_arm_has_stopped_are_left_out():
     t = np.arange(N) / RATE
     actual = wave(t - 0.001)
     actual[-20:] = actual[-20]
+
     (run,), _ = joint_runs({"log": movement(wave(t), actual)}, RATE)
+
     assert np.abs(run.measured - run.command).max() < 1e-3
     assert N - 40 < len(run.command) < N - 10
     assert run.lag[0] == pytest.approx(0.001, abs=5e-5)
@@ -219,6 +230,7 @@ def test_the_step_of_recorded_angles_is_found_where_there_is_one(quantum, printe
     rng, t = np.random.default_rng(2), np.arange(4000) / RATE
     angles = np.sin(0.1 * t) + rng.normal(0, 1e-5, len(t))
     recorded = quantum * np.rint(angles / quantum) if quantum else angles
+
     assert find_quantum(np.round(recorded, printed)) == pytest.approx(quantum, rel=0.03)
 
 
@@ -228,6 +240,7 @@ def test_a_constant_speed_is_no_step_of_the_angles(quantum, expected):
     starting = np.linspace(0.1, 1.0, 25) * 399e-6
     angles = np.cumsum(np.concatenate([starting, speed]))
     recorded = quantum * np.rint(angles / quantum)
+
     assert find_quantum(recorded) == pytest.approx(expected, rel=1e-3)
 
 
@@ -276,6 +289,7 @@ def test_tables_of_a_movement_take_their_rate_from_the_times(tmp_path):
     logs = folder_logs(tmp_path, {})
     assert logs.rate == 125.0
     assert any("angle_unit: rad" in words for words in logs.suggested)
+
     runs, unused = joint_runs(logs.movements, logs.rate)
     assert [run.motion for run in runs] == ["1", "2", "1"] and not unused
     assert runs[0].lag == pytest.approx(np.full(6, 0.001), abs=1e-4)

@@ -47,6 +47,7 @@ def test_every_estimate_has_a_standard_error_and_an_interval(project, choose, mo
     for name in names:
         assert metrics[f"{name}_interval_low"] <= metrics[f"{name}_interval_high"]
         assert 0 < metrics[f"{name}_standard_error"] < 0.5 * abs(metrics[name]) + 0.2
+
     scale = config.sections("fit", item=model).scale
     assert metrics["bootstrap_replicates"] == scale.bootstrap_replicates
     assert metrics["bootstrap_replicates_without_an_estimate"] == 0
@@ -67,6 +68,7 @@ def test_an_unbounded_bound_has_no_interval_and_along_its_ridge_the_level_stays(
             has_one = f"{name}{estimator}_interval_low" in metrics
             assert has_one == (metrics[f"u{estimator}_unbounded"] == 0)
         assert f"noise_level{estimator}_interval_low" in metrics
+
     ridge = contracts.read("ridge", fit.OUT / "gaussian")
     assert np.ptp(ridge["level"]) < 0.1 * ridge["level"].mean()
     assert ridge["alpha"].iloc[-1] < 0.5 * ridge["alpha"].iloc[0]
@@ -94,12 +96,15 @@ def test_noise_of_the_measurement_alone_gives_no_model_and_later_stages_leave_it
         with pytest.raises(ModelDomainError, match="does not exceed the measurement"):
             fitted_model(fit.OUT / model)
         assert not contracts.exists("moments", fit.OUT / model)
+
     metrics = metrics_of("wishart")
     assert "sigma_b" not in metrics
     assert "sigma_b_paper" in metrics
+
     predict.run()
     left_out = "predict: wishart is left out: the recorded process noise"
     assert left_out in capsys.readouterr().out
+
     predicted = set(contracts.read("predictions", predict.OUT)["model"])
     assert "additive" in predicted
     assert predicted.isdisjoint({"wishart", "gaussian"})
@@ -118,6 +123,7 @@ def test_a_closed_loop_is_fitted_beside_the_open_one_unless_the_options_say_no(
     assert metrics["closed_loop_u"] == model.u
     # the takes are drawn in an open loop
     assert metrics["closed_loop_share_interval_low"] < 0.01
+
     choose(overrides={"models": {"gaussian": {"closed_loop": False}}})
     fit.run("gaussian")
     assert fitted_closed_loop(fit.OUT / "gaussian") is None
@@ -135,6 +141,7 @@ def test_results_of_models_that_are_not_chosen_go_and_the_others_stay(
         Path(place, "parameters.json").touch()
     configure.run()
     left = [str(file) for file in Path("data").rglob("*.json")]
+
     assert left == ["data/fit/additive/parameters.json"]
     assert Path("data/config.yaml").is_file()
 
@@ -148,6 +155,7 @@ def log_scores() -> pd.DataFrame:
 def test_a_stated_noise_of_a_pose_is_twice_in_the_noise_of_a_step(project):
     settings = config.composed_config().dataset
     stated = training_steps(settings.robot, replace(settings.motion, pose_noise=3e-3))
+
     np.testing.assert_allclose(stated.measurement, 2 * 9e-6 * np.eye(len(JOINTS)))
     assert training_steps(settings.robot, settings.motion).known_measurement is None
 
@@ -172,6 +180,7 @@ def test_the_true_model_predicts_best_and_its_coverage_is_a_normal_ones(
     for joint in JOINTS:
         coverage = means["all", "gaussian", f"coverage_of_one_sigma_{joint}"]
         assert coverage == pytest.approx(0.683, abs=0.05)
+
     # control: twice the noise has a lower log score
     twice = MODELS["gaussian"] | {"alpha": 2 * MODELS["gaussian"]["alpha"]}
     Path("data/fit/gaussian/parameters.json").write_text(json.dumps(twice))
@@ -193,6 +202,7 @@ def test_without_test_takes_each_is_predicted_by_the_others(project, choose):
         again = rows.assign(take=rows["take"] + "_")
         contracts.write(pd.concat([rows, again]), name, predict.TRACK)
     predict.run()
+
     assert log_scores().loc["none", "mean"] > held_out + 0.3
 
 
@@ -209,6 +219,7 @@ def test_every_other_reading_has_evidence_of_the_wishart_model_and_of_no_other(
     # without a camera there is none on filters; no other model depends on the reading
     assert not rows["quantity"].str.contains("bound|filter|camera").any()
     assert (rows["model"].eq("wishart") | rows["rival"].eq("wishart")).all()
+
     choose(models=["additive"])
     readings.run()
     assert readings.OUT.is_dir() and not contracts.exists("readings", readings.OUT)

@@ -32,7 +32,9 @@ def test_repetitions_are_gathered_over_movements_and_their_mean_command_is_the_t
     late = {"late": 8e-4, "noise": 1e-5}
     write_movement(tmp_path / "logs/move_1", 5, offset=1e-4, **late)
     write_movement(tmp_path / "logs/move_2", 1, offset=-1e-4, seed=1, **late)
+
     names, q = read(tmp_path / "logs")
+
     assert names == ["move_1_1", "move_1_2", "move_1_3", "move_2_1"]
     assert q.shape == (4, 141, 3)
     # three takes 0.1 mrad above and one as much below: 0.05 and 0.15 mrad off their mean
@@ -40,6 +42,7 @@ def test_repetitions_are_gathered_over_movements_and_their_mean_command_is_the_t
     np.testing.assert_allclose(deviations, [5e-5, 5e-5, 5e-5, 1.5e-4], atol=1e-6)
     lags = [quality("lag_behind_command", name) for name in names]
     np.testing.assert_allclose(np.mean(lags), 8e-4, atol=2e-5)
+
     trajectory = contracts.read("trajectory", Path("data/ingest/motion"))
     chain = load_arm("pipeline/arm/ur5.urdf", CHAIN, "wrist_centre", {}).chain
     ends = chain.coordinates(np.array([HOME, AWAY])[:, 1:4] + 5e-5)
@@ -59,6 +62,7 @@ def test_too_few_or_unequal_repetitions_are_refused_with_what_there_is(
         write_movement(tmp_path / "logs/move_3", 1)
         for file in (tmp_path / "logs/move_3" / name for name in FILES):
             file.write_text("".join(file.read_text().splitlines(keepends=True)[:110]))
+
     with pytest.raises(RecordingError, match=words):
         read(tmp_path / "logs", **choice)
     assert not list(Path("data/ingest").iterdir())
@@ -74,6 +78,7 @@ def test_recordings_that_are_not_there_are_refused_by_their_folder(
         with pytest.raises(RecordingError, match="exist") as caught:
             run()
         assert caught.value.evidence["file"] == nowhere
+
     # control: an inventory that is there stays
     inventory.write_text("file\n")
     command.run(nowhere, inventory)
@@ -120,6 +125,7 @@ def test_one_table_a_movement_gives_what_one_file_a_signal_does(read, tmp_path):
         assert read_names == names
         np.testing.assert_allclose(read_q, q, rtol=0, atol=error)
         assert quality("speed_from_angles", "move") == (signals is ANGLES)
+
     with pytest.raises(ConfigError, match="target angles"):
         read(tmp_path / "tables", **TABLES, signals={"actual": SIGNALS["actual"]})
 
@@ -133,6 +139,7 @@ def test_a_disturbed_repetition_is_left_out_by_name_and_the_others_stay_as_they_
     names, q = read(tmp_path / "logs")
     assert len(names) == 5
     assert quality("disturbed_from_row", "move_1") == 0
+
     # joint 3 is pushed aside by 2 mrad in the middle of the third way out
     log = read_joint_log(tmp_path / "logs/move_1" / FILES[0], joints=6)
     push = 2e-3 * np.sin(np.linspace(0, np.pi, 40))
@@ -141,6 +148,7 @@ def test_a_disturbed_repetition_is_left_out_by_name_and_the_others_stay_as_they_
     undisturbed, q_of_undisturbed = read(tmp_path / "logs")
     assert undisturbed == [name for name in names if name != "move_1_3"]
     np.testing.assert_array_equal(q_of_undisturbed, np.delete(q, 2, axis=0))
+
     left_out = contracts.read("disturbed_log", Path("data/ingest/motion"))
     assert {*left_out["take"]} == {"move_1_3"}
     assert len(left_out) == q.shape[1]
@@ -190,6 +198,7 @@ def test_a_command_that_is_no_pair_is_refused_and_settled_by_its_option(
     with pytest.raises(RecordingError, match=f"do not agree.*{words}") as refused:
         read(logs)
     assert refused.value.evidence["file"].name == "move_1"
+
     outcome = read(logs, **option)
     assert outcome[0] == names
     np.testing.assert_allclose(outcome[1], q, rtol=0, atol=1e-9)
@@ -209,6 +218,7 @@ def test_joints_that_are_locked_elsewhere_than_logged_are_refused(read, tmp_path
         read(tmp_path / "logs", robot={"locked": {"joint_1": float(HOME[0])}})
     assert refused.value.evidence["key"] == "dataset.robot.locked.joint_1"
     assert refused.value.evidence["take"] == "move_1_1"
+
     # the control: another joint's column is not its own
     names = [f"joint_{j}" for j in (6, 2, 3, 4, 5, 1)]
     robot = {"locked": {"joint_1": float(HOME[5])}}
@@ -224,6 +234,7 @@ def test_a_step_that_the_joint_cannot_make_is_refused_with_joint_time_speed_and_
     log.signals["actual"][200, 4] += 0.2
     write_joint_log(logs / "move_2" / FILES[0], log)
     words = r"joint_5 \(actual\) steps by 0\.\d+ rad at 1\.6 s .* rad/s, where .* 3\.142 rad/s"
+
     with pytest.raises(RecordingError, match=words):
         read(logs)
     # what is refused leaves nothing behind

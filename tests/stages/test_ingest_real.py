@@ -73,11 +73,13 @@ def test_the_real_logs_go_from_raw_files_to_process_noise(
     assert quality("excursions_other_motion", "Movement") == others
     assert all(0 < quality("command_deviation", take) < 1.3e-4 for take in names)
     assert all(0.3e-3 < quality("lag_behind_command", take) < 1.0e-3 for take in names)
+
     trajectory = contracts.read("trajectory", Path("data/ingest/motion"))
     velocity, pose = values(trajectory, "v")[:-1], values(trajectory, "x")
     still = ~velocity.any(axis=1)
     assert still[:34].all() and still[-35:].all() and not still[34:-35].any()
     np.testing.assert_allclose(np.diff(pose, axis=0), velocity / 125, atol=1e-12)
+
     joints = ["joint_2", "joint_3", "joint_4"]
     chain = load_arm("pipeline/arm/ur5.urdf", joints, "wrist_centre", {}).chain
     np.testing.assert_allclose(chain.coordinates(q.mean(axis=0)), pose, atol=2e-3)
@@ -86,6 +88,7 @@ def test_the_real_logs_go_from_raw_files_to_process_noise(
     assert np.all(spread_of(w[:, still]) < 24e-6)
     moving = spread_of(w[:, ~still])
     assert np.all(moving > 40e-6) and np.all(moving < 145e-6)
+
     # a position-controlled arm does not wander: what one step adds the next takes back
     varying = (w - w.mean(axis=0))[:, ~still]
     recoil = np.sum(varying[:, 1:] * varying[:, :-1], axis=(0, 1)) / np.sum(
@@ -103,6 +106,7 @@ def test_all_six_joints_and_the_pose_in_space(ur5, log_project):
     # the same motion as the three joints' alone, to the row
     assert result == names and q.shape == (4, 362, 6)
     np.testing.assert_array_equal(q[..., 1:4], planar)
+
     trajectory = contracts.read("trajectory", Path("data/ingest/motion"))
     assert members(trajectory, "v") == ("x", "y", "z", "rx", "ry", "rz")
     assert not members(trajectory, "u")  # as many joints as rows
@@ -121,16 +125,19 @@ def test_the_logs_of_seven_joints_go_from_raw_files_to_process_noise(lwr4, log_p
     assert names == TAKES and q.shape == (4, 1101, 7)
     # the second repetition starts between two rows, and its command is the same to a nanoradian
     assert all(quality("command_deviation", take) < 1e-9 for take in names)
+
     # what is left of the delays is the arm's: as was found on these recordings, 0.4 and 2.1 ms
     lags = [1e3 * quality("lag_behind_command", take) for take in names]
     np.testing.assert_allclose(lags, [0.4, 0.4, 2.1, 2.1], atol=0.15)
     assert quality("uneven_rows", "measurements") == 19
+
     trajectory = contracts.read("trajectory", Path("data/ingest/motion"))
     speeds = values(trajectory, "u")[:-1]
     np.testing.assert_allclose(speeds, np.diff(q.mean(axis=0), axis=0) * 200, atol=0.02)
     assert len(members(trajectory, "v")) == 6
     resampled = [quality("resampled_rows", take) for take in names]
     assert resampled == [0, 1101, 0, 1101]
+
     track.run()
     _, w = contracts.stacked(contracts.read("process_noise", Path("data/track")), "w")
     spread = spread_of(w)

@@ -65,12 +65,14 @@ def tracked() -> np.ndarray:
 def test_angles_are_measured_as_well_as_their_noise_lets_them():
     errors = tracked()
     assert errors.shape == (5, 321, 7)
+
     # the arm rests for 0.3 s at the start: what changes then is the noise of the bodies
     noise = errors[:, :28].std(axis=1)
     assert noise.max() < 1e-3
     # misplaced markers and misbuilt links are there, and the same in every take
     assert 1e-4 < np.abs(errors.mean(axis=(0, 1))).max() < 0.02
     assert np.abs(errors.mean(axis=1) - errors.mean(axis=(0, 1))).max() < 1e-3
+
     quality = contracts.read("quality", Path("data/track")).groupby("quantity")["value"]
     assert quality.mean()["residual_rms"] < 1e-3
     assert quality.sum()[["interpolated", "rejected"]].sum() == 0
@@ -89,6 +91,7 @@ def test_takes_beyond_a_limit_are_left_out_and_named_and_the_others_stay(capsys)
     tracked()
     takes, before = (contracts.read(name, track.OUT) for name in ("takes", "joints"))
     assert not takes["left_out"].any() and takes["limit"].notna().any()
+
     markers = contracts.read("markers", track.MOTION)
     # a gap of 41 frames would also be beyond missing_share, and the interpolated path disturbed
     gap = (markers["take"] == "train_001") & markers["k"].between(50, 74)
@@ -113,6 +116,7 @@ def test_a_perfect_arm_is_measured_to_the_digits_of_its_files():
         perfect[section] = dict.fromkeys(options, 0.0)
     choose(dataset={"laboratory": perfect})
     record.run("lwr4_lab")
+
     # Motive prints micrometres
     assert np.abs(tracked()).max() < 5e-5
 
@@ -132,4 +136,5 @@ def test_recordings_of_a_dataset_that_is_not_analysed_stay_as_they_are(capsys):
     marker.parent.mkdir(parents=True)
     marker.touch()
     record.run("youbot")
+
     assert marker.exists() and "set dataset: youbot" in capsys.readouterr().out

@@ -81,9 +81,11 @@ def test_every_claim_has_its_verdict_in_both_forms():
     assert {*verdicts.index.get_level_values("dataset")} == {"youbot", "no recording"}
     names = [claim["id"] for claim in stated]
     assert list(dict.fromkeys(verdicts.index.get_level_values("claim"))) == names
+
     page = Path("reports/youbot/report.md").read_text()
     assert all(c["statement"] in page or c["id"] in page for c in stated)
     assert len(page.splitlines()) <= 180 and len(page.split()) <= 3300
+
     # no verdict on a robot comes of recordings that no robot made
     others = [claim["id"] for claim in stated if claim["about"] != "method"]
     assert not {*verdicts[others]} & {"holds", "fails"}
@@ -100,6 +102,7 @@ def test_every_link_of_the_report_leads_to_a_file_that_a_run_has():
     }
     # of a pipeline of their own
     assert all(link.startswith("../studies/") for link in missing)
+
     anchors = set(re.findall(r"errata\.md#([\w-]+)", page))
     errata = Path("reports/youbot/errata.md").read_text()
     assert anchors and all(f'<a id="{anchor}">' in errata for anchor in anchors)
@@ -110,6 +113,7 @@ def test_the_results_in_the_readme_are_those_of_the_papers_scale_and_equal_runs_
     before, after = (ROOT / "README.md").read_text(), Path("README.md").read_text()
     assert "computations without a recording" in BLOCK.search(after)[0]
     assert BLOCK.sub("", after) == BLOCK.sub("", before)
+
     first = written()
     Path("README.md").write_text(before)
     report.run()
@@ -167,6 +171,7 @@ def test_an_altered_number_a_dataset_of_the_paper_and_another_dataset_are_seen()
     assert all(
         before != after for before, after in zip(first[:3], written(), strict=False)
     )
+
     verdicts = decided()
     assert {"youbot", "ur5"} < {*verdicts.index.get_level_values("dataset")}
     assert verdicts["sigma-omega", "youbot"] in ("holds", "fails")
@@ -187,6 +192,7 @@ def test_malformed_claims_or_evidence_are_refused_and_earlier_pages_are_left(
         edited.unlink()
     else:
         edited.write_text(text.replace(old, new, 1))
+
     with pytest.raises((ConfigError, ContractError), match=words):
         report.run()
     assert written() == before

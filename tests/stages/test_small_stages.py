@@ -106,11 +106,13 @@ def test_a_case_with_the_choices_of_the_run_has_the_runs_evidence_and_verdicts(
         check_exact=False,
     )
     assert {"additive", "additive_closed", "none"} < {*run["model"]}
+
     arm = ArmNames(tuple(JOINTS), tuple(takes.training.chain.task))
     of_run, of_case = (
         claim_verdicts(read_claims(), table, arm)["verdict"] for table in (run, again)
     )
     assert of_run.tolist() == of_case.tolist() and {"holds", "fails"} < {*of_run}
+
     # control: other random numbers
     (other_draw,) = evaluate([replace(base, draw=1)], recordings, map)
     drawn = other_draw.evidence
@@ -126,6 +128,7 @@ def test_the_chosen_dataset_is_written_and_an_unknown_one_is_refused_by_key(proj
     data.symlink_to(Path(__file__).parents[2] / data)
     choose.run()
     assert choose.CHOSEN.read_text() == "youbot\n"
+
     Path("params.yaml").write_text("dataset: nowhere\n")
     with pytest.raises(ConfigError) as refused:
         choose.run()
@@ -144,6 +147,7 @@ def test_without_a_depth_camera_or_a_force_transducer_what_needs_them_is_left_ou
     choose(overrides=absent)
     articulate.run()
     assert articulate.OUT.is_dir() and not any(articulate.OUT.iterdir())
+
     wrench.run()
     written = {file.stem for file in wrench.OUT.glob("*.parquet")}
     assert written == {"sigma_s", "wrench_errors", "wrench_spread"}
@@ -163,6 +167,7 @@ def test_figures_without_tables_are_left_out_and_publish_replaces_earlier_files(
     figures.run()
     captions = json.loads((figures.OUT / "captions.json").read_text())
     assert {file.stem for file in figures.OUT.glob("*.png")} == {*captions}
+
     earlier = Path("reports/youbot/tables/earlier.csv")
     earlier.parent.mkdir(parents=True)
     earlier.write_text("")
@@ -172,6 +177,7 @@ def test_figures_without_tables_are_left_out_and_publish_replaces_earlier_files(
     assert json.loads(Path("reports/youbot/captions.json").read_text()) == captions
     assert "synthetic" in json.loads(Path("reports/datasets/youbot.json").read_text())
     assert not (Path("reports/youbot/figures") / publish.CAPTIONS).exists()
+
     # a trial does not replace the results of another scale
     evidence = Path("reports/datasets/youbot.json")
     evidence.write_text('{"scale": "paper"}')
@@ -179,6 +185,7 @@ def test_figures_without_tables_are_left_out_and_publish_replaces_earlier_files(
     publish.run()
     assert evidence.read_text() == '{"scale": "paper"}'
     assert Path("reports/trials/youbot/metrics/new.csv").read_text() == "metrics"
+
     # it replaces those of an earlier trial
     evidence.write_text('{"scale": "smoke"}')
     publish.run()

@@ -86,6 +86,7 @@ def test_a_take_of_the_same_kind_is_called_another_as_seldom_as_the_level_says()
 def test_a_push_is_found_in_its_joint_and_span(joint, first):
     drawn = innovations(3)
     assert verdict(drawn).behaves
+
     drawn[-1, first : first + 8, joint] += 12.0
     pushed = verdict(drawn)
     assert not pushed.behaves and pushed.p_spans <= pushed.limit
@@ -114,6 +115,7 @@ def test_a_log_of_the_dataset_is_read_as_the_dataset_has_it(logs):
     takes = command.new_takes(logs / "move_1", settings.dataset, q.mean(axis=0))
     assert [*takes] == names
     np.testing.assert_array_equal(np.stack([*takes.values()]), q)
+
     write_movement(logs / "other", 1, offset=0.5)
     with pytest.raises(RecordingError, match="no repetition of the dataset's motion"):
         command.new_takes(logs / "other", settings.dataset, q.mean(axis=0))
@@ -160,6 +162,7 @@ def test_a_single_run_is_assessed_by_an_exported_error_law_without_a_run_of_stag
         assert words in printed["new"]
     assert "loose_1 does NOT behave as the 4 runs of model.json" in printed["loose"]
     assert not Path("data").exists()
+
     record["joints"] = record["parameters"]["joints"] = [f"axis_{j}" for j in range(6)]
     Path("model.json").write_text(json.dumps(record))
     with pytest.raises(RecordingError, match="the log has no joint axis_0, axis_1"):

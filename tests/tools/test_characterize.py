@@ -35,10 +35,12 @@ def test_a_folder_of_logs_alone_becomes_a_card_and_a_model(
     assert "run move_2_2: " in said and "of motion 4" in said
     noise = re.search(r"noise of a measured angle: ([\d.]+) µrad", said)
     assert float(noise[1]) == pytest.approx(50, rel=0.1)
+
     card = Path("reports/bench/model_card.md").read_text()
     # white noise does not add up: steps of it are no law half a second ahead
     assert "**No model for another motion**" in card and "5 runs of 4 motion(s)" in card
     assert Path("reports/bench/figures/held_out_error.png").is_file()
+
     model = load("data/export/bench_joint_step.json", period=0.008)
     std = np.sqrt(np.diag(model.law.covariance_of_joint_step(np.full(6, 5e-3))))
     np.testing.assert_allclose(std, np.sqrt(2) * 5e-5, rtol=0.2)
@@ -74,6 +76,7 @@ def test_a_folder_without_a_usable_log_names_the_reason(tmp_path):
         match=r"can be used: a\.csv: no commanded angles.* --urdf FILE",
     ):
         tool_call("characterize", [str(tmp_path)])()
+
     t = np.linspace(0, 6, 601)
     first, second = 0.5 * np.sin(t), 0.8 * np.sin(1.7 * t) ** 2
     labels = "time (s),target_1 (rad),target_2 (rad),actual_1 (rad),actual_2 (rad)"
@@ -93,6 +96,7 @@ def test_the_logs_of_a_real_arm_take_one_command(robot, tmp_path, monkeypatch, c
     tool_call("characterize", [str(RECORDINGS / robot), "--name", "lab"])()
     said = capsys.readouterr().out
     assert "**Model for another motion: " in said and "Traceback" not in said
+
     (file,) = Path("data/export").glob("lab_*.json")
     assert load(file).law.traits.memory
     if robot == "kr300":

@@ -83,6 +83,7 @@ def refused(capsys, count: int | str) -> str:
 def test_nothing_is_wrong_and_another_name_is_refused(files, capsys):
     tool_call("check", ["lab"])()
     choose = "set `dataset: lab` in params.yaml, and run `dvc repro`"
+
     assert capsys.readouterr().out == f"check: lab has no faults; next: {choose}\n"
     with pytest.raises(ConfigError, match="no dataset 'nowhere'; there are"):
         tool_call("check", ["nowhere"])()
@@ -105,6 +106,7 @@ def test_everything_that_is_wrong_is_printed_at_once(files, capsys):
         "robot.tol",
         "walks",
     )
+
     for key in (
         *keys,
         "key dataset.motion.rate",
@@ -153,6 +155,7 @@ def test_an_archive_states_its_traps_and_the_values_that_settle_them(root, tmp_p
         np.savez(logs / f"run_{number}.npz", times=1.5e9 + TIME + jitter, **arrays)
     findings = inspect(logs)
     assert [finding.format for finding in findings] == ["NumPy archive of joints"] * 2
+
     settled = {
         "clock": "rows",
         "target_factor": "57.29577951308232",

@@ -99,6 +99,7 @@ def test_both_readers_need_only_numpy_and_give_the_bits_of_compiled_code(
     assert done.returncode == 0, done.stderr
     got, model = json.loads(done.stdout), load(file)
     assert got["took"] < 1.0
+
     q = np.array([0.3, 1.5, -0.4]) + 0.1 * np.arange(5)[:, None]
     v = np.array([0.001, -0.001, 0.01])
     np.testing.assert_array_equal(got["mean"], model.mean(q, task_step=v))
@@ -121,6 +122,7 @@ def test_equal_names_in_two_modules_of_the_reader_stay_apart(folder, monkeypatch
 def test_a_wrong_shape_and_a_singular_pose_are_named(folder, chain):
     model = load(write_model(folder / "wishart.json", "wishart", chain))
     straight = np.array([0.3, chain.straight, -0.4])
+
     with pytest.raises(SingularJacobianError, match="singular at 1 pose"):
         model.covariance(straight, task_step=np.zeros(3))
     with pytest.raises(ModelDomainError, match=r"q must have 3 .*\(2,\)"):
@@ -162,6 +164,7 @@ def test_an_exported_error_law_predicts_what_its_draws_do(errors, off):
     np.testing.assert_allclose(left.std(axis=0), std, rtol=0.15)
     # control: without the past the errors spread more
     assert np.all(off[:, -1].std(axis=0) > 1.2 * left.std(axis=0))
+
     density = model.log_density(off[0, :KNOWN], COMMANDED, mean)
     assert density == pytest.approx(-0.5 * np.linalg.slogdet(2 * np.pi * covariance)[1])
 
@@ -172,6 +175,7 @@ def test_without_known_errors_the_law_starts_at_rest(errors):
     rest_error = model.law.mean_gain[None, :, 0]
     waiting = np.concatenate([COMMANDED[:1], COMMANDED])
     expected = model.predict(rest_error, waiting, 40)
+
     for of_rest, of_waiting in zip(resting, expected, strict=True):
         np.testing.assert_array_equal(of_rest, of_waiting)
     assert np.all(np.diag(resting[1]) > 0)
@@ -182,6 +186,7 @@ def test_the_copied_reader_predicts_the_projects_numbers(errors, off, monkeypatc
     # the warning's class is of the copied module, which pytest-xdist cannot import
     with pytest.warns(reader.UnconfirmedBands, match="spread of the lag"):
         copied = reader.load(errors)
+
     arguments = off[0, :KNOWN], COMMANDED, AHEAD
     predictions = copied.predict(*arguments), load(errors).predict(*arguments)
     for of_copy, of_project in zip(*predictions, strict=True):
@@ -193,6 +198,7 @@ def test_what_the_fit_did_not_see_is_warned_of(errors, off):
     poses = off[0, :KNOWN] + COMMANDED[:KNOWN]
     with pytest.warns(OutsideRanges, match="error of a: .* is outside the range"):
         model.predict(poses + 1.0, COMMANDED, AHEAD)
+
     words = r"0\.6 s ahead is beyond 0\.5 s, the longest"
     with pytest.warns(OutsideRanges, match=words):
         model.predict(off[0, :100], COMMANDED, 60)
@@ -205,6 +211,7 @@ def test_a_law_whose_bands_the_recordings_do_not_confirm_is_warned_of(tmp_path):
     white = tmp_path / "white.json"
     write_export(error_record("joint_step", options, runs, "bench"), white)
     words = r"σ of [ab] at 0\.5 s is .* such in record"
+
     with pytest.warns(UnconfirmedBands, match=words):
         load(white)
 
@@ -213,6 +220,7 @@ def test_histories_of_other_shapes_and_gaps_are_refused(errors, off):
     model, past = load(errors), off[0, :KNOWN]
     gap = past.copy()
     gap[7, 1] = np.nan
+
     for arguments, words in (
         ((past, COMMANDED, AHEAD + 1), "a row for each of the 154 errors"),
         ((gap, COMMANDED, AHEAD), "errors must be finite, got .* in row 7"),
@@ -240,6 +248,7 @@ def test_an_edited_model_is_refused_with_key_and_value(
     exported = errors if law == "errors" else file
     text = json.dumps(json.loads(exported.read_text()))
     assert old in text and load(file)
+
     file.write_text(text.replace(old, new))
     with pytest.raises(ContractError, match=words) as caught:
         load(file)
@@ -256,6 +265,7 @@ def test_a_dispersion_without_a_step_is_refused(tmp_path, chain):
 def test_another_period_and_joint_steps_for_task_steps_are_errors(tmp_path, chain):
     file = write_model(tmp_path / "model.json", "gaussian", chain)
     model = load(file, period=0.01)
+
     with pytest.raises(ModelDomainError, match=r"steps of 0\.01 s, not 0\.008"):
         load(file, period=0.008)
     with pytest.raises(TypeError):  # a step is named: of the task or of the joints
@@ -265,6 +275,7 @@ def test_another_period_and_joint_steps_for_task_steps_are_errors(tmp_path, chai
 def test_a_wishart_model_whose_step_has_no_covariance_is_not_exported(chain):
     recorded = SimpleNamespace(chain=chain)
     parameters = PARAMETERS["wishart"] | {"kind": "wishart"}
+
     require_covariance("wishart", parameters | {"sigma_b": 0.81}, recorded)
     with pytest.raises(ModelDomainError, match=r"0\.82 is not below 0\.816"):  # √(4/6)
         require_covariance("wishart", parameters | {"sigma_b": 0.82}, recorded)
@@ -290,7 +301,9 @@ def test_the_covariance_of_a_measured_pose_is_half_of_a_steps(
     dataset = SimpleNamespace(name="lab", robot=robot, motion=motion, joint_log=None)
     scale = SimpleNamespace(name="paper")
     settings = SimpleNamespace(dataset=dataset, models={}, seed=1, scale=scale)
+
     record = command.exported_record("additive", settings)
+
     if is_known:
         np.testing.assert_allclose(record["pose_covariance_rad2"], pose)
     else:
@@ -343,6 +356,7 @@ def test_the_readmes_filters_of_joint_errors_are_nearer_than_measured(
         return
     true = names["path"][names["known"] + names["lost"] - 1]
     camera = np.abs(names["camera"] - true).max()
+
     assert np.abs(names["by_kalman"] - true).max() < camera
     assert np.abs(names["predicted"] - true).max() < camera
 
@@ -356,6 +370,7 @@ def test_the_readmes_filters_are_nearer_than_measured_and_its_planner_swings_out
     write_model(folder / "model.json", "wishart", chain, speed=0.1)
     names = run_blocks(BLOCKS[3:], folder, monkeypatch)
     assert len(BLOCKS) == 7 and len(names["by_ukf"]) == 60
+
     measured = error(names, "measured")
     assert 0.004 < measured < 0.006
     assert max(error(names, "by_ukf"), error(names, "by_particles")) < 0.7 * measured

@@ -109,7 +109,9 @@ def test_a_sequence_names_its_damaged_and_missing_frames(zoo, tmp_path):
     (tmp_path / "a/depth/0001.png").unlink()
     frame = tmp_path / "a/depth/0000.png"
     frame.write_bytes(frame.read_bytes()[:-20])
+
     (finding,) = inspect(tmp_path)
+
     assert "1 of 4 frames of the index do not exist: depth/0001.png" in finding.stops[0]
     assert finding.stops[1].startswith("0000.png: the depth frame is truncated")
 
@@ -126,6 +128,7 @@ def test_recordings_that_differ_in_a_number_share_a_line_and_json_has_each(tmp_p
     assert table.count("    ? the file does not state the unit of its lengths") == 2
     # a terminal acts on nothing that a file holds
     assert "\x1b" not in table and "Ha\N{REPLACEMENT CHARACTER}[2Jnd" in table
+
     read = json.loads(as_json(findings))
     assert len(read) == 13
     assert read[0]["open"][0].keys() == {"question", "option", "suggested"}
@@ -163,6 +166,7 @@ def test_files_that_real_instruments_wrote_are_told_apart():
     findings = {finding.file.name: finding for finding in inspect(SAMPLES)}
     for version in ("1.1", "1.21", "1.23"):
         assert findings[f"motive_v{version}_rigidbody.csv"].version == version
+
     stopped = [name for name, finding in findings.items() if finding.stops]
     assert stopped == ["motive_v1.23_empty.csv"]
     assert findings["motive_v1.23_markers_millimetres.csv"].units == {"length": "mm"}

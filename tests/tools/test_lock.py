@@ -55,6 +55,7 @@ def test_the_entries_of_a_lock_are_sorted_as_its_pipeline(project, capsys):
     head, lock = LOCK[: LOCK.index("  files:")], project / "dvc.lock"
     track, a, b, gone = map(ENTRY.format, ("track", "fit@a", "fit@b", "gone"))
     lock.write_text(head + b + gone + track + a)
+
     for printed in (
         "lock: dvc.lock put in order\n",
         "lock: every dvc.lock is in order\n",
@@ -71,4 +72,5 @@ def test_a_lock_file_with_a_conflict_is_left_to_the_user(project):
     )
     (project / "dvc.lock").write_text(text)
     command.run()
+
     assert (project / "dvc.lock").read_text() == text

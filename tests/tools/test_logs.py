@@ -69,6 +69,7 @@ def test_an_episode_of_lists_is_found(tmp_path):
     columns = {"action": [*TARGET], "observation.state": [*ACTUAL]}
     episode = pd.DataFrame({"timestamp": TIME, **columns})
     episode.to_parquet(tmp_path / "episode.parquet")
+
     require_angles(tmp_path, {}, 1, 6)
 
 
@@ -76,6 +77,7 @@ def test_arrays_of_a_struct_are_found_by_words_that_mean_commanded_angles(tmp_pa
     data = {"t": TIME, "actualJointPositions": ACTUAL, "desiredJointPositions": TARGET}
     data["actualJointVelocities"] = NOISE[:, :6]
     savemat(tmp_path / "log.mat", {"data": data})
+
     require_angles(tmp_path, {}, 1, 6)
 
 
@@ -89,6 +91,7 @@ def test_tables_beside_the_angles_are_named(tmp_path):
 def test_all_that_is_missing_is_proposed_together(tmp_path, files, stated, missing):
     write_files(tmp_path, files)
     logs = folder_logs(tmp_path, stated)
+
     assert not logs.movements
     assert logs.missing == missing
 

@@ -94,6 +94,7 @@ def test_what_the_recordings_state_is_filled_in_and_the_rest_is_asked_for(
     assert sheet["mocap"]["markers"] == {
         f"Link{n}": {f"Link{n}:Marker{k}": "???" for k in (1, 2, 3)} for n in (1, 2, 3)
     }
+
     depth = {
         "takes": "kinect/hold_*",
         "index": "depth.txt",
@@ -103,9 +104,11 @@ def test_what_the_recordings_state_is_filled_in_and_the_rest_is_asked_for(
     assert [*sheet["force"]["configurations"]] == ["C1"]
     assert sheet["force"]["log"] == {"format": "daqft"}
     assert option["motion"] == {"rate": 100, "steps": 20}
+
     robot = {"urdf": "../exports/robot.urdf", "tool": "arm_tool", "locked": "???"}
     robot["joints"] = ["arm_joint_2", "arm_joint_3", "arm_joint_4"]
     assert contains(option["robot"], robot)
+
     asked = {"about.licence", "depth.encoding", "force.configurations.C1.tension"}
     assert asked <= unfilled() and "mocap.unit" not in unfilled()
     for file in (datasheet.path_of("lab"), config.CONF / "dataset/lab.yaml"):
@@ -117,6 +120,7 @@ def test_what_the_recordings_state_is_filled_in_and_the_rest_is_asked_for(
     assert "1 files not placed" in printed[0] and printed[1].endswith(
         "data/raw/lab/dataset.yaml",
     )
+
     count = len(unfilled())
     assert printed[-2].startswith(
         f"new-dataset: {count} values are open: about.subject",
@@ -135,6 +139,7 @@ def test_rigid_bodies_follow_an_arm_in_space_and_logs_named_as_takes_are_its_enc
     run("lab", "--from", space_exports)
     sheet, option = written()
     require_known_keys()
+
     (body,) = random_take(9).bodies
     mount = {"position": "???", "rpy": "???"}
     assert sheet["mocap"]["bodies"] == {body: {"name": body, "mount": mount}}
@@ -148,12 +153,14 @@ def test_rigid_bodies_follow_an_arm_in_space_and_logs_named_as_takes_are_its_enc
     )
     assert option["measurement"] == "encoders" and len(option["robot"]["joints"]) == 7
     assert "plane" not in option["robot"] and "joint_log" not in option
+
     # without a test take, the test part of the encoders is open
     for file in space_exports.rglob("hold_1.csv"):
         file.unlink()
     run("parts", "--from", space_exports)
     parts = {"training": "logs/move_*.csv", "test": "???"}
     assert contains(written("parts")[0]["encoders"], parts)
+
     # control: a log of another name is a table of something else
     for log in (space_exports / "logs").iterdir():
         log.rename(log.with_stem(f"other_{log.stem}"))
@@ -170,6 +177,7 @@ def test_numbered_frames_and_bags_are_takes_and_several_topics_a_choice(root, ex
     run("lab", "--from", exports)
     numbered = {"takes": "kinect/hold_*", "frames": "depth/[0-9]*.png", "rate": "???"}
     assert contains(written()[0]["depth"], numbered)
+
     shutil.rmtree(exports / "kinect")
     info = camera_info([20, 0, 8, 0, 20, 6, 0, 0, 1], [0] * 5, (16, 12))
     frames = [
@@ -199,9 +207,11 @@ def test_units_groups_and_steps_that_nothing_settles_are_asked_for(
     run("old", "--from", tmp_path / "old")
     mocap = written("old")[0]["mocap"]
     assert contains(mocap, {"unit": "???", "training": "rows.csv", "test": None})
+
     write_takes(tmp_path / "takes", "slow_1", "slow_2", "fast_1", "fast_2")
     run("two", "--from", tmp_path / "takes")
     assert contains(written("two")[0]["mocap"], {"training": "???", "test": "???"})
+
     write_takes(exports / "mocap", "fit_4", frames=31)
     run("lab", "--from", exports)
     assert written()[1]["motion"] == {"rate": 100, "steps": "???"}
@@ -223,6 +233,7 @@ def test_labelled_tables_are_joint_logs_only_if_their_labels_say_it(root, tmp_pa
         run(place, "--from", tmp_path / place)
     # five joints, a pose has six rows
     assert written("runs")[1]["robot"]["task"] == "???"
+
     log = written("runs")[0]["joint_log"]
     expected = {
         "movements": "run_*.csv",

@@ -126,6 +126,7 @@ def test_logs_with_foreign_labels_need_eight_questions_and_no_motion_is_printed_
 def test_a_value_that_is_set_or_not_yet_written_can_be_set(root, logs):
     run("lab", "--from", logs, "--suggested")
     assert written()[0]["joint_log"]["time_unit"] == "s"
+
     settings = (
         "joint_log.time_unit=ms",
         "joint_log.clock=rows",
@@ -136,6 +137,7 @@ def test_a_value_that_is_set_or_not_yet_written_can_be_set(root, logs):
     sheet, option = written()
     assert contains(sheet["joint_log"], {"time_unit": "ms", "clock": "rows"})
     assert option["motion"]["rate"] == 100
+
     run("late", "--from", logs, "--suggested", "--set", "joint_log.time_unit=ms")
     assert written("late")[1]["motion"]["rate"] == 1e5
     with pytest.raises(ConfigError, match="'s', 'ms', 'us' or 'ns', got 'minutes'"):
@@ -174,6 +176,7 @@ def test_values_that_depend_on_each_other_are_set_together_in_any_order(
     else:
         run("lab", "--from", logs, *urdf, *options)
     robot = written()[1]["robot"]
+
     assert (robot["joints"], robot["task"]) == (joints, ["x", "y", "z"])
 
 
@@ -188,6 +191,7 @@ def test_an_option_name_or_folder_that_does_not_fit_writes_nothing(
         run(*(words if "--from" in words else [*words, "--from", logs]))
     with pytest.raises(ConfigError, match=r"make it with --from|cannot name"):
         run(words[0], "--ask")
+
     files = [file for file in root.rglob("*") if file.is_file()]
     assert files == [root / "params.yaml"]
 

@@ -100,6 +100,7 @@ def test_two_files_become_one_page_with_their_links(one_page):
     assert "<title>Results &lt;1&gt;</title>" in one_page
     anchors = anchors_of(tree)
     assert len({*anchors}) == len(anchors)
+
     inside, outside = addresses_of(tree)
     assert {"card--why-2", "report--a-table", "card"} <= inside <= {*anchors}
     assert outside == ["errata.md#sign", "https://example.org/a"]
@@ -151,6 +152,7 @@ def test_figures_are_beside_each_other_with_their_text_and_a_card_is_folded(repo
     tree = parsed(page("", [reports / "report.md", reports / "model_card.md"], reports))
     cards = [part for part in tree.iter("div") if part.get("class") == "card"]
     assert [card.find("h3").text for card in cards] == ["One", "Two"]
+
     for card in cards:
         picture, caption = card.findall("p")
         assert picture.find("img") is not None and caption.text == "Compare."

@@ -39,6 +39,7 @@ def test_a_row_of_evidence_is_found_by_all_of_its_keys_and_no_two_rows_have_the_
     template = Reference("std", model="{model}", joint="{joint 2}")
     names = {"model": "wishart"}
     assert template.look_up(evidence, names | ARM.numbered) == 2.0
+
     difference = Reference(
         "std",
         model="wishart",
@@ -115,6 +116,7 @@ def test_a_run_comes_back_from_its_file_with_every_digit_gap_and_infinity(tmp_pa
     for name, table in TABLES.items():  # keys of digits stay text
         pd.testing.assert_frame_equal(again.tables[name], table, check_exact=True)
     assert again.to_json() == RUN.to_json()
+
     # a row of a table is a line of the file
     lines = RUN.to_json().splitlines()
     assert sum("0.30000000000000004" in line for line in lines) == 1
@@ -133,6 +135,7 @@ def test_the_run_at_hand_comes_first_and_a_file_that_is_no_run_is_refused_by_nam
     ]
     with pytest.raises(ContractError, match="no evidence of the dataset d"):
         read_runs(tmp_path, tmp_path / "d.json")
+
     twice = replace(RUN, tables={"evidence": pd.concat([EVIDENT] * 2)}).to_json()
     copy, deep = replace(RUN, dataset="ur5").to_json(), "[" * 10**5
     broken = (
@@ -209,6 +212,7 @@ def test_every_joint_of_an_arm_of_any_size_is_a_case_by_its_own_name(joints):
     numbers[f"{last}_error"] = 0.03
     result = verdict("real", ArmNames(joints, ("x",)), EVERY, numbers)
     holds = {case.case: case.holds for case in result.cases}
+
     assert holds == dict.fromkeys(following, True) | {last: False}
     assert result.verdict == d.NOT_REPRODUCED
     assert verdict("real", ArmNames((), ()), EVERY)[1:] == (d.NO_EVIDENCE, ())
@@ -218,6 +222,7 @@ def test_a_joint_that_the_command_moves_by_less_than_a_hundredth_of_the_greatest
     rows = []
     for joint, value in zip(JOINTS, (1.0, 0.02, 0.005), strict=True):
         rows.append(evidence_row("commanded_range", value, joint=joint))
+
     assert d.moving_joints(evidence_table(rows), JOINTS) == JOINTS[:2]
     assert d.moving_joints(evidence_table([]), JOINTS) == JOINTS
 
@@ -231,6 +236,7 @@ def test_a_claim_that_singles_out_a_joint_has_evidence_on_the_papers_kind_of_arm
     here = verdict("real", **changes)
     assert tuple(case.case for case in here.cases) == JOINTS[:2]
     assert here.verdict == d.REPRODUCED
+
     # the same names and numbers, in space
     there = verdict("real", ARM._replace(task=("x", "y", "z")), **changes)
     assert there.verdict == d.NO_EVIDENCE
@@ -257,6 +263,7 @@ def test_runs_are_decided_by_whose_recordings_they_are_and_claims_without_record
     assert youbot.verdicts[0].verdict == d.REPRODUCED
     assert [v.verdict for v in ur5.verdicts] == [d.NOT_REPRODUCED, d.NO_RECORDING]
     assert lab.verdicts[1].verdict == independent.verdicts[1].verdict == d.REPRODUCED
+
     table = d.verdict_table(decided)
     assert table[["claim", "dataset"]].to_numpy().tolist() == [
         *(["mean", name] for name in ("youbot", "ur5", "lab")),
@@ -276,12 +283,14 @@ def test_a_number_of_a_rule_is_not_printed_as_a_value_compared_with():
     changes |= {"rule": "varies", "limit": None, "threshold": metric("limit")}
     (case,) = verdict(**changes, **numbers).cases
     assert d.case_text(case) == "-0.1 ([-0.2, 0.1]) (limit 0.5) ✗"
+
     forced = {"value": metric("wishart"), "rule": "less", "limit": None} | FORCED
     (case,) = verdict(
         **changes | forced | {"threshold": None},
         numbers={"wishart": 1, "than": 3},
     ).cases
     assert case.difference == -2 and case.holds is None  # it has no interval
+
     numbers["numbers"] |= {"wishart": -0.1, "a": 0.2}
     (case,) = verdict(**numbers, **BETWEEN, each={}, rule="less").cases
     assert d.case_text(case) == "-0.1 against 0.2 (difference [-0.2, 0.1])"
@@ -324,6 +333,8 @@ def test_a_claim_that_holds_for_the_speed_law_too_has_a_verdict_of_its_own(
             rows.append(evidence_row("std_correlation_limit", 0.5, **keys))
             rows.append(evidence_row("std_correlation_power", power, **keys))
     claims = parse_claims([CONTROLLED])
+
     (result,) = d.decide(claims, evidence_table(rows), "real", ARM)
+
     assert result.verdict == expected
     assert [case.speed_law for case in result.cases] == [*correlations]

@@ -240,6 +240,7 @@ def test_with_the_commanded_end_the_error_depends_on_the_deviation_and_with_the_
     slope, error = slopes("fitted")
     assert np.all(np.abs(slope) < 4 * error)
     assert np.all(error < 0.2)
+
     # the control, and the erratum: with the commanded end every joint's error depends on one at
     # least, those of the last two on each of them by more than the standard errors could hide
     slope, error = slopes("commanded")
@@ -346,6 +347,7 @@ def test_of_the_published_sigma_s_the_second_entry_of_c2_alone_is_doubtful_and_o
         distance[i] = (published - expected) / error
         # averages over as many systems as the paper's do lie where the expectation says
         control[i] = (np.diag(few.mean) - expected) / error
+
     assert np.argwhere(np.abs(distance) > 1.96).tolist() == [[1, 1]]
     assert distance[1, 1] == pytest.approx(2.638, rel=0.03)
     assert np.abs(control).max() < 1.96
@@ -418,6 +420,7 @@ def test_the_greatest_error_varies_over_repeats_far_more_than_the_mean(bounds):
     _, _, spread = run_study(options, np.random.default_rng(5))
     errors = spread[["mean", "maximum"]]
     relative = errors.std() / errors.mean()
+
     assert relative["maximum"] > 0.05
     assert relative["maximum"] > 3 * relative["mean"]
 

@@ -135,6 +135,7 @@ def test_the_card_opens_with_the_law_its_predictions_and_what_was_not_used():
     )
     assert "highest mean log score of 2 sound laws" in first
     assert "nats a sample above joint_step." in first
+
     row = "| all commanded samples | 0.5 s | 100 % | 1.10 [1.10, 1.10]; joints 1.10 to"
     assert row in first and "jump of the commanded speed | 0.1 s | 80 % | 2.20" in first
     assert "| a | 1.1 [1.1, 1.1] | 1.1 [1.1, 1.1] |" in first
@@ -143,6 +144,7 @@ def test_the_card_opens_with_the_law_its_predictions_and_what_was_not_used():
         "Not used: run_9 (disturbed)." in first
         and "moved at less than a tenth of the greatest speed: a." not in first
     )
+
     numbers = "| a | 2 | 80 [60, 90] | (0.05 [0.02, 0.06]) | 0.01 | 4.5 | -2 | 0.5 |"
     assert numbers in first and "The lags are those of 3 logs." in first
     # then the evidence, rest apart
@@ -151,6 +153,7 @@ def test_the_card_opens_with_the_law_its_predictions_and_what_was_not_used():
     )
     assert "| a | one sample | 110 | 100 | 0.70 | 0.95 | 9.20 |" in page
     assert "| 1 | 4 | 300 | a |" in page and "Joints at rest" in page
+
     # a joint is never called both still and moving
     run = logged()
     ranges = run.tables["motion_ranges"]
@@ -182,6 +185,7 @@ def test_the_card_names_every_predicted_standard_deviation_that_is_not_confirmed
     assert text.count(" !") == named
     assert f"| a | {predicted / 1e-4:.3g} [" in text
     assert "is not within 0.714 to 1.4" in text
+
     run = logged(predicted=predicted)
     run.tables["joint_scores"]["motion"] = (
         "quarter " + run.tables["joint_scores"]["motion"]
@@ -201,7 +205,9 @@ def test_the_sound_law_with_the_highest_mean_score_is_named(changes, law):
 def test_a_card_has_no_number_that_is_not_one(motions):
     run = logged(motions=motions)
     run.tables["joint_scores"]["autocorrelation"] = np.nan  # of single samples
+
     page = model_card(run, [])
+
     assert not re.search(r"\b(nan|inf)\b", page)
     # control: with several motions the intervals stand in the card
     assert ("1.1 [1.1, 1.1]" in page) == (motions > 2)
@@ -225,6 +231,7 @@ def test_a_card_without_jumps_of_the_speed_repeats_no_rows():
     run.tables["joint_scores"] = scores[scores["samples"] != "settled"]
     page = model_card(run, [])
     assert "| those not within 0.6 s of a jump" not in page
+
     settled, mean = page.split("| joint error with memory | ")[1].split(" | ")[3:5]
     assert settled == mean
 
@@ -246,6 +253,7 @@ def test_intervals_of_few_motions_are_of_the_possible_values():
         0 < ratio.low < ratio.difference < ratio.high
         and 0 < share.low < share.high == 1
     )
+
     # control: the interval of the plain ratio would contain a negative one
     each = [
         wide[wide["motion"] != n].pipe(pooled, ["model"])["ratio"].iloc[0]
@@ -258,7 +266,9 @@ def test_no_law_is_an_answer_with_its_reason():
     run = logged(predicted=2.1e-4)
     scores = run.tables["joint_scores"]
     scores.loc[scores["model"] == "joint_step", "two_sigma"] = 0.7
+
     text = answer(run)
+
     assert text.startswith("**No model for another motion**: ")
     assert "0.7 of the errors of a at one sample are within 2σ (required: 0.8)" in text
     assert "predicted σ of a at one sample is 2.1 times the measured" in text
@@ -291,6 +301,7 @@ def test_the_card_holds_parameters_ranges_takes_and_other_datasets():
         and "| t2 | too long a gap |" in page
     )
     assert page.count("- lab: ") == 1
+
     run.tables["evidence"] = evidence_table(
         [evidence_row("takes", 4, model="recorded")],
     )
@@ -302,7 +313,9 @@ def test_a_parameter_that_the_recordings_cannot_tell_has_no_number(fitted, absen
     run = predicted(wishart=12.0)
     run.metrics["fit_additive"] |= fitted
     run.tables["ranges"].loc[2] = ("joint speed", "b", "rad/s", 0.0, 0.001)
+
     page = model_card(run, [])
+
     assert f"no number for {absent}" in page
     assert not any(f"| additive | {name} |" in page for name in fitted)
 

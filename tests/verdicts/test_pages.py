@@ -160,6 +160,7 @@ def test_the_page_of_datasets_has_each_verdict_and_a_sentence_where_they_differ(
     assert "| claim | no recording | youbot | ur5 | mine |" in page
     assert "| std |  | ✗ 2 of 3 | ✗ 0 of 2 | ✓ 0.1 |" in page
     assert "| study | ✓ 0.2 |  |  |  |" in page
+
     sentence = "Holds: mine; fails: youBot synthetic, UR5. youbot: it mixes units."
     assert f"| std |  | ✗ | ✗ | ✓ | {sentence} |" in page
 
@@ -167,7 +168,9 @@ def test_the_page_of_datasets_has_each_verdict_and_a_sentence_where_they_differ(
 def test_the_results_of_the_readme_are_between_its_marks(grouped):
     before, after = "A.\n\n<!-- results -->\n", "<!-- /results -->\n\nB.\n"
     rows = tally(grouped)
+
     text = report_page.readme_with_results(f"{before}earlier\n{after}", grouped, rows)
+
     assert text.startswith(before) and text.endswith(after) and "earlier" not in text
     assert "all 1 claims that need no recording hold" in text
     assert "| computations without a recording | 1 | 0 | 0 | 0 |" in text
@@ -189,7 +192,9 @@ def test_speeds_beyond_the_limits_are_stated(greatest, beyond):
         numbers[f"true_{joint}_greatest_speed_rad_per_s"] = greatest
         numbers[f"true_{joint}_speed_limit_rad_per_s"] = 1.57
         numbers[f"true_{joint}_fast_steps_backwards_share"] = 0.231
+
     text = speeds(replace(RUNS[0], metrics={"recordings": numbers}))
+
     assert ("a reaches 15.2 rad/s (limit 1.57), 47.6% of" in text) == beyond
     assert (text == "") != beyond and speeds(RUNS[0]) == ""
 
@@ -206,7 +211,9 @@ def test_a_claim_that_another_reading_changes_has_a_row_and_missing_numbers_a_no
     }
     table = pd.DataFrame(rows)
     run = Run("lab", "paper", True, ["a"], PLANE, {}, {}, {"readings": table})
+
     text = open_choices.readings([run])
+
     assert "| small | lab | **✓** | ✗ |" in text
     assert (
         "- lab, QR: 1 claims lack numbers (no noise)." in text and "| gap |" not in text
@@ -219,6 +226,7 @@ def test_three_estimators_are_side_by_side_and_an_unbounded_one_has_no_number(gr
     assert "| σ̂_B | 0.25 | 0.2877 | 0.227 [0.22, 0.235] | – |" in text
     assert "| û | – | 18 | unbounded | – |" in text
     assert "| error | 0.25 | no | 0.2 |" in text and "(no covariance)" not in text
+
     beyond = {"fit_wishart": FIT | {"sigma_b_limit_of_the_covariance": 0.25}}
     beyond["fit_wishart"]["sigma_b_likelihood"] = 1.02
     run = replace(RUNS[0], metrics=RUNS[0].metrics | beyond)
@@ -295,7 +303,9 @@ def test_the_caption_of_the_stds_names_the_joints_that_a_matrix_model_misses():
     models = {"wishart": "wishart", "additive": "additive"}
     tables = {"evidence": evidence_table(rows)}
     run = replace(RUNS[1], joints=["a", "b"], models=models, tables=tables)
+
     (text,) = widths(run)
+
     assert "2.25 times as wide as the recordings in a and 0.5 times in b; its" in text
     assert text.endswith("above the error of no noise, 1, in a.")
 
@@ -373,6 +383,7 @@ def test_filters_with_a_higher_log_score_are_named(differences, start, end):
 def test_each_filter_has_a_row_and_a_smaller_rms_error_is_named():
     run = filtered(**LOWER)
     assert " in every joint: wishart, open loop. The linear" in filter_verdict(run)
+
     row = "| wishart, open loop | -0.49 | -0.49 | 0.7 | – | 4 (-1 [-1.1, -0.9]) |"
     assert row in filters(run).splitlines()
     assert filters(RUNS[0]) == ""
@@ -388,6 +399,7 @@ def test_the_result_states_differences_of_predictors_and_filters():
     pair = {"steps": "all", "model": "memory", "rival": "wishart", "difference": 2.0}
     run.tables["predictions"] = pd.DataFrame(rows)
     run.tables["prediction_pairs"] = pd.DataFrame([pair | {"low": 1.5, "high": 2.5}])
+
     assert result(run) == [
         "On lab the highest log score of a predictor is 12 nats a step (autoregressive baseline), "
         "2 [1.5, 2.5] above the highest of a matrix model.",
@@ -404,7 +416,9 @@ def test_the_error_without_a_random_matrix_is_beside_the_errors_of_the_study():
         for cables, error in (("20", 0.0784), ("5", 0.08), ("3", 0.0832))
     ]
     run = replace(RUNS[1], tables={"evidence": evidence_table(rows)})
+
     (text,) = without_random_matrix(run)
+
     assert "the mean error is 8.3 % with 3 and 7.8 % with 20 cables" in text
     assert without_random_matrix(RUNS[1]) == []
 
@@ -415,6 +429,7 @@ def test_a_claim_in_per_cent_has_its_value_and_interval_in_per_cent():
     run = replace(RUNS[1], tables={"evidence": evidence_table(rows)})
     independent = groups(run, claims=parse_claims([claim]))[0]
     (verdict,) = independent.verdicts["no recording"]
+
     assert case_count(verdict) == "5.75 %, interval 5.52 to 8 %"
 
 

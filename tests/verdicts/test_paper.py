@@ -56,6 +56,7 @@ def test_a_citation_of_what_the_paper_does_not_have_is_refused_with_its_place(
 ):
     file = tmp_path / "step.py"
     file.write_text(f'class Step:\n    def sample(self):\n        """{docstring}."""\n')
+
     with pytest.raises(ConfigError, match="which the paper does not have") as refused:
         paper.citations(tmp_path, SMALL)
     assert refused.value.evidence["file"] == file
@@ -125,6 +126,7 @@ def used(file: str, test: str) -> set[str]:
 def test_every_item_has_a_function_or_needs_none_and_tests_that_exist_and_use_it(item):
     implementing = {source.name for source in SOURCES[item.cited_as]}
     assert (implementing == set()) == (item.without_code != "")
+
     # whoever makes an object of a class uses its methods
     owners = {name.rpartition(".")[0] for name in implementing}
     classes = {owner for owner in owners if owner.rpartition(".")[2][:1].isupper()}
@@ -138,6 +140,7 @@ def test_every_item_has_a_function_or_needs_none_and_tests_that_exist_and_use_it
 def test_a_test_that_does_not_use_what_implements_an_item_is_found_out():
     name = "test_theta_follows_the_papers_equation_for_any_size"
     by = used("tests/randommatrix/test_laws.py", name)
+
     assert "pipeline.randommatrix.wishart.maxent_theta" in by
     assert "pipeline.randommatrix.wishart.degrees_of_freedom" not in by
 
@@ -173,7 +176,9 @@ def test_numbers_of_the_run_and_of_the_claims_stand_in_the_prose(fit, ours):
     arm = (["shoulder", "elbow", "wrist"], ["x", "z", "phi"])
     run = Run("lab", "paper", True, *arm, {}, {"fit": fit}, {})
     decided = decide_each(parse_claims([CLAIM]), [run], [])
+
     text = paper.errata_page(paper.parse_errata([ENTRY]), run, decided)
+
     assert f"**In fact**: It is {ours}." in text
     # of the published variance a step: standard deviation of the sum of the steps, and speed
     assert "A sum of 8.944, speed 50." in text
@@ -256,6 +261,7 @@ def test_reasons_of_claims_name_datasets_and_errata_and_hold_no_number(errata):
         datasets |= {*claim.why}
         reasons += claim.why.values()
     assert datasets <= {*config.option_names("dataset")}
+
     text = "\n".join(reasons)
     linked = set(re.findall(r"\(errata\.md#(.*?)\)", text))
     assert linked <= {erratum.id for erratum in errata}

@@ -196,6 +196,7 @@ def test_noise_of_few_takes_varies_where_it_grows_with_the_speed_within_them(
     rng, holds = np.random.default_rng(11), []
     for _ in range(REPEATS):
         holds += decided("varies", *varied_within(rng, ratio))
+
     assert False not in holds
     assert least <= holds.count(True) / len(holds) <= greatest
 
@@ -242,6 +243,7 @@ def test_an_interval_of_few_takes_has_the_tails_of_its_degrees_of_freedom():
         of_normal += decided("above", case | {"degrees": np.nan})
     error = np.sqrt(LEVEL * (1 - LEVEL) / 2000)
     holds = np.mean([case is True for case in of_student])
+
     assert abs(holds - LEVEL) < 4 * error
     assert np.mean([case is True for case in of_normal]) > LEVEL + 4 * error  # control
 
@@ -293,6 +295,7 @@ def test_a_claim_on_the_shape_of_the_noise_is_told_from_a_law_of_the_speed_alone
     std, expected = MADE_BY[maker]
     rng = np.random.default_rng(8)
     verdicts = [verdict_on_spread(claim, std, rng) for _ in range(6)]
+
     assert verdicts.count(expected) >= 5
     if maker != "the matrix model":
         assert d.REPRODUCED not in verdicts

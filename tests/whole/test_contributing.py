@@ -139,6 +139,7 @@ def test_a_copy_of_the_smallest_module_of_each_kind_is_found_by_its_place_and_wo
     assert f"kind: {COPIED}" in (project / "data/config.yaml").read_text()
     assert "AdditiveModel" in succeeds("python", "-c", FOUND_BY_PLACE, cwd=project)
     assert f" {COPIED}" in succeeds("python", "-m", "pipeline", "--help", cwd=project)
+
     stages = succeeds("dvc", "stage", "list", "--all", "--name-only", cwd=project)
     assert f"pipeline/studies/{COPIED}/dvc.yaml:{COPIED}" in stages
 
@@ -165,10 +166,12 @@ def test_the_way_of_a_take_names_files_and_functions_that_exist():
     way = section("The way of one take")
     files = [ROOT / name for name in re.findall(r"`(pipeline/[\w/]+\.py)`", way)]
     assert files and all(file.is_file() for file in files)
+
     code = "\n".join(file.read_text(encoding="utf-8") for file in files)
     names = {*re.findall(r"`([a-z_]+)`", way)}
     functions = {name for name in names if f"def {name}(" in code}
     assert {"read_take", "read_motive", "follower", "process_noise"} <= functions
+
     tables = {*read_yaml(ROOT / "pipeline/tables.yaml")}
     modules = {file.stem for file in [*files, *ROOT.glob("pipeline/stages/*.py")]}
     assert names - functions - tables - modules == set()
@@ -177,6 +180,7 @@ def test_the_way_of_a_take_names_files_and_functions_that_exist():
 def test_recordings_beside_the_project_lie_beside_the_clone(tmp_path):
     with pytest.raises(PipelineError, match="needs a repository with a commit"):
         clone_commit(tmp_path, tmp_path / "audit")
+
     project = tmp_path / "project"
     sheet = project / "data/raw/arm/dataset.yaml"
     sheet.parent.mkdir(parents=True)
@@ -187,6 +191,7 @@ def test_recordings_beside_the_project_lie_beside_the_clone(tmp_path):
     succeeds(*GIT, "commit", "-qm", "arm", cwd=project)
     with pytest.raises(PipelineError, match=r"dvc\.lock is not committed"):
         clone_commit(project, tmp_path / "audit")
+
     (project / "dvc.lock").write_text("schema: '2.0'\nstages: {}\n")
     succeeds(*GIT, "add", ".", cwd=project)
     succeeds(*GIT, "commit", "-qm", "lock", cwd=project)
@@ -211,6 +216,7 @@ def test_outputs_are_deleted_before_the_run(tmp_path, monkeypatch, capfd):
         succeeds(*words, cwd=project)
     monkeypatch.chdir(project)
     audit(tmp_path / "audit")
+
     assert "audit: 1 stages run again, every file equal" in capfd.readouterr().out
 
 

@@ -136,6 +136,7 @@ def test_logs_of_a_real_robot_become_a_report_beside_that_of_another_dataset(
         "ingest: the dataset has no force;",
     ):
         assert words in printed
+
     dataset = OmegaConf.load(folder / "data/config.yaml").dataset
     assert dataset.name == "lab"
     assert len(dataset.joint_log.start) == len(dataset.robot.joints)
@@ -170,6 +171,7 @@ def test_forces_alone_go_through_every_stage_and_are_scored_on_all_rows(
         import_module(f"pipeline.stages.{name}").run(*item)
     files = {file.stem for file in (raw / "recordings/force").iterdir()}
     assert files == {"T3", "T4", "T6"}
+
     forces = contracts.read("force", Path("data/ingest/force"))
     rows = ["fx", "fy", "fz", "mx", "my", "mz"]
     assert list(forces)[2:] == rows
@@ -184,6 +186,7 @@ def test_forces_alone_go_through_every_stage_and_are_scored_on_all_rows(
         size = np.sqrt([measured[f"var_{row}"] for row in rows])
         # a record of some seconds has few independent samples
         assert np.all(np.abs(measured[rows] - modelled[rows]) < 2 * size), name
+
     forms = results.tables["sigma_s"].groupby(["system_class", "agents", "form"])
     entries = forms["entry"].size()
     assert entries.loc["T6"].tolist() == [21, 21]  # of six rows

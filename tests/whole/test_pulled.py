@@ -35,6 +35,7 @@ def test_every_public_recording_is_pinned_by_revision_and_hash():
     imports = [file for file in IMPORTS if file.is_file()]
     arms = {file.relative_to(PULLED).parts[0] for file in imports}
     assert arms == {"ur5", "lwr4", "kr300", "youbot_real"}
+
     for file in imports:
         source, out = content(file)
         assert len(source["repo"]["rev_lock"]) == 40 and out["path"] == file.stem
@@ -57,6 +58,7 @@ def test_a_dataset_finds_pulled_recordings_first_and_the_message_names_the_comma
         match=r"`dvc --cd data/recordings pull -R arm` brings them",
     ):
         listing(Path("../logs/arm"))
+
     (folder / "log.csv").write_text("1\n")
     assert raw_folder("../logs/arm") == folder and raw_folder("logs/arm") == Path(
         "logs/arm",
@@ -72,12 +74,14 @@ def test_copies_take_the_pulled_recordings_and_name_the_command_without_them(
     copies = import_module("copies")
     monkeypatch.chdir(tmp_path)
     assert copies.recordings_of("youbot_sway") is None
+
     folder = Path("data/recordings/youbot_real")
     folder.mkdir(parents=True)
     with pytest.raises(RecordingError, match=r"pull -R youbot_real` brings them"):
         copies.recordings_of("youbot_real")
     (folder / "log.txt").write_text("1\n")
     assert copies.recordings_of("youbot_real") == folder
+
     pulled = Path("data/recordings/ur5")
     pulled.mkdir()
     (pulled / "log.csv").write_text("1\n")

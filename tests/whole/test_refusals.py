@@ -125,6 +125,7 @@ def test_bad_input_is_refused_where_it_is_met_and_the_results_stay(project, case
     before = contents(folder)
     with pytest.raises(PipelineError) as caught:
         import_module(f"pipeline.stages.{stage}").run(*item)
+
     message = str(caught.value)
     assert "\n" not in message and all(word in message for word in words), message
     assert before and contents(folder) == before
@@ -138,6 +139,7 @@ def test_check_names_every_refusal_of_ingest_at_once_and_writes_nothing(project)
     cut_frame()
     before = [contents(Path(name)) for name in ("data", "reports")]
     done = run("python", "-m", "pipeline", "check", cwd=Path.cwd())
+
     assert error_line(done).startswith("error: check: 3 fault(s): correct"), done.stdout
     for word in ("no marker named link1_ax", "force/C9.csv", "0007.png"):
         assert done.stdout.count(word) == 1, done.stdout

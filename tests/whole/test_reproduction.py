@@ -66,27 +66,33 @@ def test_one_command_gives_every_figure_and_number(reproduced):
     drawn = contents(reproduced / "reports/youbot/figures")
     assert {*drawn} == {f"{name}.{kind}" for name in FIGURES for kind in ("svg", "png")}
     assert min(map(len, drawn.values())) > 1000
+
     files = (reproduced / "reports/youbot/metrics").glob("*.json")
     numbers = {file.stem: json.loads(file.read_text()) for file in files}
     fits = {model: numbers[f"fit_{model}"] for model in MODELS}
     assert {"sigma_omega_11_rad2", "correlation_omega_12"} <= {*fits["additive"]}
     assert 0 < fits["wishart"]["sigma_b"] < 1 and "noise_level" in fits["gaussian"]
+
     tables = reproduced / "reports/youbot/tables"
     evidence = pd.read_csv(tables / "evidence.csv").set_index("quantity")
     assert {*evidence.loc["greatest_mean_error", "model"]} == {*MODELS, CONTROL}
+
     studied = evidence.loc["mean_error_of_variances"]
     cables = studied["configuration"].astype(int)
     assert cables[studied["estimator"].isna()].tolist() == [3, 5, 10, 15, 20]
     assert {f"C{n}_sigma_s_clipped" for n in (1, 2, 3)} <= {*numbers["wrench"]}
+
     moments = (tables / "force_moments.csv").read_text()
     assert "C1,measured" in moments and "C3,modelled" in moments
     # the closed form of the convex problem against the solver, on the problems as printed
     assert fits["wishart"]["convex_check_greatest_relative_gap"] < 1e-4
+
     # shares and correlations are means over the takes, not sums
     losses = pd.read_csv(tables / "recording_quality.csv")
     means = losses.loc[losses["quantity"].str.contains("_share|_corr"), "mean"]
     assert len(means) and means.between(-1, 1).all()
     assert "dataset youbot" in (reproduced / "reports/youbot/report.md").read_text()
+
     # every table is written by a stage that names it
     stages = yaml.safe_load((reproduced / "dvc.yaml").read_text())["stages"]
     for name, stage in stages.items():
@@ -110,6 +116,7 @@ def test_the_same_seed_gives_the_same_bytes_whatever_the_number_of_workers(copy)
         remove(copy / path)
     succeeds("dvc", "commit", "--force", *in_one_process(copy)[0], cwd=copy)
     assert outputs(copy) == before
+
     # the control: another seed gives other numbers
     wrench = contents(copy / "data/wrench")
     set_parameters(copy, seed=1)
@@ -205,6 +212,7 @@ def test_a_bad_parameter_stops_with_one_message_and_keeps_all_results(copy):
 def test_dvc_shows_the_summary_and_the_figures_without_a_network(copy):
     shown = json.loads(succeeds("dvc", "metrics", "show", "--json", cwd=copy))
     assert "reports/youbot/summary.json" in shown[""]["data"]
+
     succeeds("dvc", "plots", "show", "-o", "plots-page", cwd=copy)
     page = (copy / "plots-page/index.html").read_text()
     figures = re.findall(r"<img[^>]*figures_(\w+)\.", page)

@@ -86,6 +86,7 @@ def test_a_run_killed_at_any_moment_completes_to_the_same_bytes(reproduced, tmp_
                 shutil.rmtree(folder / name)
     succeeds("dvc", "repro", LAST, cwd=folder)
     expected = outputs(reproduced, *KILLED, LAST)
+
     assert len(expected) == 9 and outputs(folder, *KILLED, LAST) == expected
     assert not [
         *folder.glob("data/**/.*.partial"),

@@ -130,6 +130,7 @@ REMAINDER = b"1 2 3 left of another cloud\n"
 def test_points_are_read_with_any_fields(tmp_path, name):
     (tmp_path / name).write_bytes(made.CLOUDS[name])
     cloud = read_cloud(tmp_path / name)
+
     assert_array_equal(cloud.points, POINTS)
     assert (cloud.missing, cloud.counts, cloud.viewpoint) == (2, {}, UNTURNED)
 
@@ -148,7 +149,9 @@ def test_a_pcd_has_its_viewpoint_and_zeros_or_rows_behind_its_points(
         with pytest.raises(RecordingError, match="not zeros as a padding"):
             read_cloud(file)
         return
+
     cloud = read_cloud(file)
+
     # the points stay in the frame of the sensor
     assert_array_equal(cloud.points, POINTS)
     assert cloud.viewpoint == (1, -2, 0.5, 0.8, 0, 0.6, 0)
@@ -165,6 +168,7 @@ def test_bytes_inserted_in_binary_points_are_refused(tmp_path, name, inserted, s
     place = start + int(share * (len(content) - start))
     file.write_bytes(content[:place] + inserted + content[place:])
     error = reject(read_cloud, file)
+
     assert re.search(r"damaged|beyond 1e\+20", error.message)
 
 
@@ -173,6 +177,7 @@ def test_blanks_behind_the_mark_of_a_ply_are_no_matter(tmp_path, mark):
     file = tmp_path / "cloud"
     content = made.CLOUDS["binary_little_endian.ply"]
     file.write_bytes(content.replace(b"ply\n", mark, 1))
+
     assert FORMAT.recognises(Head.read(file))
     assert_array_equal(read_cloud(file).points, POINTS)
 
@@ -181,7 +186,9 @@ def test_written_indexes_read_back(tmp_path):
     file, stamps = tmp_path / "depth.txt", 1305031102.175304 + np.arange(5) / 30
     names = tuple(f"depth/{n:04d}.png" for n in range(5))
     write_index(file, stamps, names)
+
     result = read_index(file)
+
     assert_allclose(result.time, stamps, rtol=0, atol=0.6e-6)
     assert (result.files, result.counts) == (names, {"cut_rows": 0})
 
@@ -191,7 +198,9 @@ def test_blanks_comments_and_line_ends_of_an_index_are_no_matter(tmp_path):
     lines = [b"# depth maps\r\n", b"\n", b"0.16  depth/a.png  \r\n", b" \n"]
     lines += [b"0.6\tdepth/b c.png\n", b"# end\n"]
     file.write_bytes(b"".join(lines))
+
     result = read_index(file)
+
     assert result.time.tolist() == [0.16, 0.6]
     assert result.files == ("depth/a.png", "depth/b c.png")
 
@@ -207,7 +216,9 @@ def test_numbered_frames_are_seen_at_the_rate_and_missing_numbers_leave_their_ti
 ):
     names = tuple(f"depth/frame2-{n}.depth.png" for n in (9, 10, 11, 13, 100))
     numbered(tmp_path, *names, "depth/colour-1.jpg")
+
     result = numbered_frames(tmp_path, "depth/*.png", rate=30.0)
+
     assert result.files == names
     assert_allclose(result.time, np.array([0, 1, 2, 4, 91]) / 30)
 
@@ -216,7 +227,9 @@ def test_numbered_frames_are_seen_at_the_rate_and_missing_numbers_leave_their_ti
 def test_times_in_names_are_those_whose_steps_are_even(tmp_path, form, times):
     names = [f"{form.format(time)}.png" for time in times]
     numbered(tmp_path, *names)
+
     result = numbered_frames(tmp_path, "*.png", rate=1.0)
+
     assert result.files == tuple(names)
     assert_allclose(result.time, 0.04 * np.arange(len(names)), atol=1e-4)
 
@@ -225,6 +238,7 @@ def test_times_in_names_are_those_whose_steps_are_even(tmp_path, form, times):
 def test_names_whose_number_is_not_plain_are_refused(tmp_path, names):
     with pytest.raises(RecordingError, match="no depth frame matches"):
         numbered_frames(tmp_path, "*.png", rate=30.0)
+
     numbered(tmp_path, *names)
     words = r"differ only in one number|time between frames"
     with pytest.raises(RecordingError, match=words):
@@ -234,6 +248,7 @@ def test_names_whose_number_is_not_plain_are_refused(tmp_path, names):
 def test_dropped_frames_are_counted_by_the_indexs_own_times():
     rng = np.random.default_rng(1)
     time = np.arange(97) / 30 + rng.normal(scale=2e-3, size=97)
+
     assert dropped_frames(time) == 0  # at whatever rate the datasheet states
     assert dropped_frames(np.delete(time, [5, 40, 41])) == 3
     assert dropped_frames(time[:1]) == 0
@@ -291,6 +306,7 @@ def test_several_cameras_in_one_file_are_told_apart_by_option_alone(tmp_path):
     camera = matrix + distortion
     both = "%YAML:1.0\n---\n" + camera.format(1, 525.5) + camera.format(2, 600)
     assert "M1, D1_coeffs, M2, D2_coeffs" in refusal(file, both)
+
     second = read_intrinsics(file, **SIZE, matrix="M2", distortion="D2_coeffs")
     assert second.fx == 600
     assert "0 of M3 are there" in refusal(file, both, matrix="M3")
@@ -299,6 +315,7 @@ def test_several_cameras_in_one_file_are_told_apart_by_option_alone(tmp_path):
 def test_a_camera_info_that_ros_printed_is_read_however_often_it_is_there(tmp_path):
     message = made.CALIBRATIONS["printed.yaml"]
     assert read(tmp_path / "info.yaml", 2 * message) == CAMERA
+
     contradiction = message + message.replace("525.5", "499.0")
     assert "calibrations that differ" in refusal(tmp_path / "info.yaml", contradiction)
 
@@ -310,6 +327,7 @@ def test_distortion_of_another_model_is_refused_and_none_of_it_is_overlooked(tmp
     assert "equidistant" in refusal(file, json.dumps(fisheye | {"D": four}))
     for key in ("dist", "lens_distortion", "radial_coeffs", "k1"):
         assert key in refusal(file, json.dumps(camera | {key: four}))
+
     # the control: nothing is distorted
     undistorted = json.dumps(fisheye | {"D": [0, 0, 0, 0]})
     assert read(file, undistorted).distortion == (0, 0, 0, 0)
@@ -318,7 +336,9 @@ def test_distortion_of_another_model_is_refused_and_none_of_it_is_overlooked(tmp
 def test_the_distortion_of_a_realsense_needs_its_model(tmp_path):
     file, keys = tmp_path / "c.json", '"fx": 500, "fy": 501, "ppx": 320, "ppy": 240'
     camera = '{%s, "coeffs": [0.1, 0, 0, 0, 0]%s}'
+
     stated = read(file, camera % (keys, ', "model": "distortion.brown_conrady"'))
+
     assert (stated.fy, stated.cx, stated.distortion[0]) == (501, 320, 0.1)
     assert "not stated" in refusal(file, camera % (keys, ""))
 
@@ -337,7 +357,9 @@ def test_images_of_either_byte_order_and_any_padding_keep_their_pixels(
 ):
     pixels = (GENERATOR.random((5, 7)) * 5000).astype(kind)
     message = image(pixels, 1.0, big=big, padding=padding).for_version("ros2")
+
     result = image_pixels(message, shape=(5, 7))
+
     assert result.dtype == kind
     assert_array_equal(result, pixels)
 
@@ -350,6 +372,7 @@ def test_clouds_of_any_layout_keep_their_points(fields, step, big, rows):
     points[4, 1] = np.nan
     points[5] = 0.0
     message = cloud(points, 1.0, fields, step, big=big, rows=rows).for_version("ros2")
+
     assert_array_equal(cloud_points(message), points)
     assert PointCloud.measured(points).missing == 2
 
@@ -385,6 +408,7 @@ def test_a_camera_has_the_intrinsics_of_its_info(version):
     message = info(MATRIX, [*distortion], (640, 480)).for_version(version)
     expected = Intrinsics(525, 524, 319.5, 239.5, 640, 480, distortion)
     assert camera_info(message, **SIZE) == expected
+
     undistorted = info(MATRIX, [0.0] * 5, (640, 480), model="equidistant")
     assert camera_info(undistorted.for_version(version), **SIZE).distortion == ()
 

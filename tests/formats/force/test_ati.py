@@ -80,7 +80,9 @@ HEADERS = [
 def test_labels_units_and_settings_may_have_rows_of_their_own(tmp_path, header):
     file = tmp_path / "log.csv"
     file.write_text(f"{header}\n{ROW}\n{ROW}\n")
+
     result = read_daqft(file)
+
     assert_array_equal(result.force, [[1.5, 2, 3]] * 2)
     assert_allclose(result.torque, [[0.004, 0.005, 0.006]] * 2)
     assert (result.rate, result.serial) == (62.5, "FT1")
@@ -92,6 +94,7 @@ def test_labels_or_numbers_say_which_column_is_which_axis(tmp_path):
     for old, new in (("Force X", "?"), ("Force Z", "Force X"), ("?", "Force Z")):
         change(file, old, new)
     assert_array_equal(read_daqft(file).force, [[3, 2, 1.5]])
+
     forces = read_daqft(file, ForceLogOptions(columns={"fx": 0, "fy": 1, "fz": 2}))
     assert_array_equal(forces.force, [[1.5, 2, 3]])
     assert np.isnan(forces.torque).all()  # only what is named is read
@@ -101,6 +104,7 @@ def test_a_rate_is_the_labels_or_the_options(tmp_path):
     file = log(tmp_path, ROW, ROW)
     at_another_rate = refusal(read_daqft, file, ForceLogOptions(rate=64.0))
     assert "in Hz is 62.5 in the log" in at_another_rate.message
+
     change(file, "Frequency = 1000,Averaging Level = 16,", "")
     assert refusal(read_daqft, file).evidence["key"] == f"{KEY}.rate"
     assert read_daqft(file, ForceLogOptions(rate=250.0)).time.tolist() == [0, 0.004]
@@ -122,7 +126,9 @@ def test_rows_that_were_lost_leave_a_gap_where_the_log_has_times_or_numbers(
     rows = [f'"{k * tick:g}","{k}.5","2","3","4","5","6"' for k in numbers]
     file = log(tmp_path, *rows)
     file.write_text(f'"{label}",' + file.read_text())
+
     result = read_daqft(file, options)
+
     assert result.counts["missing_samples"] == 2 and result.rate == pytest.approx(62.5)
     assert_allclose(result.time, numbers * 0.016, rtol=0, atol=1e-12)
     assert_array_equal(result.force[:, 0], numbers + 0.5)
@@ -140,7 +146,9 @@ def test_a_netft_log_reads_back_to_the_bit_whatever_is_beside_its_numbers(netft)
     change(netft, f'"{STARTED}"', '"Apr 2, 2013 3:45:12 PM"')
     change(netft, "Force Units", '"PLEASE NOTE: The rate, as it was."\r\nForce Units')
     change(netft, '"0x0"', '"0x80020000"', 3)
+
     result = read_netft(netft)
+
     assert_array_equal(result.force, record().force)
     assert_array_equal(result.torque, record().torque)
     assert_allclose(result.time, record().time, rtol=0, atol=1e-12)
@@ -163,6 +171,7 @@ def test_repeated_zero_and_blank_rows_are_counted_and_lost_packets_leave_a_gap(
         "blank_rows": 1,
         "cut_rows": 0,
     }
+
     write_netft(netft, record())
     lines = netft.read_bytes().split(b"\r\n")
     netft.write_bytes(b"\r\n".join([*lines[:17], *lines[21:28], *lines[27:]]))
@@ -185,6 +194,7 @@ def test_counts_of_forces_and_of_torques_are_divided_each_by_its_own(
     change(file, "Torque Units: N-m", "Torque Units: N-mm")
     result = read_netft(file)
     torque = record().torque * 1e-3 * share
+
     assert_allclose(result.force, record().force, atol=0.51e-6)
     assert_allclose(result.torque, torque, atol=0.51e-9 * share)
 
@@ -197,6 +207,7 @@ def test_what_may_be_counts_is_asked(tmp_path):
     for counts, value in ((False, 7), (True, 7e-6)):
         force = read_netft(file, ForceLogOptions(counts=counts)).force
         assert_allclose(force, value)
+
     file.write_bytes(b"7,0".join(file.read_bytes().rsplit(b"7.0", 1)))
     assert "'7,0', not a finite number" in refusal(read_netft, file).message
 
@@ -242,6 +253,7 @@ def test_units_matrix_and_ratings_are_those_of_the_user_axes_in_any_encoding(
         assert_array_equal(result.matrix, newton)
         assert_allclose(result.full_scale, [25, 25, 35, 0.25, 0.25, 0.25])
     error = refusal(read_calibration, calibration(tmp_path, axes))
+
     assert "get a calibration of version 1.1" in error.message
 
 
@@ -257,10 +269,13 @@ def test_gauge_voltages_become_forces_by_the_matrix_of_their_transducer(
     table = pd.DataFrame(volts, columns=gauges).assign(**dict.fromkeys(thermistor, 2.5))
     table.to_csv(file, index=False, header=[*gauges, *thermistor])
     change(file, "\n", f",{SETTINGS}\n", 1)
+
     result = read_daqft(file, options)
+
     assert_allclose(result.force, volts @ MATRIX[:3].T, rtol=1e-11)
     assert_allclose(result.torque, volts @ MATRIX[3:].T * 1e-3, rtol=1e-11)
     assert refusal(read_daqft, file).evidence["key"] == f"{KEY}.calibration"
+
     change(file, "FT1", "FT2")
     assert "FT2" in refusal(read_daqft, file, options).message
 
@@ -271,6 +286,7 @@ def test_units_that_the_log_does_not_state_are_the_options_or_the_calibrations(
     file = tmp_path / "log.csv"
     file.write_text(f"Fx,Fy,Fz,Mx,My,Mz,{SETTINGS}\n1.5,2,3,4,5,6\n")
     assert refusal(read_daqft, file).evidence["key"] == f"{KEY}.force_unit"
+
     pounds = read_calibration(
         calibration(tmp_path, units='ForceUnits="lb" TorqueUnits="in-lb"'),
     )

@@ -55,6 +55,7 @@ def test_columns_whose_labels_name_other_joints_are_refused(tmp_path):
     options = LogOptions("t", names=("wrist_joint", "elbow_joint"))
     columns = {"columns": ["q_elbow", "q_wrist"], "options": options}
     error = refusal(partial(read_joint_log, joints=2, **columns), file)
+
     assert error.evidence["key"] == f"{KEY}.joints"
     assert "elbow_joint, wrist_joint" in error.message
 
@@ -65,6 +66,7 @@ def test_columns_whose_cells_name_other_joints_are_refused(tmp_path):
     read = partial(read_joint_log, joints=2, columns=["q0", "q1"])
     right = LogOptions("t", names=("elbow", "wrist"))
     assert read(file, options=right).signals["actual"].tolist() == [[1, 2]] * 2
+
     exchanged = LogOptions("t", names=("wrist", "elbow"))
     error = refusal(partial(read, options=exchanged), file)
     assert error.evidence["key"] == f"{KEY}.joints"
@@ -86,6 +88,7 @@ def test_a_unit_in_the_header_is_never_read_as_another(
         assert error.evidence["key"] == f"{KEY}.{key}"
         options = LogOptions(**{key: unit})
     log = read_joint_log(file, joints=2, options=options)
+
     assert log.time[-1] == pytest.approx(last)
     assert_allclose(log.signals["actual"], [angles] * 2)
 
@@ -95,6 +98,7 @@ def test_degrees_that_are_taken_for_radians_are_refused_with_the_option_and_the_
 ):
     file = table(tmp_path, "", "0.0, 10.5, -90.0", "0.1, 10.5, -90.0")
     error = refusal(partial(read_joint_log, joints=2), file)
+
     assert error.evidence["key"] == f"{KEY}.angle_unit"
     assert "at 0 s from" in error.message
 
@@ -137,6 +141,7 @@ def test_the_code_of_a_reader_is_named_for_the_files_that_it_reads(tmp_path):
     assert code == sources_hash(imported_sources([module]))
     (tmp_path / "log.csv").write_text("time,q_0\n0.0,0.1\n0.1,0.2\n")
     assert reader_code(tmp_path / "log.csv") == ""
+
     states = Message(JOINT_STATE, 1.0, name=["a"], position=np.zeros(1))
     states.fields |= dict.fromkeys(("velocity", "effort"), np.zeros(0))
     bag = write_bag(tmp_path, "mcap", {"/joint_states": [(1.0, states)]})
@@ -148,6 +153,7 @@ def test_the_code_of_a_reader_is_named_for_the_files_that_it_reads(tmp_path):
 def test_arrays_are_found_by_their_names(tmp_path, form):
     file = archive(tmp_path, form, **ARRAYS)
     assert format_of(file, formats_in(joints, Kind.JOINTS)).read is read_arrays
+
     log = read_arrays(file, PLAIN)
     assert_array_equal(log.time, STAMPS)
     assert [*log.signals] == ["actual", "target"] and log.counts == {"doubled_rows": 0}
@@ -162,7 +168,9 @@ def test_arrays_and_columns_are_named_by_the_option(tmp_path, form):
     columns = ["b_1", "b_0", "b_2"] if form == "parquet" else ["b:1", "b:0", "b:2"]
     named = {"actual": ["a"], "target": columns}
     options = LogOptions("clock", angle_unit="deg", time_unit="ms", signals=named)
+
     log = read_arrays(file, options)
+
     assert_allclose(log.time, np.arange(ROWS) * 0.005)
     assert_allclose(log.signals["actual"], np.deg2rad(ACTUAL))
     assert_array_equal(log.signals["actual"], log.signals["target"])
@@ -172,6 +180,7 @@ def test_without_times_the_rate_gives_them_and_an_absent_column_is_refused(tmp_p
     file = archive(tmp_path, "npz", a=ACTUAL)
     log = read_arrays(file, LogOptions(None, rate=200.0, signals={"actual": ["a"]}))
     assert_allclose(log.time, np.arange(ROWS) * 0.005)
+
     for column in ("a:3", "absent:0"):
         options = LogOptions(None, rate=200.0, signals={"actual": [column] * 3})
         error = refusal(read_arrays, file, options)
@@ -201,6 +210,7 @@ REFUSED = {  # words: arrays, evidence
 def test_an_array_that_the_file_lacks_is_named_with_those_that_it_has(tmp_path):
     options = replace(PLAIN, signals={"actual": ["measured"], "target": ["targets"]})
     error = refusal(read_arrays, archive(tmp_path, "npz", **ARRAYS), options)
+
     assert "actual is named measured, which the file lacks" in error.message
     assert "positions (6, 3)" in error.message
 
@@ -231,6 +241,7 @@ def test_matrices_in_structs_have_a_dotted_path(tmp_path):
     signals = {"actual": ["rec.arm.ref_pos_deg"]}
     log = read_arrays(file, LogOptions("rec.t", angle_unit="deg", signals=signals))
     assert_allclose(log.signals["actual"], ACTUAL)
+
     columns = {"actual": ["rec.arm.q:2", "rec.arm.q:0", "rec.arm.q:1"]}
     log = read_arrays(file, LogOptions("rec.t", signals=columns))
     assert_array_equal(log.signals["actual"], ACTUAL[:, [2, 0, 1]])
@@ -250,7 +261,9 @@ def test_structs_of_a_real_arm_are_what_scipy_reads(run):
     if not file.is_file():
         pytest.skip(f"the recordings of the KR300 are absent at {file}")
     struct = loadmat(file, simplify_cells=True)["rec"]
+
     log = read_arrays(file, PLAIN)
+
     for signal, name in (("actual", "act_pos_se_deg"), ("target", "ref_pos_deg")):
         angles = np.deg2rad(struct[name].T)
         assert_array_equal(log.signals[signal], angles)
@@ -262,11 +275,14 @@ def test_joints_times_samples_and_joint_names_beside_the_times_are_read(tmp_path
     beside = {"joint_names": np.array([*"abc"]), "None": np.array(["x"])}
     turned = {name: array.T for name, array in ARRAYS.items()}
     file = archive(tmp_path, form, **turned | beside)
+
     log = read_arrays(file, PLAIN)
+
     assert_array_equal(log.signals["target"], ACTUAL + 1)
     assert log.joints == ("a", "b", "c")
     error = refusal(read_arrays, file, LogOptions("absent", joints=3))
     assert "None" not in error.message and "positions (6, 3)" in error.message
+
     exchanged = LogOptions("times", joints=3, names=("b", "a", "c"))
     error = refusal(read_log, file, exchanged)
     assert "the joints of the log are a, b, c" in error.message

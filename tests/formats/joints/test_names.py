@@ -70,6 +70,7 @@ def test_four_columns_of_length_one_are_a_quaternion():
     still = 0 * TIME
     turned = np.stack([np.cos(TIME), np.sin(TIME), still, still], axis=1)
     assert signals_in(q=turned) == ({}, {})
+
     # the control: another length
     signals, _ = signals_in(q=1.1 * turned)
     assert [*signals] == ["actual"]

@@ -35,6 +35,7 @@ def test_points_come_back_in_metres(tmp_path, unit, scale):
     assert [*take.markers] == AB
     assert_allclose(np.stack([*take.markers.values()], 1), xyz, rtol=0, atol=3e-7)
     assert_allclose(take.time, np.arange(6) / 100, rtol=0, atol=1e-12)
+
     counts = {"found_frames": 6, "missing_samples": 0, "gaps": 0}
     assert counts.items() <= take.counts.items()
 
@@ -47,7 +48,9 @@ def lost_frames(take: MotionTake, marker: str) -> list[int]:
 def test_zeros_gaps_and_negative_residuals_are_missing(tmp_path):
     xyz = points(6)
     xyz[2, 1], xyz[3, 1] = np.nan, 0
+
     take = read_c3d(write(tmp_path, AB, xyz, residual=(0, 0)))
+
     assert lost_frames(take, "Arm:a") == [0]
     assert lost_frames(take, "Arm:b") == [2, 3]
     assert take.counts["missing_samples"] == 3
@@ -83,6 +86,7 @@ def test_a_unit_is_stated_by_the_file_or_the_option_and_never_differs(tmp_path):
         error = refusal(read_c3d, write(tmp_path, unit=unit), option)
         assert error.evidence["key"] == "dataset.mocap.unit"
     assert "furlong" in refusal(read_c3d, write(tmp_path, unit="furlong")).message
+
     take = read_c3d(write(tmp_path, unit=""), "mm")
     assert_allclose(take.markers["Arm:a"], points(5)[:, 0], rtol=0, atol=3e-7)
 
@@ -131,6 +135,7 @@ REFUSED = [  # content, words
 def test_a_file_that_is_not_read_says_what_to_do(tmp_path, content, words):
     file = tmp_path / "t.c3d"
     file.write_bytes(content)
+
     assert words in refusal(read_c3d, file).message
     if content:
         assert words in seen(file)
@@ -139,6 +144,7 @@ def test_a_file_that_is_not_read_says_what_to_do(tmp_path, content, words):
 def test_a_name_in_latin_1_is_no_damage(tmp_path):
     file = Path(os.fsdecode(os.fsencode(tmp_path) + b"/Messung_\xfcber.c3d"))
     file.write_bytes(c3d())
+
     assert list(read_c3d(file).markers) == AB
     assert "markers Arm:a, Arm:b" in seen(file) and "Messung_" in seen(file)
 
@@ -160,7 +166,9 @@ def test_a_rate_that_no_header_states_is_that_of_the_printed_times(
 ):
     frame = np.delete(np.arange(72210, 74210), slice(*lost))
     printed = np.round(frame / rate, decimals)
+
     estimated = rate_from_times(frame, printed)
+
     if expected is None:
         assert estimated is None
     else:

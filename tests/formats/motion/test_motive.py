@@ -32,13 +32,16 @@ def test_written_takes_read_back_to_a_half_micrometre_and_keep_their_gaps(tmp_pa
     original.markers["Link2:Marker1"][50:60] = np.nan
     original.bodies["Base"].position[7] = original.bodies["Base"].quaternion[7] = np.nan
     write_motive(tmp_path / "t.csv", original, start=START)
+
     result = read_motive(tmp_path / "t.csv")
+
     assert_array_equal(result.frame, original.frame)
     assert_allclose(result.time, original.time, rtol=0, atol=1e-12)
     assert (result.name, result.rate) == (original.name, original.rate)
     assert list(result.markers) == list(original.markers)
     for name, points in original.markers.items():
         assert_allclose(result.markers[name], points, rtol=0, atol=0.501e-6)
+
     read, written = result.bodies["Base"], original.bodies["Base"]
     half_micrometre = {"rtol": 0, "atol": 0.501e-6}
     assert_allclose(read.position, written.position, **half_micrometre)
@@ -54,6 +57,7 @@ def test_names_keep_colons_commas_quotes_and_letters_of_any_code_page(tmp_path):
         original.markers[name] = np.ones((2, 3))
     write_motive(file, original, start=START)
     assert list(read_motive(file).markers) == names
+
     file.write_bytes(file.read_bytes().decode().encode("cp1252"))
     assert list(read_motive(file).markers) == names
 
@@ -83,6 +87,7 @@ def test_labels_decide_which_column_is_which_in_which_unit(tmp_path, unit, scale
 def test_lost_samples_are_nan_in_all_coordinates_and_counted(tmp_path, cells, count):
     file = columns_file(tmp_path, MARKER + f"0,0,{cells}\n1,0.01,0,0,1\n")
     take = read_motive(file)
+
     assert_array_equal(take.markers["A"], [[np.nan] * 3, [0, 0, 1]])
     assert take.counts["missing_samples"] == 1
     for name in ("zero_samples", "partial_samples", "filler_samples"):
@@ -171,6 +176,7 @@ def test_raw_markers_are_preferred_to_solved_ones(tmp_path):
     body = columns((SOLVED, "B:1", "1"), (SOLVED, "B:2", "1"), ("Marker", "B:1", "1"))
     rows = "0,0,1,1,1,2,2,2,9,9,9", "1,0.01,1,1,1,2,2,2,,,"
     take = read_columns(tmp_path, body, *rows)
+
     assert_array_equal(take.markers["B:1"], [[9, 9, 9], [np.nan] * 3])
     assert_array_equal(take.markers["B:2"], [[2, 2, 2]] * 2)
     assert (take.counts["solved_replaced"], take.counts["solved_only"]) == (1, 1)
@@ -180,6 +186,7 @@ def test_shared_names_keep_their_ids(tmp_path):
     body = columns(("Marker", "S", "1"), ("Marker", "S", "2"), (SOLVED, "S", "3"))
     take = read_columns(tmp_path, body, "0,0,1,2,3,1,2,3,1,2,3")
     assert list(take.markers) == ["S [1]", "S [2]", "S [3]"]
+
     bodies = ("Rigid Body", "B", "1"), ("Rigid Body", "B", "2")
     row = "0,0,0,0,0,1,1,2,3,0,0,0,1,4,5,6"
     take = read_columns(tmp_path, columns(*bodies, quantities=POSE), row)
@@ -189,6 +196,7 @@ def test_shared_names_keep_their_ids(tmp_path):
 def test_bones_are_skipped_and_a_take_of_bones_is_refused(tmp_path):
     body = columns(("Marker", "A", "1"), BONE)
     take = read_columns(tmp_path, body, "0,0,1,2,3,4,5,6")
+
     assert list(take.markers) == ["A"] and take.counts["skipped_bones"] == 1
     with pytest.raises(RecordingError, match="only bones"):
         read_columns(tmp_path, columns(BONE), "0,0,4,5,6")
@@ -224,6 +232,7 @@ def test_a_rotation_of_another_length_than_one_is_refused_by_its_row(
         assert read_motive(file).bodies["A"].quaternion[2, 3] == float(w)
         return
     error = refusal(read_motive, file)
+
     assert "the quaternion of A has the length" in error.message
     assert error.evidence["line"] == 10
 
@@ -255,6 +264,7 @@ def test_row_typed_takes_give_measured_markers_poses_and_strays(tmp_path, versio
         version,
         250.0,
     )
+
     wanted = {"Unlabeled 1": [[5, 5, 5]] * 3}
     seen = [[0, 0, 1], [1, 0, 1], [2, 0, 1]]
     # a solved place is no measured one; version 1.0 has no names of markers
@@ -266,6 +276,7 @@ def test_row_typed_takes_give_measured_markers_poses_and_strays(tmp_path, versio
         assert_array_equal(result.markers[name], places)
     position = result.bodies["Arm"].position
     assert_array_equal(position, [[np.nan] * 3, [1.5, 2, 3], [2.5, 2, 3]])
+
     counts = [
         result.counts[name] for name in ("stray_ids", "stray_samples", "missing_poses")
     ]
