@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from compiled_calls import from_python
+from numpy.random import default_rng
 from project_copy import ROOT
 from source_code import MODULES, imports, tree
 
@@ -37,7 +38,7 @@ def units(function, exact, x: np.ndarray) -> float:
 def test_sine_and_cosine_are_right_to_two_units_in_the_last_place_of_one():
     both = from_python(sine_cosine)
     near, octants = np.linspace(-7, 7, 20_001), np.arange(-8, 9) * np.pi / 4
-    far = np.random.default_rng(1).uniform(-6000, 6000, 20_000)
+    far = default_rng(1).uniform(-6000, 6000, 20_000)
     angles = np.concatenate([near, far, octants])
     right = np.stack([np.sin(angles), np.cos(angles)], axis=1)
 
@@ -71,7 +72,7 @@ COUNTS = [0, 1, LANES - 1, LANES, LANES + 1, 10 * LANES + 3]
 
 @pytest.mark.parametrize("count", COUNTS)
 def test_sums_and_the_greatest_are_numpys(count):
-    x, y = np.random.default_rng(count).standard_normal((2, count))
+    x, y = default_rng(count).standard_normal((2, count))
     gaps = np.append(x, np.nan)  # what is no number is not the greatest
 
     assert from_python(inner_product)(x, y) == pytest.approx(x @ y, abs=1e-13)
@@ -96,7 +97,7 @@ def sum_by_lanes(terms: np.ndarray) -> float:
 
 @pytest.mark.parametrize("count", COUNTS)
 def test_sums_are_those_of_lanes_to_the_bit(count):
-    x, y = np.random.default_rng(count).standard_normal((2, count))
+    x, y = default_rng(count).standard_normal((2, count))
     assert from_python(inner_product)(x, y) == sum_by_lanes(x * y)
     assert from_python(total)(x) == sum_by_lanes(x)
 

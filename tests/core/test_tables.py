@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from case_tables import cases_beside
+from numpy.testing import assert_array_equal
 
 from pipeline.core import columns, contracts
 from pipeline.core.contracts import TABLES, Column, expand_families, read_declarations
@@ -168,7 +169,7 @@ def test_takes_are_stacked_in_the_order_of_the_table():
 
     # a family is stacked in the order of its columns
     _, family = contracts.stacked(takes(3, 3), "q")
-    np.testing.assert_array_equal(family, values[..., ::-1])
+    assert_array_equal(family, values[..., ::-1])
 
 
 def test_takes_with_unequal_or_interleaved_rows_are_not_stacked():
@@ -185,13 +186,13 @@ def test_values_and_symmetric_matrices_are_spread_over_columns_and_read_back():
     spread = pd.DataFrame(columns.spread("q", names, array))
     assert columns.members(spread, "q") == names
     assert "q:arm%3Abase" in spread
-    np.testing.assert_array_equal(columns.values(spread, "q"), array.reshape(-1, 3))
+    assert_array_equal(columns.values(spread, "q"), array.reshape(-1, 3))
 
     half = np.random.default_rng(3).random((5, 3, 3))
     full = half + half.swapaxes(1, 2)
     triangles = pd.DataFrame(columns.triangle("c", "abc", full))
     assert list(triangles)[:4] == ["c:a:a", "c:a:b", "c:a:c", "c:b:b"]
-    np.testing.assert_array_equal(columns.matrices(triangles, "c", "abc"), full)
+    assert_array_equal(columns.matrices(triangles, "c", "abc"), full)
     # control: another order of the joints has other pairs
     with pytest.raises(KeyError):
         columns.matrices(triangles, "c", "cba")

@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from marker_takes import marker_places
+from numpy.random import default_rng
 from planar_poses import load_arm
 from sample_options import made
 from scipy.spatial.transform import Rotation
@@ -131,7 +132,7 @@ def take_bench(folder: Path, dataset: Dataset, arm: Arm, motion) -> Bench:
     template = np.array(
         [list(link.values()) for link in dataset.mocap.markers.values()],
     )
-    base, rng = dataset.mocap.base, np.random.default_rng(1)
+    base, rng = dataset.mocap.base, default_rng(1)
     turn = Rotation.from_euler("xyz", base.rpy).as_matrix()
     places = arm.to_base(marker_places(motion(GRID), template, arm.chain)) @ turn.T
     places = (places + np.array(base.position)).reshape(len(GRID), 9, 3)
@@ -168,7 +169,7 @@ def take_bench(folder: Path, dataset: Dataset, arm: Arm, motion) -> Bench:
 
 def depth_bench(folder: Path, dataset: Dataset, arm: Arm, motion) -> Bench:
     """One take of the depth camera, whose clock is set by the markers of a take."""
-    kinect, rng = dataset.laboratory["kinect"], np.random.default_rng(2)
+    kinect, rng = dataset.laboratory["kinect"], default_rng(2)
     coarse = {
         name: getattr(kinect, name) / COARSER for name in ("fx", "fy", "cx", "cy")
     }

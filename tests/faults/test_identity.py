@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.random import default_rng
 from numpy.testing import assert_array_equal
 
 from pipeline.arm.model import arm_of
@@ -37,7 +38,7 @@ def folder(benches, dataset, tmp_path):
     (tmp_path / "optitrack").mkdir()
     source = tmp_path / "source.csv"
     source.write_bytes(benches["take"].files["optitrack/test_001.csv"])
-    rng, sound = np.random.default_rng(4), read_motive(source)
+    rng, sound = default_rng(4), read_motive(source)
     for name in (TRAIN, TEST):
         markers = {}
         for marker, xyz in sound.markers.items():
@@ -79,7 +80,7 @@ def test_a_copy_of_a_take_is_refused_with_both_names(folder, tmp_path, change, c
 
 
 def test_rounded_samples_are_equal_and_noise_is_not():
-    first, second = np.random.default_rng(1).normal(size=(2, 50, 3))
+    first, second = default_rng(1).normal(size=(2, 50, 3))
     first[3] = np.nan
     distinct = {"a": first, "b": first + 1e-4, "c": second, "d": first[:40]}
 
@@ -109,7 +110,7 @@ def test_a_header_that_names_another_take_is_counted_or_refused(
 
 
 def test_a_late_take_has_a_lag_beyond_the_limit_and_others_have_not(motion):
-    rng, time = np.random.default_rng(2), np.arange(160) / 100
+    rng, time = default_rng(2), np.arange(160) / 100
     starts = rng.normal(0, 0.0015, 8)
     takes = np.array([motion(time + start) for start in starts])
     takes += rng.normal(0, 1e-3, takes.shape)
@@ -171,7 +172,7 @@ def test_a_copied_take_is_beyond_the_limit_also_disguised_and_sound_takes_are_no
     takes,
     disguise,
 ):
-    rng = np.random.default_rng(takes)
+    rng = default_rng(takes)
     q = swaying_takes(takes, motion, rng)
     assert likeness(q).ratio.max() < LIMITS.likeness / 1.5
 
@@ -199,7 +200,7 @@ def test_groups_of_noisy_copies_are_found_whatever_their_number(
     groups,
     noise,
 ):
-    rng = np.random.default_rng(takes)
+    rng = default_rng(takes)
     q = swaying_takes(takes, motion, rng)
     sizes, first = np.ones(takes), 0
     for size in groups:
@@ -223,7 +224,7 @@ def test_an_arm_that_repeats_within_its_noise_has_disturbed_takes_and_no_copies(
     pushed,
 ):
     """All takes are equal within the noise: the likeness cannot be seen, and is not beyond."""
-    rng, time = np.random.default_rng(pushed), np.arange(320) / 100
+    rng, time = default_rng(pushed), np.arange(320) / 100
     q = motion(time) + rng.normal(0, 1e-4, (10, 320, 3))
     push = 3e-3 * np.sin(np.linspace(0, np.pi, 30))
     for take in range(pushed):
@@ -243,7 +244,7 @@ def test_a_take_of_three_times_the_deviation_is_disturbed_and_sound_ones_are_not
     takes,
 ):
     """A take that hardly deviates is not found, as three times its deviation is a usual one."""
-    rng, times_found = np.random.default_rng(takes), 0
+    rng, times_found = default_rng(takes), 0
     for _ in range(10):
         q = swaying_takes(takes, motion, rng)
         sound = disturbances(q, 100.0)
@@ -290,7 +291,7 @@ SEEN_AT = np.arange(5, 175, 3) / 100  # s
 @pytest.fixture(scope="module")
 def swaying_joints(motion, dataset) -> list[pd.DataFrame]:
     """Joint angles of takes that sway each in its own way, by some tenths of a degree."""
-    rng, time = np.random.default_rng(3), np.arange(181) / 100
+    rng, time = default_rng(3), np.arange(181) / 100
     joints = []
     for number in range(OTHERS + 2):
         frequencies = rng.uniform(4, 20, 8)[:, None]
@@ -303,7 +304,7 @@ def swaying_joints(motion, dataset) -> list[pd.DataFrame]:
 
 
 def test_images_of_another_take_have_a_share_beyond_the_limit(swaying_joints, dataset):
-    arm, rng = arm_of(dataset.robot), np.random.default_rng(4)
+    arm, rng = arm_of(dataset.robot), default_rng(4)
 
     def share(images: int, name: int, noise: float) -> float:
         """The share of a take ``name`` whose images are of the take ``images``."""
@@ -336,7 +337,7 @@ def cut(values: np.ndarray, at: float) -> ForceRecord:
 
 
 def test_a_plateau_of_equal_greatest_forces_is_saturation_wherever_it_lies():
-    values = np.random.default_rng(5).normal([20, 1, 2], [5, 0.1, 0.1], (2000, 3))
+    values = default_rng(5).normal([20, 1, 2], [5, 0.1, 0.1], (2000, 3))
     scale = np.array([32.0, 32.0, 100.0])
     rules = {"longest": 0.5, "share": 0.5, "file": "log.csv"}
     below = values[:, 0] < 26
@@ -371,7 +372,7 @@ FORCE = Force(
 @pytest.fixture
 def forces() -> dict[str, np.ndarray]:
     """Configuration → recorded forces (3000, 2) in N."""
-    rng, records = np.random.default_rng(6), {}
+    rng, records = default_rng(6), {}
     for name, arranged in FORCE.configurations.items():
         robots = len(arranged.direction)
         size = 3000, robots

@@ -17,6 +17,7 @@ from depth_files import CALIBRATIONS, CLOUDS, PGM, SMALL, encoded, tiff
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from motive_files import START, frame_row, random_take, rows_file
+from numpy.random import default_rng
 from numpy.testing import assert_array_equal
 from sample_recordings import SHAPE, write_zoo
 from scipy.io import savemat
@@ -49,7 +50,7 @@ from pipeline.formats.motion.take import MotionTake
 from pipeline.formats.rosbag import image_pixels, messages
 from pipeline.formats.trajectory import read_trajectory, write_trajectory
 
-SAMPLES = np.random.default_rng(5).normal(size=(5, 6)).round(4)
+SAMPLES = default_rng(5).normal(size=(5, 6)).round(4)
 RECORD = ForceRecord(
     np.arange(5) / 500,
     SAMPLES[:, :3],
@@ -242,7 +243,7 @@ def of_zoo(place: str) -> Callable[[Path], Path]:
 
 SHEET = b"""about:\n  subject: an arm\n  source: our laboratory\n  licence: MIT
 recordings: data/raw/lab\nmotion: {rate: 100.0, steps: 250}\n"""
-LOG = {"t": np.arange(50) / 125, "q": np.random.default_rng(4).normal(size=(50, 6))}
+LOG = {"t": np.arange(50) / 125, "q": default_rng(4).normal(size=(50, 6))}
 COLUMNS = pd.DataFrame({"t": LOG["t"]} | {f"q_{j}": LOG["q"][:, j] for j in range(6)})
 arrays = partial(read_arrays, options=LogOptions(signals={"actual": ["q"]}))
 MUTATED = SOUND | {

@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from case_tables import cases_beside
+from numpy.random import default_rng
 from numpy.testing import assert_array_equal
 from pandas.testing import assert_frame_equal
 
@@ -58,7 +59,7 @@ def sheet(folder: Path, text: str, **options: str) -> Sheet:
 
 @pytest.mark.parametrize("form", ["%.6f", "%.15G", "%.17g"])
 def test_numbers_are_correctly_rounded_as_by_python(form):
-    generator = np.random.default_rng(1)
+    generator = default_rng(1)
     powers = generator.integers(-9, 9, 5000)
     drawn = generator.normal(size=5000) * 10.0**powers
     cells = [form % value for value in drawn]
@@ -143,7 +144,7 @@ def test_a_last_row_that_is_short_or_has_no_end_is_left_out_and_counted(
 
 def test_written_trajectories_read_back_bit_for_bit_with_and_without_joints(tmp_path):
     file = tmp_path / "t.csv"
-    numbers = np.random.default_rng(1).normal(0, 0.5, (321, 7))
+    numbers = default_rng(1).normal(0, 0.5, (321, 7))
     numbers[:, 0] = np.round(np.arange(321) / 30, 6)  # six decimals of equal steps
     families = pd.DataFrame(numbers, columns=FAMILIES)
     joints = {"q:a": np.linspace(0, 1, 321), "q:b": np.linspace(2, 3, 321)}
@@ -156,7 +157,7 @@ def test_written_trajectories_read_back_bit_for_bit_with_and_without_joints(tmp_
 
 def test_plain_names_of_columns_in_any_order_are_read_and_a_pose_is_whole(tmp_path):
     file = tmp_path / "t.csv"
-    numbers = np.random.default_rng(1).normal(0, 0.5, (321, 7))
+    numbers = default_rng(1).normal(0, 0.5, (321, 7))
     numbers[:, 0] = np.arange(321) / 100
     plain = pd.DataFrame(numbers, columns=COLUMNS)
     plain[COLUMNS[::-1]].to_csv(file, index=False)

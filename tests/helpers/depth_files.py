@@ -5,12 +5,13 @@ import struct
 
 import cv2
 import numpy as np
+from numpy.random import default_rng
 from PIL import Image
 
 
 def frame(shape: tuple[int, int]) -> np.ndarray:
     """A noisy slope in mm, a fifth of whose pixels have no depth."""
-    generator = np.random.default_rng(1)
+    generator = default_rng(1)
     rows, columns = np.indices(shape)
     slope = 1800 + 0.5 * columns + 0.3 * rows
     raw = slope + generator.normal(size=shape) * 5
@@ -78,7 +79,7 @@ POINT = np.dtype(
 
 
 def records() -> np.ndarray:
-    generator = np.random.default_rng(3)
+    generator = default_rng(3)
     table = np.zeros(12, POINT)
     for axis in "xyz":
         table[axis] = generator.normal(size=12)

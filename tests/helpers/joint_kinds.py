@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from kinds import FileKind, read_kinds
+from numpy.random import default_rng
 from scipy.io import savemat
 
 RATE = 125.0  # Hz
@@ -27,7 +28,7 @@ def motion(rows: int = ROWS) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     target = HOME + share[:, None] * (AWAY - HOME)
 
     late = np.vstack([target[:1], target[:-1]])
-    noise = np.random.default_rng(3).normal(0, 1e-5, late.shape)
+    noise = default_rng(3).normal(0, 1e-5, late.shape)
     return k / RATE, late + noise, target
 
 
@@ -228,7 +229,7 @@ CHANGES: dict[str, Callable[..., Columns]] = {
 def write_beside(folder: Path, others: Sequence[str]) -> None:
     """Write files of measured and commanded angles beside files ``others`` of other quantities."""
     time, actual, target = motion()
-    rng = np.random.default_rng(1)
+    rng = default_rng(1)
     quantities = {"log_q_actual": actual, "log_q_target": target}
     for name in others:
         quantities[name] = rng.normal(5, 1, target.shape)

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+from numpy.random import default_rng
 from space_arms import revolute_arm
 
 from pipeline.arm.chain import SerialChain
@@ -29,7 +30,7 @@ def random_arm(n: int, m: int) -> SerialChain:
     arm = revolute_arm(n)
     if (n, m) == (3, 2):
         return replace(arm, task=("x", "z"), placements=PLANAR)
-    rows = np.random.default_rng(100 * n + m).permutation(6)[:m]
+    rows = default_rng(100 * n + m).permutation(6)[:m]
     return replace(arm, task=tuple(arm.task[row] for row in rows))
 
 
@@ -44,7 +45,7 @@ def motion(arm: SerialChain, steps: int, rest: int, size: float = 0.02) -> tuple
     and its commands (steps, m) or (steps, m + n).
     """
     n, m = len(arm.lower), len(arm.task)
-    rng = np.random.default_rng(7)
+    rng = default_rng(7)
     candidates = rng.uniform(-2, 2, (400, n))
     starts = candidates[regularity(arm, candidates).argsort()[-20:]]
 

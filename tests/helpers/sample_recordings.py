@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 from depth_files import CLOUDS
 from motive_files import START, random_take, rows_file
+from numpy.random import default_rng
 from ros_bags import camera_info, image, write_bag
 from written_logs import CALIBRATION, write_joint_log, write_netft
 
@@ -44,7 +45,7 @@ TEXTS = {
 def frames(folder: Path, count: int = 4) -> list[str]:
     """Depth images 0000.png … in ``folder``, values 900 to 1100 and a tenth without depth."""
     folder.mkdir(parents=True)
-    rng = np.random.default_rng(5)
+    rng = default_rng(5)
     for number in range(count):
         depth = rng.integers(900, 1101, SHAPE).astype(np.uint16)
         depth[rng.random(SHAPE) < 0.1] = 0
@@ -54,7 +55,7 @@ def frames(folder: Path, count: int = 4) -> list[str]:
 
 def write_zoo(folder: Path) -> None:
     """One recording of every format, and two files of no format."""
-    rng = np.random.default_rng(3)
+    rng = default_rng(3)
     for name, text in TEXTS.items():
         (folder / name).write_text(text)
     take = random_take(50)

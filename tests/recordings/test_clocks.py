@@ -5,6 +5,7 @@ order, sign and clock of a command, found whatever the others do; uneven clocks 
 import numpy as np
 import pytest
 from case_tables import cases_beside
+from numpy.random import default_rng
 from numpy.testing import assert_allclose, assert_array_equal
 
 from pipeline.core.errors import RecordingError
@@ -33,7 +34,7 @@ def recording(
     """30 Hz frames with jittered stamps on their own clock, another point of the body; 100 Hz on
     the motion clock.
     """
-    rng = np.random.default_rng(seed)
+    rng = default_rng(seed)
     t_b = np.arange(-30, 351) / 100
     t_a = np.arange(97) / 30 + rng.uniform(-0.004, 0.004, 97)
     noise_of_a = rng.normal(scale=noise, size=(97, 2))
@@ -90,7 +91,7 @@ def test_signals_that_tell_no_offset_are_refused_with_the_take(fault, search, wo
     if fault == "at rest":
         a = np.zeros_like(a)
     elif fault == "only noise":
-        a = np.random.default_rng(6).normal(size=a.shape)
+        a = default_rng(6).normal(size=a.shape)
     elif fault == "100 s later":
         t_a = t_a + 100
     elif fault == "backwards":
@@ -111,7 +112,7 @@ def logged(
     together; or without rest, each joint on another path. The last joint does not move.
     """
     t = np.arange(1500) / RATE
-    noise = np.random.default_rng(1).normal(0, 1e-4, (len(t), 4))
+    noise = default_rng(1).normal(0, 1e-4, (len(t), 4))
 
     def angles(t: np.ndarray) -> np.ndarray:
         still = 0 * t
@@ -215,7 +216,7 @@ def jittered(
 ) -> JointLog:
     """A log at 200 Hz whose times jitter; ``sampled``: the angles are those of these times."""
     even = np.arange(samples) * 0.005
-    times = even + np.random.default_rng(1).normal(0, jitter, samples)
+    times = even + default_rng(1).normal(0, jitter, samples)
     t = (times if sampled else even)[:, None]
     return JointLog(times, {"actual": np.sin(2 * t + np.arange(3))}, {})
 

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from written_logs import write_netft
 
 from pipeline.core.errors import ConfigError, RecordingError
@@ -60,16 +61,16 @@ def test_a_record_gives_the_loaded_samples_without_their_bias(tmp_path, netft):
         options(format="netft" if netft else "daqft"),
     )
     loaded, logged = log.time >= TARE, np.hstack([log.force, log.torque])
-    np.testing.assert_allclose(rows["t"], log.time[loaded], rtol=0, atol=1e-9)
+    assert_allclose(rows["t"], log.time[loaded], rtol=0, atol=1e-9)
     axes = ["fx", "fy", "fz", "mx", "my", "mz"]
     assert list(rows) == ["configuration", "t", *axes]
 
     expected = logged[loaded] - logged[~loaded].mean(axis=0)
-    np.testing.assert_allclose(rows[axes], expected, atol=1e-12)
-    np.testing.assert_allclose(rows[axes[:3]].mean(), LOAD, atol=5e-3)
+    assert_allclose(rows[axes], expected, atol=1e-12)
+    assert_allclose(rows[axes[:3]].mean(), LOAD, atol=5e-3)
 
     bias = [row["value"] for row in quality if row["quantity"].startswith("bias")]
-    np.testing.assert_allclose(bias, [*BIAS, 0, 0, 0], atol=5e-3)
+    assert_allclose(bias, [*BIAS, 0, 0, 0], atol=5e-3)
     # of the sensor's faults only those that there are
     assert not [
         row for row in quality if row["quantity"].startswith(("frozen", "saturated"))
@@ -90,9 +91,9 @@ def test_moments_are_about_the_stated_point_whatever_the_bias(tmp_path):
         rows, _ = force_rows(tmp_path, "C1", replace(options(), point=about))
         moments.append(rows[["mx", "my", "mz"]].to_numpy())
 
-    np.testing.assert_allclose(moments[0], 0, atol=1e-12)
+    assert_allclose(moments[0], 0, atol=1e-12)
     # the control: about the origin
-    np.testing.assert_allclose(
+    assert_allclose(
         moments[1].mean(axis=0),
         np.cross(point, LOAD),
         atol=1e-3,

@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 from marker_takes import PLACES, marker_places
 from motive_files import START
+from numpy.testing import assert_allclose
 from sample_options import made
 from scipy.spatial.transform import Rotation
 from space_arms import LWR4, UR5, YOUBOT, motion
@@ -111,7 +112,7 @@ def read(file: Path, part: str = "training", **mocap):
 
 
 def require_angles(rows: pd.DataFrame) -> None:
-    np.testing.assert_allclose(tracked(rows).q, JOINTS, rtol=0, atol=5e-5)
+    assert_allclose(tracked(rows).q, JOINTS, rtol=0, atol=5e-5)
 
 
 def test_markers_and_bodies_give_back_the_joints_that_carried_them(tmp_path):
@@ -262,13 +263,13 @@ def test_the_steps_take_the_arm_from_each_commanded_pose_to_the_next(file):
         motion(GRID + 1),
     )
     steps = chain.displacement(chain.pose(q[:-1]), chain.pose(q[1:]))
-    np.testing.assert_allclose(values(table, "v")[:-1] / 100, steps, atol=1e-12)
+    assert_allclose(values(table, "v")[:-1] / 100, steps, atol=1e-12)
     assert members(table, "x") == chain.task and members(table, "u") == ()
 
     # an arm of more joints than rows is told its joints too
     table = trajectory_rows(file, commanded(replace(UR5, task=["x", "y", "z"])))
     assert values(table, "v").shape == (GRID + 1, 3)
-    np.testing.assert_allclose(
+    assert_allclose(
         values(table, "u")[:-1] / 100,
         np.diff(q, axis=0),
         atol=1e-12,

@@ -11,6 +11,7 @@ import pytest
 from case_tables import cases_beside
 from joint_files import log, read_movement, table
 from joint_kinds import motion
+from numpy.random import default_rng
 from numpy.testing import assert_allclose
 from planar_poses import load_arm
 from sample_options import made
@@ -146,7 +147,7 @@ RAIL = """<robot name="rail"><link name="base"/><link name="cart"/><link name="a
 
 def test_a_spike_of_any_size_is_no_turn_and_a_wrap_beside_noise_is_one():
     time, angles, _ = motion()
-    rng, errors = np.random.default_rng(1), []
+    rng, errors = default_rng(1), []
     digits = np.concatenate([rng.uniform(0.78, 1.78, 300), rng.uniform(1.78, 14, 100)])
     for size in 10**digits:
         spiked = angles.copy()
@@ -180,7 +181,7 @@ def test_positions_of_a_prismatic_joint_are_metres_and_never_unwrapped(tmp_path,
     with_rail = LogOptions(**options, circular=circular)
     log = movement.read_log(tmp_path / "run.npz", with_rail)
     expected = np.c_[slide, TURNING[:, 0]]
-    np.testing.assert_allclose(log.signals["actual"], expected, atol=1e-12)
+    assert_allclose(log.signals["actual"], expected, atol=1e-12)
     assert log.counts[movement.UNWRAPPED] == 1
     # the control: as angles they jump
     if unit == "rad":
@@ -220,7 +221,7 @@ def raw(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "arm.urdf").write_text(ELBOW)
     (tmp_path / "logs").mkdir()
-    q = np.random.default_rng(1).normal(0, 1e-3, (40, 2)).round(4)
+    q = default_rng(1).normal(0, 1e-3, (40, 2)).round(4)
     for take in ("test_b", "test_a", "train_a"):
         signals = {"target": np.zeros((40, 2)), "actual": q}
         write_joint_table(tmp_path / f"logs/{take}.csv", CLOCK, signals, NAMES)
@@ -235,8 +236,8 @@ def test_every_log_of_a_take_is_read_at_its_own_rate(raw):
     assert takes == [("train_a", "training"), ("test_a", "test"), ("test_b", "test")]
 
     rows, quality = logs[1]
-    np.testing.assert_allclose(rows["t"], 0.1 + np.arange(40) / 250, atol=1e-9)
-    np.testing.assert_allclose(rows[["q:shoulder", "q:elbow"]], q, atol=1e-9)
+    assert_allclose(rows["t"], 0.1 + np.arange(40) / 250, atol=1e-9)
+    assert_allclose(rows[["q:shoulder", "q:elbow"]], q, atol=1e-9)
     assert {row["quantity"]: row["value"] for row in quality}["rows"] == 40
 
     # a step that the joint cannot make
@@ -253,7 +254,7 @@ def test_every_log_of_a_take_is_read_at_its_own_rate(raw):
     (folder / "arm.urdf").write_text(sliding)
     write_joint_table(file, CLOCK, {"target": 0 * q, "actual": 35 * stepping}, NAMES)
     rows, _ = encoder_rows(folder, encoder_dataset())[1]
-    np.testing.assert_allclose(rows["q:elbow"], 35 * stepping[:, 1], atol=1e-6)
+    assert_allclose(rows["q:elbow"], 35 * stepping[:, 1], atol=1e-6)
 
 
 @cases("other joints")
@@ -297,7 +298,7 @@ WRONG = {
 
 @pytest.mark.parametrize("wrong", WRONG)
 def test_a_path_or_velocities_in_another_unit_order_or_clock_are_refused(wrong):
-    tracked = Q + np.random.default_rng(1).normal(0, 5e-3, Q.shape)
+    tracked = Q + default_rng(1).normal(0, 5e-3, Q.shape)
     trajectory, spoil = trajectory_table(CHAIN, Q, RATE), WRONG[wrong]
     commands.require_commanded(tracked, trajectory, CHAIN, "a")
 

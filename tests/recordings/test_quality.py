@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from case_tables import cases_beside
+from numpy.random import default_rng
 from numpy.testing import assert_allclose, assert_array_equal
 from planar_poses import load_arm
 from sample_options import parameters
@@ -244,7 +245,7 @@ def scores(rows: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("takes", [3, 4, 7, 20])
 def test_a_push_at_one_repetition_stands_out_and_none_does_without(takes):
-    rng = np.random.default_rng(takes)
+    rng = default_rng(takes)
     greatest = [scores(residuals(takes, rng)).max() for _ in range(100)]
     false_alarms = [score for score in greatest if score > LIMIT]
     assert len(false_alarms) <= 1
@@ -258,13 +259,13 @@ def test_a_push_at_one_repetition_stands_out_and_none_does_without(takes):
 
 
 def test_what_all_repetitions_share_is_no_disturbance():
-    apart = residuals(6, np.random.default_rng(3))
+    apart = residuals(6, default_rng(3))
     course = 5e-3 * np.linspace(-1, 1, 300)
     assert_allclose(scores(apart + course[:, None]), scores(apart), rtol=1e-7)
 
 
 def test_of_two_repetitions_and_of_repetitions_at_rest_none_is_disturbed():
-    pair = residuals(2, np.random.default_rng(4))
+    pair = residuals(2, default_rng(4))
     pair[0, 100:150] += 0.01
 
     assert_allclose(scores(pair), 0, atol=1e-9)

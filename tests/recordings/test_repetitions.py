@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
 from numpy.testing import assert_allclose
 
 from pipeline.recordings import repetitions
@@ -38,7 +39,7 @@ def log(*parts: tuple, creep: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     """
     angles, speeds = map(np.vstack, zip(*parts, strict=True))
     resting = ~speeds.any(axis=1)
-    noise = np.random.default_rng(0).normal(0, creep, angles.shape)
+    noise = default_rng(0).normal(0, creep, angles.shape)
     return angles + resting[:, None] * noise, speeds
 
 
@@ -62,7 +63,7 @@ def first_rows(motions) -> list[int]:
 @pytest.mark.parametrize("noise", [0.0, 5e-5])
 def test_ways_out_and_back_are_told_apart_by_their_commands_in_spite_of_noise(noise):
     angles, speeds = log(*WHOLE, creep=noise)
-    speeds += np.random.default_rng(1).uniform(-noise, noise, speeds.shape)
+    speeds += default_rng(1).uniform(-noise, noise, speeds.shape)
 
     out = find(angles, speeds)
     back = find(angles, speeds, start=AWAY, end=HOME)
@@ -111,7 +112,7 @@ def test_the_lag_of_the_measured_angles_is_recovered_and_none_at_rest(delay):
     def curve(t: np.ndarray) -> np.ndarray:
         return np.stack([np.sin(2 * t), np.cos(3 * t)], axis=1)
 
-    time, rng = np.arange(300) / RATE, np.random.default_rng(2)
+    time, rng = np.arange(300) / RATE, default_rng(2)
     noise = rng.normal(0, 1e-4, (300, 2))
     measured = curve(time - delay) + noise
     # standard error 1e-4 / sqrt(Σ q̇²) = 3 µs

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from case_tables import cases_beside
 from joint_logs import write_movement
+from numpy.random import default_rng
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.io import savemat
 from source_code import ROOT
@@ -42,7 +43,7 @@ def movement(target: np.ndarray, actual: np.ndarray) -> LoggedMovement:
 
 def stops(ways: int, seed: int, late: float = 0.0) -> LoggedMovement:
     """Out and back ``ways`` times with rests of 0.4 s, measured ``late`` s later with noise."""
-    rng, t = np.random.default_rng(seed), np.arange(280 * ways + 80) / RATE
+    rng, t = default_rng(seed), np.arange(280 * ways + 80) / RATE
 
     def command(at: np.ndarray) -> np.ndarray:
         way, since = np.divmod(np.clip(at * RATE - 80, 0, None), 280)
@@ -61,7 +62,7 @@ def several(names: str, ways: int) -> dict[str, LoggedMovement]:
 
 @pytest.mark.parametrize("late", [0.0017, -0.0081])
 def test_each_run_loses_its_own_lag_also_a_joints_own_and_below_one_sample(late):
-    t, rng = np.arange(N) / RATE, np.random.default_rng(1)
+    t, rng = np.arange(N) / RATE, default_rng(1)
     lags = [late, late, late + 0.006]
     actual = rng.normal(0, 1e-4, (N, 3))
     for joint, lag in enumerate(lags):
@@ -137,7 +138,7 @@ def test_a_file_that_was_copied_is_no_second_recording():
 
 def test_an_export_with_fewer_digits_and_a_copy_with_noise_are_named_as_copies():
     """Each log sways in its own way; one is rounded to fewer digits, one has noise of its own."""
-    rng, logs = np.random.default_rng(1), several("abcde", ways=2)
+    rng, logs = default_rng(1), several("abcde", ways=2)
     for log in logs.values():
         t = np.arange(len(log.actual))[:, None] / RATE
         frequency, phase = rng.uniform(9, 20, 3), rng.uniform(0, 6, 3)
@@ -227,7 +228,7 @@ def test_rows_at_the_end_where_the_arm_has_stopped_are_left_out():
     [(9.5e-6, 6), (1.6e-5, 8), (1e-3, 6), (0.0, 12)],
 )
 def test_the_step_of_recorded_angles_is_found_where_there_is_one(quantum, printed):
-    rng, t = np.random.default_rng(2), np.arange(4000) / RATE
+    rng, t = default_rng(2), np.arange(4000) / RATE
     angles = np.sin(0.1 * t) + rng.normal(0, 1e-5, len(t))
     recorded = quantum * np.rint(angles / quantum) if quantum else angles
 

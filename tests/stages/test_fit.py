@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.testing import assert_allclose
 from recordings_of_law import JOINTS, MODELS, REST, TAKES, TRUE
 from sample_options import parameters
 from scipy.stats import multivariate_normal
@@ -156,7 +157,7 @@ def test_a_stated_noise_of_a_pose_is_twice_in_the_noise_of_a_step(project):
     settings = config.composed_config().dataset
     stated = training_steps(settings.robot, replace(settings.motion, pose_noise=3e-3))
 
-    np.testing.assert_allclose(stated.measurement, 2 * 9e-6 * np.eye(len(JOINTS)))
+    assert_allclose(stated.measurement, 2 * 9e-6 * np.eye(len(JOINTS)))
     assert training_steps(settings.robot, settings.motion).known_measurement is None
 
 

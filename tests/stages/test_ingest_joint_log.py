@@ -11,6 +11,7 @@ import pytest
 from case_tables import cases_beside
 from joint_files import read_joint_log, read_movement
 from joint_logs import AWAY, FILES, HOME, quality, write_movement
+from numpy.testing import assert_allclose, assert_array_equal
 from planar_poses import load_arm
 from written_logs import write_joint_log
 
@@ -39,14 +40,14 @@ def test_repetitions_are_gathered_over_movements_and_their_mean_command_is_the_t
     assert q.shape == (4, 141, 3)
     # three takes 0.1 mrad above and one as much below: 0.05 and 0.15 mrad off their mean
     deviations = [quality("command_deviation", name) for name in names]
-    np.testing.assert_allclose(deviations, [5e-5, 5e-5, 5e-5, 1.5e-4], atol=1e-6)
+    assert_allclose(deviations, [5e-5, 5e-5, 5e-5, 1.5e-4], atol=1e-6)
     lags = [quality("lag_behind_command", name) for name in names]
-    np.testing.assert_allclose(np.mean(lags), 8e-4, atol=2e-5)
+    assert_allclose(np.mean(lags), 8e-4, atol=2e-5)
 
     trajectory = contracts.read("trajectory", Path("data/ingest/motion"))
     chain = load_arm("pipeline/arm/ur5.urdf", CHAIN, "wrist_centre", {}).chain
     ends = chain.coordinates(np.array([HOME, AWAY])[:, 1:4] + 5e-5)
-    np.testing.assert_allclose(values(trajectory.loc[[0, 140]], "x"), ends, atol=2e-6)
+    assert_allclose(values(trajectory.loc[[0, 140]], "x"), ends, atol=2e-6)
 
 
 @cases("too few repetitions")
@@ -123,7 +124,7 @@ def test_one_table_a_movement_gives_what_one_file_a_signal_does(read, tmp_path):
         table = TABLES | {"signals": signals, "rest_speed": rest_speed}
         read_names, read_q = read(tmp_path / "tables", **table)
         assert read_names == names
-        np.testing.assert_allclose(read_q, q, rtol=0, atol=error)
+        assert_allclose(read_q, q, rtol=0, atol=error)
         assert quality("speed_from_angles", "move") == (signals is ANGLES)
 
     with pytest.raises(ConfigError, match="target angles"):
@@ -147,7 +148,7 @@ def test_a_disturbed_repetition_is_left_out_by_name_and_the_others_stay_as_they_
     write_joint_log(tmp_path / "logs/move_1" / FILES[0], log)
     undisturbed, q_of_undisturbed = read(tmp_path / "logs")
     assert undisturbed == [name for name in names if name != "move_1_3"]
-    np.testing.assert_array_equal(q_of_undisturbed, np.delete(q, 2, axis=0))
+    assert_array_equal(q_of_undisturbed, np.delete(q, 2, axis=0))
 
     left_out = contracts.read("disturbed_log", Path("data/ingest/motion"))
     assert {*left_out["take"]} == {"move_1_3"}
@@ -201,7 +202,7 @@ def test_a_command_that_is_no_pair_is_refused_and_settled_by_its_option(
 
     outcome = read(logs, **option)
     assert outcome[0] == names
-    np.testing.assert_allclose(outcome[1], q, rtol=0, atol=1e-9)
+    assert_allclose(outcome[1], q, rtol=0, atol=1e-9)
     # six decimals of a command in radians that was divided by 57.3 are 57 µrad, over 100 steps
     assert quality("lag_behind_command", names[0]) == pytest.approx(8e-4, abs=4e-5)
     if wrong.get("early"):

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from joint_logs import ROOT, ingested, quality
+from numpy.testing import assert_allclose, assert_array_equal
 from omegaconf import OmegaConf
 from planar_poses import load_arm
 
@@ -78,11 +79,11 @@ def test_the_real_logs_go_from_raw_files_to_process_noise(
     velocity, pose = values(trajectory, "v")[:-1], values(trajectory, "x")
     still = ~velocity.any(axis=1)
     assert still[:34].all() and still[-35:].all() and not still[34:-35].any()
-    np.testing.assert_allclose(np.diff(pose, axis=0), velocity / 125, atol=1e-12)
+    assert_allclose(np.diff(pose, axis=0), velocity / 125, atol=1e-12)
 
     joints = ["joint_2", "joint_3", "joint_4"]
     chain = load_arm("pipeline/arm/ur5.urdf", joints, "wrist_centre", {}).chain
-    np.testing.assert_allclose(chain.coordinates(q.mean(axis=0)), pose, atol=2e-3)
+    assert_allclose(chain.coordinates(q.mean(axis=0)), pose, atol=2e-3)
     # as was found on this and other movements of the robot: at most 24 µrad at rest, 43 to 145 µrad
     # moving
     assert np.all(spread_of(w[:, still]) < 24e-6)
@@ -105,7 +106,7 @@ def test_all_six_joints_and_the_pose_in_space(ur5, log_project):
     result, q, w = process_noise(log_project, "ur5", ur5)
     # the same motion as the three joints' alone, to the row
     assert result == names and q.shape == (4, 362, 6)
-    np.testing.assert_array_equal(q[..., 1:4], planar)
+    assert_array_equal(q[..., 1:4], planar)
 
     trajectory = contracts.read("trajectory", Path("data/ingest/motion"))
     assert members(trajectory, "v") == ("x", "y", "z", "rx", "ry", "rz")
@@ -128,12 +129,12 @@ def test_the_logs_of_seven_joints_go_from_raw_files_to_process_noise(lwr4, log_p
 
     # what is left of the delays is the arm's: as was found on these recordings, 0.4 and 2.1 ms
     lags = [1e3 * quality("lag_behind_command", take) for take in names]
-    np.testing.assert_allclose(lags, [0.4, 0.4, 2.1, 2.1], atol=0.15)
+    assert_allclose(lags, [0.4, 0.4, 2.1, 2.1], atol=0.15)
     assert quality("uneven_rows", "measurements") == 19
 
     trajectory = contracts.read("trajectory", Path("data/ingest/motion"))
     speeds = values(trajectory, "u")[:-1]
-    np.testing.assert_allclose(speeds, np.diff(q.mean(axis=0), axis=0) * 200, atol=0.02)
+    assert_allclose(speeds, np.diff(q.mean(axis=0), axis=0) * 200, atol=0.02)
     assert len(members(trajectory, "v")) == 6
     resampled = [quality("resampled_rows", take) for take in names]
     assert resampled == [0, 1101, 0, 1101]

@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 from exported_models import PARAMETERS, write_model
 from joint_logs import MADE_UP, ingested, write_movement
+from numpy.random import default_rng
+from numpy.testing import assert_array_equal
 
 from pipeline.configuration import config
 from pipeline.core.errors import ConfigError, RecordingError
@@ -31,7 +33,7 @@ def test_innovations_are_as_large_as_predicted(kind, share, chain, tmp_path):
     model = load(write_model(tmp_path / "model.json", kind, chain, share=share))
     takes, steps = 60, 40
     v = np.sin(np.linspace(0, 3, steps))[:, None] * np.array([0.0005, -0.0005, 0.01])
-    rng, start = np.random.default_rng(1), np.array([0.3, 1.5, -0.4])
+    rng, start = default_rng(1), np.array([0.3, 1.5, -0.4])
     path = [start]
     for step in v:
         path.append(path[-1] + model.chain.nominal_step(path[-1], step))
@@ -62,7 +64,7 @@ def innovations(seed: int, takes: int = 51) -> np.ndarray:
     """Innovations of heavy-tailed steps that are predicted as normal, with another scale in every
     take; the evidence is then far from normal.
     """
-    rng = np.random.default_rng(seed)
+    rng = default_rng(seed)
     return rng.gamma(4, 1 / 4, (takes, 1, 1)) * rng.standard_t(4, (takes, 100, 3))
 
 
@@ -114,7 +116,7 @@ def test_a_log_of_the_dataset_is_read_as_the_dataset_has_it(logs):
     names, q = ingested()
     takes = command.new_takes(logs / "move_1", settings.dataset, q.mean(axis=0))
     assert [*takes] == names
-    np.testing.assert_array_equal(np.stack([*takes.values()]), q)
+    assert_array_equal(np.stack([*takes.values()]), q)
 
     write_movement(logs / "other", 1, offset=0.5)
     with pytest.raises(RecordingError, match="no repetition of the dataset's motion"):

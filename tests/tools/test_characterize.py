@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from joint_logs import write_movement
+from numpy.testing import assert_allclose
 from source_code import ROOT
 
 from pipeline.__main__ import tool_call
@@ -43,7 +44,7 @@ def test_a_folder_of_logs_alone_becomes_a_card_and_a_model(
 
     model = load("data/export/bench_joint_step.json", period=0.008)
     std = np.sqrt(np.diag(model.law.covariance_of_joint_step(np.full(6, 5e-3))))
-    np.testing.assert_allclose(std, np.sqrt(2) * 5e-5, rtol=0.2)
+    assert_allclose(std, np.sqrt(2) * 5e-5, rtol=0.2)
     with pytest.raises(
         ConfigError,
         match="pose_noise must be a number > 0 in rad, got 'some'",

@@ -17,6 +17,8 @@ import pytest
 from case_tables import cases_beside
 from error_runs import known_law, runs_of_law, sweep
 from exported_models import PARAMETERS, write_model
+from numpy.random import default_rng
+from numpy.testing import assert_allclose, assert_array_equal
 from source_code import ROOT
 
 from pipeline.configuration import config
@@ -102,9 +104,9 @@ def test_both_readers_need_only_numpy_and_give_the_bits_of_compiled_code(
 
     q = np.array([0.3, 1.5, -0.4]) + 0.1 * np.arange(5)[:, None]
     v = np.array([0.001, -0.001, 0.01])
-    np.testing.assert_array_equal(got["mean"], model.mean(q, task_step=v))
+    assert_array_equal(got["mean"], model.mean(q, task_step=v))
     assert "\n" not in got["repr"] and got["repr"] == repr(model)
-    np.testing.assert_array_equal(got["covariance"], model.covariance(q, task_step=v))
+    assert_array_equal(got["covariance"], model.covariance(q, task_step=v))
     assert np.isfinite(got["density"]).all()
 
 
@@ -134,7 +136,7 @@ def test_a_wrong_shape_and_a_singular_pose_are_named(folder, chain):
 @pytest.fixture(scope="module")
 def errors(folder) -> Path:
     """The exported joint error law that was fitted to runs of a known one."""
-    runs = runs_of_law(known_law(), np.random.default_rng(1), motions=3)
+    runs = runs_of_law(known_law(), default_rng(1), motions=3)
     options = config.model_options(["joint_error_normal"])["joint_error_normal"]
     record = error_record("joint_error_normal", options, runs, "bench")
     write_export(record, folder / "errors.json")
@@ -149,7 +151,7 @@ COMMANDED = sweep(1)[: KNOWN + AHEAD]
 def off(errors) -> np.ndarray:
     """(400, KNOWN + AHEAD + 1, 2) errors in rad of drawn arms about COMMANDED."""
     model, steps = load(errors, period=0.01), np.diff(COMMANDED, axis=0)
-    rng = np.random.default_rng(2)
+    rng = default_rng(2)
     start = COMMANDED[0]
     poses = model.sample(start, start, joint_steps=steps, size=400, rng=rng)
     return poses - COMMANDED
@@ -161,7 +163,7 @@ def test_an_exported_error_law_predicts_what_its_draws_do(errors, off):
     left = off[:, -1] - np.stack(ahead)
     mean, covariance = model.predict(off[0, :KNOWN], COMMANDED, AHEAD)
     std = np.sqrt(np.diag(covariance))
-    np.testing.assert_allclose(left.std(axis=0), std, rtol=0.15)
+    assert_allclose(left.std(axis=0), std, rtol=0.15)
     # control: without the past the errors spread more
     assert np.all(off[:, -1].std(axis=0) > 1.2 * left.std(axis=0))
 
@@ -177,7 +179,7 @@ def test_without_known_errors_the_law_starts_at_rest(errors):
     expected = model.predict(rest_error, waiting, 40)
 
     for of_rest, of_waiting in zip(resting, expected, strict=True):
-        np.testing.assert_array_equal(of_rest, of_waiting)
+        assert_array_equal(of_rest, of_waiting)
     assert np.all(np.diag(resting[1]) > 0)
 
 
@@ -190,7 +192,7 @@ def test_the_copied_reader_predicts_the_projects_numbers(errors, off, monkeypatc
     arguments = off[0, :KNOWN], COMMANDED, AHEAD
     predictions = copied.predict(*arguments), load(errors).predict(*arguments)
     for of_copy, of_project in zip(*predictions, strict=True):
-        np.testing.assert_array_equal(of_copy, of_project)
+        assert_array_equal(of_copy, of_project)
 
 
 def test_what_the_fit_did_not_see_is_warned_of(errors, off):
@@ -207,7 +209,7 @@ def test_what_the_fit_did_not_see_is_warned_of(errors, off):
 
 def test_a_law_whose_bands_the_recordings_do_not_confirm_is_warned_of(tmp_path):
     options = config.model_options(["joint_step"])["joint_step"]
-    runs = runs_of_law(known_law(), np.random.default_rng(2))
+    runs = runs_of_law(known_law(), default_rng(2))
     white = tmp_path / "white.json"
     write_export(error_record("joint_step", options, runs, "bench"), white)
     words = r"σ of [ab] at 0\.5 s is .* such in record"
@@ -230,7 +232,7 @@ def test_histories_of_other_shapes_and_gaps_are_refused(errors, off):
         with pytest.raises(ModelDomainError, match=words):
             model.predict(*arguments)
     with pytest.raises(ModelDomainError, match="have 2 numbers"):
-        rng = np.random.default_rng(1)
+        rng = default_rng(1)
         model.step(off[:, 0], off, joint_step=np.zeros(6), rng=rng)
 
 
@@ -287,7 +289,7 @@ def test_the_covariance_of_a_measured_pose_is_half_of_a_steps(
     chain,
     monkeypatch,
 ):
-    rng, takes, steps = np.random.default_rng(3), 6, 20
+    rng, takes, steps = default_rng(3), 6, 20
     q = np.array([0.3, 1.5, -0.4]) + 0.1 * rng.standard_normal((takes, steps, 3))
     v = np.tile([1e-3, -1e-3, 1e-2], (steps, 1))
     pose = np.diag([1e-6, 4e-6, 9e-6])  # rad², of one pose; a step has two
@@ -305,7 +307,7 @@ def test_the_covariance_of_a_measured_pose_is_half_of_a_steps(
     record = command.exported_record("additive", settings)
 
     if is_known:
-        np.testing.assert_allclose(record["pose_covariance_rad2"], pose)
+        assert_allclose(record["pose_covariance_rad2"], pose)
     else:
         assert record["pose_covariance_rad2"] is None
 

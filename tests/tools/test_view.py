@@ -4,6 +4,7 @@ from collections import Counter
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from source_code import ROOT
 from space_arms import YOUBOT
 
@@ -17,11 +18,11 @@ POSES = np.random.default_rng(1).uniform(-1.0, 1.0, (20, 3))
 
 def test_the_skeleton_of_a_planar_arm_is_its_closed_form():
     arm, nodes = arm_of(YOUBOT), skeletons(YOUBOT, POSES)
-    np.testing.assert_array_equal(nodes[:, 0], 0.0)
+    assert_array_equal(nodes[:, 0], 0.0)
 
     plane = arm.to_plane(nodes[:, 1:])
-    np.testing.assert_allclose(plane[..., 1], 0.0, atol=1e-12)
-    np.testing.assert_allclose(plane[..., [0, 2]], arm.chain.points(POSES), atol=1e-12)
+    assert_allclose(plane[..., 1], 0.0, atol=1e-12)
+    assert_allclose(plane[..., [0, 2]], arm.chain.points(POSES), atol=1e-12)
 
 
 @pytest.mark.slow

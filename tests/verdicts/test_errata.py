@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
 from numpy.testing import assert_allclose
 from planning_arms import LAWS, path_task
 from rectangle_clouds import CHAIN, cloud
@@ -83,7 +84,7 @@ def test_noise_of_the_published_size_breaks_the_speed_limit_of_the_joints():
     """A joint at rest or at its commanded peak speed, with the published std of the third joint."""
     std, limit = published_results()["sigma-omega"]["33"] ** 0.5, arm().max_speed
     assert RATE * std == pytest.approx(limit[2], rel=0.01)
-    draws = std * np.random.default_rng(3).standard_normal((500, 2, 3))
+    draws = std * default_rng(3).standard_normal((500, 2, 3))
     at_rest, at_peak = np.full(3, 1e-9), limit / RATE
     nominal = np.broadcast_to([at_rest, at_peak], draws.shape)
 
@@ -100,7 +101,7 @@ def test_noise_of_the_published_size_breaks_the_speed_limit_of_the_joints():
 def test_only_measured_minus_nominal_is_the_noise_of_a_random_jacobian():
     """(J⁻¹ − J̲⁻¹)ẋᵈΔt of (Omegk) is ω as estimated here, and minus ω as (OmgReal) prints it."""
     chain = arm()
-    factor = np.eye(3) + 0.1 * np.random.default_rng(0).standard_normal((3, 3))
+    factor = np.eye(3) + 0.1 * default_rng(0).standard_normal((3, 3))
     random = chain.jacobian(POSE) @ factor
     q = np.stack([POSE, POSE + np.linalg.solve(random, STEP)])
     mean_inverse = chain.inverse_jacobian(POSE)
@@ -109,8 +110,8 @@ def test_only_measured_minus_nominal_is_the_noise_of_a_random_jacobian():
     printed = q[0] + mean_inverse @ STEP - q[1]
 
     expected = (np.linalg.inv(random) - mean_inverse) @ STEP
-    np.testing.assert_allclose(estimated, expected, atol=1e-14)
-    np.testing.assert_allclose(printed, -expected, atol=1e-14)
+    assert_allclose(estimated, expected, atol=1e-14)
+    assert_allclose(printed, -expected, atol=1e-14)
     assert np.abs(expected).max() > 1e-3
 
 
@@ -120,7 +121,7 @@ def test_noise_of_a_corrected_deviation_is_anticorrelated_and_white_noise_is_not
     standard errors; the control is w itself, which would add up to √M times its size.
     """
     takes, steps = 200, 320
-    w = np.random.default_rng(9).standard_normal((takes, steps))
+    w = default_rng(9).standard_normal((takes, steps))
     e = np.zeros((takes, steps + 1))
     for k in range(steps):
         e[:, k + 1] = (1 - share) * e[:, k] + w[:, k]
@@ -171,7 +172,7 @@ def test_steps_through_the_inverse_of_a_gaussian_matrix_have_no_variance():
     """P(|Δq| > t) falls as 1/t, for the determinant has a density at zero; with the inverse
     Gaussian it falls faster than any power.
     """
-    rng = np.random.default_rng(1)
+    rng = default_rng(1)
     chain, size = arm(), 400_000
     noise = 0.05 * rng.standard_normal((size, 3, 3))
     drawn = chain.jacobian(POSE) + noise
@@ -192,7 +193,7 @@ def test_steps_through_the_inverse_of_a_gaussian_matrix_have_no_variance():
 
 def test_half_of_the_matrices_exceed_the_bound_at_full_level():
     """tr{nΣ} ≤ u² − ‖J̲‖² bounds E‖J‖² by u², and no single norm."""
-    rng = np.random.default_rng(2)
+    rng = default_rng(2)
     inverse, u, draws = arm().inverse_jacobian(POSE), 18.0, 100_000
     scale = np.sqrt(noise_scale(np.linalg.norm(inverse), 1.0, u, 3, 3))
 
@@ -216,7 +217,7 @@ def slopes(end: str) -> tuple[np.ndarray, np.ndarray]:
     """(3, 3) slopes of the errors of the joint angles on the deviations of the joints, and their
     standard errors, of an arm that is commanded to stay at HELD and deviates from it.
     """
-    rng = np.random.default_rng(9)
+    rng = default_rng(9)
     d = rng.normal(scale=DEVIATION, size=(FRAMES, 3))
     clouds = [cloud(HELD + deviation, rng, points=600) for deviation in d]
     commanded = np.broadcast_to(CHAIN.points(HELD)[3], (FRAMES, 2))
@@ -306,7 +307,7 @@ def test_under_the_wishart_model_by_qr_of_the_transpose_it_is_the_motion_of_leas
         return summed_variance(build_model(LAWS[law]), task, motions) / square_norm
 
     constant = ratio("qr_transposed")
-    np.testing.assert_allclose(constant, constant[0], rtol=1e-9)
+    assert_allclose(constant, constant[0], rtol=1e-9)
     # the control: under another decomposition the ratio is not constant
     assert np.ptp(ratio("pivoted_lu")) > 0.1 * constant[0]
 
@@ -338,7 +339,7 @@ def test_of_the_published_sigma_s_the_second_entry_of_c2_alone_is_doubtful_and_o
     """
     distance, control = np.empty((3, 2)), np.empty((3, 2))
     for i, name in enumerate(CONFIGURATIONS):
-        rng = np.random.default_rng(i)
+        rng = default_rng(i)
         expected = np.diag(expected_sigma_s(bounds[name], CABLES, rng)["diagonal"].mean)
         many = averaged_diagonal(bounds[name], 100 * PUBLISHED_SYSTEMS, rng)
         few = averaged_diagonal(bounds[name], PUBLISHED_SYSTEMS, rng)
@@ -365,7 +366,7 @@ def test_a_smaller_theta_meets_the_printed_constraints_with_a_greater_entropy():
     for theta in (3, 2 * gamma):
         d = theta + n + 1
         law = wishart(d, np.eye(n) / d)
-        np.testing.assert_allclose(law.mean(), np.eye(n))
+        assert_allclose(law.mean(), np.eye(n))
         # E ‖B⁻¹‖² is finite for more than n + 3 degrees of freedom
         assert d > n + 3
         entropies[theta] = law.entropy()
@@ -384,7 +385,7 @@ def test_the_distance_of_the_variances_grows_with_the_forces_and_its_share_does_
         (0.5 * scale, 1.0 * scale),
         (100.0, 800.0),
     )
-    systems = draw_systems(bounds, 500, 3, np.random.default_rng(3))
+    systems = draw_systems(bounds, 500, 3, default_rng(3))
     covariance = wrench_covariance(systems)
     modelled = matrix_model(systems).actuation_part()
 
@@ -401,7 +402,7 @@ def test_the_covariances_of_two_columns_are_no_multiples_of_one_matrix(
     second,
     representable,
 ):
-    rng, kappa = np.random.default_rng(5), 400.0
+    rng, kappa = default_rng(5), 400.0
     covariances = []
     for angle in (0.0, second):
         angles = rng.vonmises(angle, kappa, 20_000)
@@ -417,7 +418,7 @@ def test_the_greatest_error_varies_over_repeats_far_more_than_the_mean(bounds):
     study = config.read_yaml(ROOT / "pipeline/conf/wrench/paper.yaml")
     ranges = (study[key] for key in ("kappa", "tension_std", "tension", "direction"))
     options = Wrench([CABLES], *ranges, PUBLISHED_SYSTEMS, 2000, 30, 1)
-    _, _, spread = run_study(options, np.random.default_rng(5))
+    _, _, spread = run_study(options, default_rng(5))
     errors = spread[["mean", "maximum"]]
     relative = errors.std() / errors.mean()
 
@@ -433,7 +434,7 @@ def test_within_the_bounds_of_the_experiment_actuation_makes_most_of_the_varianc
     """
     trace = partial(np.trace, axis1=-2, axis2=-1)
     for number, name in enumerate(CONFIGURATIONS):
-        rng = np.random.default_rng(20 + number)
+        rng = default_rng(20 + number)
         sigma_s = expected_sigma_s(bounds[name], CABLES, rng)["diagonal"].mean
         model = matrix_model(draw_systems(bounds[name], 2000, CABLES, rng))
         # control: with twenty times the matrix's covariance it would be most of it

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from case_tables import cases_beside
+from numpy.random import default_rng
 
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.evidence.motion import Outcome, noise_rows
@@ -168,7 +169,7 @@ def test_a_rule_passes_just_on_the_true_side_fails_just_on_the_false_and_errs_as
     repeats = 30 if rule in SLOW else REPEATS
     most = LEVEL + 3.5 * np.sqrt(LEVEL * (1 - LEVEL) / repeats)
     sides = (-1, 1) if rule in SHARP else (-1, 0, 1)
-    rng = np.random.default_rng(7)
+    rng = default_rng(7)
 
     confirmed, refuted = {}, {}
     for side in sides:
@@ -193,7 +194,7 @@ def test_noise_of_few_takes_varies_where_it_grows_with_the_speed_within_them(
     least,
     greatest,
 ):
-    rng, holds = np.random.default_rng(11), []
+    rng, holds = default_rng(11), []
     for _ in range(REPEATS):
         holds += decided("varies", *varied_within(rng, ratio))
 
@@ -212,7 +213,7 @@ def test_no_rule_decides_without_its_numbers():
 
 
 def test_one_of_many_true_cases_of_few_takes_is_not_refuted_by_chance():
-    rng, corrected, uncorrected = np.random.default_rng(3), [], []
+    rng, corrected, uncorrected = default_rng(3), [], []
     for _ in range(400):  # 12 cases of 4 takes, in which the claim is just true
         cases = [mean_of(rng.normal(0.0, 1.0, 4)) for _ in range(12)]
         corrected.append(False in decided("less", *cases))
@@ -236,7 +237,7 @@ def test_holm_rejects_in_order_and_stops_at_the_first_that_passes():
 
 def test_an_interval_of_few_takes_has_the_tails_of_its_degrees_of_freedom():
     """4 takes, of which a normal interval would confirm a mean of zero too often."""
-    rng, of_student, of_normal = np.random.default_rng(5), [], []
+    rng, of_student, of_normal = default_rng(5), [], []
     for _ in range(2000):
         case = mean_of(rng.normal(0.0, 1.0, 4), yardstick=0.0)
         of_student += decided("above", case)
@@ -293,7 +294,7 @@ def test_a_claim_on_the_shape_of_the_noise_is_told_from_a_law_of_the_speed_alone
     maker,
 ):
     std, expected = MADE_BY[maker]
-    rng = np.random.default_rng(8)
+    rng = default_rng(8)
     verdicts = [verdict_on_spread(claim, std, rng) for _ in range(6)]
 
     assert verdicts.count(expected) >= 5

@@ -12,6 +12,7 @@ import depth_files as made
 import numpy as np
 import pytest
 from case_tables import cases_beside
+from numpy.random import default_rng
 from numpy.testing import assert_allclose, assert_array_equal
 from ros_bags import Message, cloud, image
 from ros_bags import camera_info as info
@@ -246,7 +247,7 @@ def test_names_whose_number_is_not_plain_are_refused(tmp_path, names):
 
 
 def test_dropped_frames_are_counted_by_the_indexs_own_times():
-    rng = np.random.default_rng(1)
+    rng = default_rng(1)
     time = np.arange(97) / 30 + rng.normal(scale=2e-3, size=97)
 
     assert dropped_frames(time) == 0  # at whatever rate the datasheet states
@@ -343,7 +344,7 @@ def test_the_distortion_of_a_realsense_needs_its_model(tmp_path):
     assert "not stated" in refusal(file, camera % (keys, ""))
 
 
-GENERATOR = np.random.default_rng(2)
+GENERATOR = default_rng(2)
 MATRIX = [525.0, 0, 319.5, 0, 524.0, 239.5, 0, 0, 1]
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.random import default_rng
 from numpy.testing import assert_allclose, assert_array_equal
 from written_logs import refusal, write_netft
 
@@ -23,7 +24,7 @@ POUND = 0.45359237 * 9.80665
 
 def record(samples: int = 50, rate: float = 500.0) -> ForceRecord:
     scales = [10, 10, 30, 0.1, 0.1, 0.1]
-    values = np.random.default_rng(1).normal(size=(samples, 6)) * scales
+    values = default_rng(1).normal(size=(samples, 6)) * scales
     time = np.arange(samples) / rate
     return ForceRecord(time, values[:, :3], values[:, 3:], rate, "FT7", STARTED, {})
 
@@ -212,7 +213,7 @@ def test_what_may_be_counts_is_asked(tmp_path):
     assert "'7,0', not a finite number" in refusal(read_netft, file).message
 
 
-MATRIX = np.random.default_rng(3).normal(size=(6, 6)).round(5)
+MATRIX = default_rng(3).normal(size=(6, 6)).round(5)
 RATINGS = [25.0, 25.0, 35.0, 250.0, 250.0, 250.0]
 NEWTON = 'ForceUnits="N" TorqueUnits="N-mm"'
 
@@ -262,7 +263,7 @@ def test_gauge_voltages_become_forces_by_the_matrix_of_their_transducer(
     tmp_path,
     thermistor,
 ):
-    volts = np.random.default_rng(5).normal(size=(4, 6)).round(6)
+    volts = default_rng(5).normal(size=(4, 6)).round(6)
     options = ForceLogOptions(calibration=read_calibration(calibration(tmp_path)))
     file = tmp_path / "log.csv"
     gauges = [f"G{gauge}" for gauge in range(6)]

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
 from numpy.testing import assert_allclose, assert_array_equal
 from ros_bags import Message, write_bag
 from written_logs import refusal
@@ -21,7 +22,7 @@ from pipeline.formats.force.record import (
 )
 
 START = 1_700_000_000
-VALUES = np.random.default_rng(8).normal(size=(20, 6))
+VALUES = default_rng(8).normal(size=(20, 6))
 
 
 def bag(folder: Path, picks=range(20), topics=("/ft/wrench",)) -> Path:
@@ -64,7 +65,7 @@ SCALE = np.full(6, 10.0)
 
 
 def record(samples: int = 1000, *, torque: bool = True) -> ForceRecord:
-    values = np.random.default_rng(6).normal(size=(samples, 6))
+    values = default_rng(6).normal(size=(samples, 6))
     if not torque:
         values[:, 3:] = np.nan
     time = np.arange(samples) / RATE
@@ -107,7 +108,7 @@ def test_identical_samples_that_last_longer_than_the_limit_are_frozen(torque, st
         sound_samples(log, SCALE, 0.5, 0.051, file="log.csv")
     assert caught.value.evidence["key"] == "dataset.force.log.frozen_after"
     # one axis that still moves is a sensor that works
-    log.force[:, 2] = np.random.default_rng(7).normal(size=len(log.force))
+    log.force[:, 2] = default_rng(7).normal(size=len(log.force))
     assert sound_samples(log, None, 0.5, 0.0, file="log.csv")[0].all()
 
 
