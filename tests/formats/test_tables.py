@@ -85,11 +85,14 @@ def test_a_table_is_recognised_labelled_and_read_whatever_is_above_and_beside_it
 
 def labview(rows: bytes, ends: str = "\t") -> str:
     """A segment of a LabVIEW file with its header, its rows behind the labels' row."""
-    header = ["Channels\t4", "Y_Unit_Label" + 4 * "\trad", "X0" + 4 * "\t0.0"]
-    header.append("***End_of_Header***\t")
-    first, *numbers = rows.decode().replace("time", "X_Value").splitlines()
-    lines = [f"{first}\tComment", *(row + ends for row in numbers)]
-    return "\n".join([*header, *lines, ""])
+    labels, *numbers = rows.decode().replace("time", "X_Value").splitlines()
+    lines = ["Channels\t4"]
+    lines.append("Y_Unit_Label\trad\trad\trad\trad")
+    lines.append("X0\t0.0\t0.0\t0.0\t0.0")
+    lines.append("***End_of_Header***\t")
+    lines.append(f"{labels}\tComment")
+    lines += [row + ends for row in numbers]
+    return "\n".join([*lines, ""])
 
 
 LABVIEW = "LabVIEW Measurement\nSeparator\tTab\n***End_of_Header***\t\n\t\n"

@@ -27,7 +27,9 @@ def chosen_by(scheme: str, weights: np.ndarray, rng: np.random.Generator) -> np.
     count, longer = len(weights), len(weights) + 200
     chosen = np.full(longer, -1)
     scratch = np.ones((2, longer))
-    call = from_python(resample)
-    call(SCHEMES.index(scheme), weights, chosen[:count], scratch, rng)
+    number = SCHEMES.index(scheme)
+
+    from_python(resample)(number, weights, chosen[:count], scratch, rng)
+
     assert np.all(chosen[count:] == -1)
     return chosen[:count]

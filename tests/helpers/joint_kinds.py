@@ -41,11 +41,11 @@ def cell_of(value: object) -> str:
 
 def write(file: Path, labels: Sequence[str], *columns: np.ndarray | list[str]) -> None:
     """Write a table of ``columns``, numbers (N,) or (N, n) or words, below the ``labels``."""
-    cells = []
+    parts = []
     for column in columns:
-        rows = column if isinstance(column, np.ndarray) else np.array(column, object)
-        cells += rows.reshape(len(rows), -1).T.tolist()
-    lines = [*zip(*cells, strict=True)]
+        cells = np.asarray(column, dtype=object)
+        parts.append(cells.reshape(len(cells), -1))
+    lines = np.hstack(parts).tolist()
     if len(labels):
         lines.insert(0, labels)
     text = [",".join(map(cell_of, line)) + "\n" for line in lines]
@@ -189,10 +189,12 @@ def in_turn(time, actual, target, reverse: bool = False) -> Columns:
     """Columns of two topics whose rows alternate."""
     if reverse:
         actual, target = target, actual
-    gaps = np.full_like(actual, np.nan)
-    stamps = np.stack([time, time + 0.003], axis=1).ravel()
-    first = np.stack([actual, gaps], axis=1).reshape(-1, 6)
-    second = np.stack([gaps, target], axis=1).reshape(-1, 6)
+    stamps = np.repeat(time, 2)
+    stamps[1::2] += 0.003
+    first = np.full((2 * len(time), 6), np.nan)
+    second = first.copy()
+    first[::2] = actual
+    second[1::2] = target
     return stamps, first, second
 
 
@@ -305,10 +307,11 @@ def write_lists_in_cells(folder: Path) -> None:
 
 def write_struct_array(folder: Path) -> None:
     """Write a MATLAB file of one struct of time and angles per row."""
-    time, actual, target = motion()
-    fields = [("t", float), ("q", float, (6,)), ("q_target", float, (6,))]
-    rows = np.zeros(len(time), dtype=fields)
-    rows["t"], rows["q"], rows["q_target"] = time, actual, target
+    angles = (float, (6,))
+    kind = np.dtype([("t", float), ("q", angles), ("q_target", angles)])
+    rows = np.zeros(ROWS, kind)
+    for name, values in zip(kind.names, motion(), strict=True):
+        rows[name] = values
     savemat(folder / "log.mat", {"log": rows})
 
 

@@ -51,7 +51,8 @@ def write_movement(
     def angles_at(t: np.ndarray) -> np.ndarray:
         """(N, 6) rad at the rows ``t``."""
         way, since = np.divmod(np.clip(t - rest + 1, 0, None), period)
-        share = (1 - np.cos(np.pi * np.clip(since / 101, 0, 1))) / 2
+        phase = np.pi * np.clip(since / 101, 0, 1)
+        share = (1 - np.cos(phase)) / 2
         progress = np.where(way % 2 == 0, share, 1 - share)
         return HOME + offset + progress[:, None] * (AWAY - HOME)
 
@@ -65,6 +66,25 @@ def write_movement(
     folder.mkdir(parents=True)
     for name, values in zip(FILES, (actual, target, speed), strict=True):
         write_joint_log(folder / name, JointLog(rows / rate, {"actual": values}, {}))
+
+
+def there_and_back(
+    start: np.ndarray,
+    end: np.ndarray,
+    *,
+    rest: int,
+    times: int,
+) -> np.ndarray:
+    """Commanded angles (N, n) in rad that go there and back in 80 rows each, ``times`` times, with
+    ``rest`` rows between.
+    """
+    phase = np.pi * np.arange(1, 81) / 80
+    share = (1 - np.cos(phase)) / 2
+    stroke = np.outer(share, end - start)
+    at_start = np.tile(start, (rest, 1))
+    at_end = np.tile(end, (rest, 1))
+    cycle = [start + stroke, at_end, end - stroke, at_start]
+    return np.vstack([at_start, *cycle * times])
 
 
 ENDS = {"start": HOME[1:4].tolist(), "end": AWAY[1:4].tolist()}

@@ -17,13 +17,14 @@ def plain_steps(model, chain, q, v, rng) -> tuple[np.ndarray, int]:
     """(P, n) draws of the next poses after ``q`` (P, n) in rad under one command ``v`` or one for
     each, and how many were clipped; a block at a time, as the compiled laws draw.
     """
-    v = np.broadcast_to(v, (len(q), np.shape(v)[-1]))
+    commands = np.broadcast_to(v, (len(q), np.shape(v)[-1]))
     draws, clipped = [], 0
     for first in range(0, len(q), DRAWN):
         block = slice(first, first + DRAWN)
-        drawn, number = _block(model, chain, q[block], v[block], rng)
+        drawn, clipped_of_block = _block(model, chain, q[block], commands[block], rng)
         draws.append(drawn)
-        clipped += number
+        clipped += clipped_of_block
+
     return np.concatenate(draws), clipped
 
 

@@ -208,13 +208,15 @@ def write_robot(
 
 def write_serial(folder: Path, count: int, sensors: int = 0) -> None:
     """Write a URDF of a chain of joints, with ``sensors`` fixed to each of its links."""
-    links = [f"l{k}" for k in range(count + 1)]
-    joints = [joint(f"j{k}", f"l{k}", f"l{k + 1}") for k in range(count)]
+    links, joints = ["l0"], []
     for k in range(count):
+        link, following = f"l{k}", f"l{k + 1}"
+        links.append(following)
+        joints.append(joint(f"j{k}", link, following))
         for number in range(sensors):
             sensor = f"s{k}_{number}"
             links.append(sensor)
-            joints.append(joint(f"f{sensor}", f"l{k}", sensor, kind="fixed"))
+            joints.append(joint(f"f{sensor}", link, sensor, kind="fixed"))
     (folder / "robot.urdf").write_text(urdf(links, joints))
 
 

@@ -31,10 +31,11 @@ LAWS = {
 
 def path_task(arm: str, steps: int) -> PathTask:
     """Path of an arm whose joints move from rest to rest in two seconds."""
-    robot, *ends = ARMS[arm]
-    start, end = np.array(ends)
+    robot, start, end = ARMS[arm]
     chain = chain_of(robot)
+
     phase = np.linspace(0, np.pi, steps + 1)
     share = (1 - np.cos(phase)) / 2
-    q = start + share[:, None] * (end - start)
+    stroke = np.subtract(end, start)
+    q = start + share[:, None] * stroke
     return PathTask(chain, chain.pose(q), rate=steps / 2, margin=0.02)

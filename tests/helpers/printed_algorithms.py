@@ -29,9 +29,11 @@ def algorithm_1(chain, q, v, sigma_b, decomposition, size, rng) -> np.ndarray:
     d = degrees_of_freedom(sigma_b, m)
     law = stats.wishart(d, np.eye(m) / d)
     b = law.rvs(size, random_state=rng).reshape(size, m, m)
+
     random = j1 @ b @ j2
     inverse = np.linalg.inv(random) if m == n else np.linalg.pinv(random)
-    return q + chain.null_step(q, v) + np.matvec(inverse, v[..., :m])
+    step = np.matvec(inverse, v[..., :m])
+    return q + chain.null_step(q, v) + step
 
 
 def first_factor(jacobian: np.ndarray, decomposition: Decomposition) -> np.ndarray:

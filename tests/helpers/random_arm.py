@@ -49,10 +49,11 @@ def motion(arm: SerialChain, steps: int, rest: int, size: float = 0.02) -> tuple
     candidates = rng.uniform(-2, 2, (400, n))
     starts = candidates[regularity(arm, candidates).argsort()[-20:]]
 
-    moving = np.maximum(np.arange(steps + 1) - rest, 0)[:, None]
+    moving = np.maximum(np.arange(steps + 1) - rest, 0)
     frequencies = rng.uniform(0.7, 1.3, n)
     phases = rng.uniform(0, 6, n)
-    wave = 0.4 * np.sin(size * moving * frequencies + phases)
+    angles = size * moving[:, None] * frequencies + phases
+    wave = 0.4 * np.sin(angles)
     paths = starts[:, None] + wave - wave[0]
     least_regular = regularity(arm, paths).min(axis=1)
     q = paths[least_regular.argmax()]

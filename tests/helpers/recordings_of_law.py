@@ -48,16 +48,17 @@ def drawn_takes(chain: PlanarChain) -> tuple[np.ndarray, np.ndarray]:
     moving = np.maximum(np.arange(STEPS + 1) - REST, 0)
     swing = 0.2 * np.cos(moving / 20)
     path = middle + swing[:, None] * size
-    jacobian = chain.jacobian(path[:-1])
-    v = np.matvec(jacobian, np.diff(path, axis=0))
+    steps = np.diff(path, axis=0)
+    v = np.matvec(chain.jacobian(path[:-1]), steps)
 
-    rng = np.random.default_rng(1)
-    q = np.empty((2 * TAKES, STEPS + 1, 3))
+    rng, takes = np.random.default_rng(1), 2 * TAKES
+    q = np.empty((takes, STEPS + 1, 3))
     q[:, 0] = path[0]
     for k in range(STEPS):
         moved, _ = draw_steps(TRUE, chain, q[:, k], v[k], rng)
-        errors = rng.multivariate_normal(np.zeros(3), MEASUREMENT, 2 * TAKES)
+        errors = rng.multivariate_normal(np.zeros(3), MEASUREMENT, takes)
         q[:, k + 1] = moved + errors
+
     return q, v
 
 

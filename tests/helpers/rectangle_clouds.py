@@ -28,10 +28,12 @@ def cloud(q: np.ndarray, rng: np.random.Generator, *, points: int = 1500) -> np.
         along = (end - start) / LENGTHS[j]
         aside = np.array([along[1], -along[0]])
         s, n = rng.random((2, count))
-        n = n**0.7 if j == 1 else n**1.5
-        lengthwise = (s**0.8 * LENGTHS[j])[:, None] * along
-        sideways = ((n - 0.5) * width)[:, None] * aside
-        rectangles.append(start + lengthwise + sideways)
+        exponent = 0.7 if j == 1 else 1.5
+        lengthwise = s**0.8 * LENGTHS[j]
+        sideways = (n**exponent - 0.5) * width
+        way = np.outer(lengthwise, along)
+        rectangles.append(start + way + np.outer(sideways, aside))
+
     noise = rng.normal(scale=0.002, size=(3 * count, 2))
     return np.concatenate(rectangles) + noise
 

@@ -31,8 +31,10 @@ def _replace_one(pattern: bytes, new: bytes, content: bytes, rng: Rng) -> bytes:
     matches = [*re.finditer(pattern, content)]
     if not matches:
         return content
-    match = matches[int(rng.integers(len(matches)))]
-    return content[: match.start()] + match.expand(new) + content[match.end() :]
+    number = int(rng.integers(len(matches)))
+    match = matches[number]
+    before, after = content[: match.start()], content[match.end() :]
+    return before + match.expand(new) + after
 
 
 def _replace_all(pattern: bytes, new: bytes, content: bytes, rng: Rng) -> bytes:

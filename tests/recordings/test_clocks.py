@@ -112,24 +112,26 @@ def logged(
     together; or without rest, each joint on another path. The last joint does not move.
     """
     t = np.arange(1500) / RATE
+    ways = KINDS[kind]
+    middle = np.array([0.2, -1.0, 0.9, -0.4])
     noise = default_rng(1).normal(0, 1e-4, (len(t), 4))
-
-    def angles(t: np.ndarray) -> np.ndarray:
-        still = 0 * t
-        if kind == "without rest":
-            first, second = np.sin(0.9 * t), np.cos(1.3 * t)
-            ways = [first, second, 0.6 * np.sin(0.9 * t + 1), still]
-        else:
-            triangle = np.abs((t / 5 + 0.3) % 2 - 1)
-            share = np.clip(triangle * 2 - 0.5, 0, 1)
-            progress = (1 - np.cos(np.pi * share)) / 2
-            ways = [progress, -1.6 * progress, 0.3 * progress, still]
-        return np.stack(ways, axis=1) + np.array([0.2, -1.0, 0.9, -0.4])
-
-    return angles(t - lag) + noise, angles(t)
+    return middle + ways(t - lag) + noise, middle + ways(t)
 
 
-KINDS = ("there and back", "without rest")
+def there_and_back(t: np.ndarray) -> np.ndarray:
+    triangle = np.abs((t / 5 + 0.3) % 2 - 1)
+    share = np.clip(triangle * 2 - 0.5, 0, 1)
+    progress = (1 - np.cos(np.pi * share)) / 2
+    return np.outer(progress, [1, -1.6, 0.3, 0])
+
+
+def without_rest(t: np.ndarray) -> np.ndarray:
+    first, second = np.sin(0.9 * t), np.cos(1.3 * t)
+    third = 0.6 * np.sin(0.9 * t + 1)
+    return np.stack([first, second, third, 0 * t], axis=1)
+
+
+KINDS = {"there and back": there_and_back, "without rest": without_rest}
 
 
 @pytest.mark.parametrize("kind", KINDS)

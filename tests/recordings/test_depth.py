@@ -91,7 +91,13 @@ def record(folder: Path, arm: Arm, units: float = 1000.0) -> tuple[Path, Depth]:
         camera=Pose(camera_position(arm).tolist(), list(RPY)),
         search=0.4,
         workspace=Workspace(
-            0.05, 0.05, 0.06, -0.02, 0.0, min_pixels=10, max_points=500
+            0.05,
+            0.05,
+            0.06,
+            -0.02,
+            0.0,
+            min_pixels=10,
+            max_points=500,
         ),
     )
     return take, described
@@ -177,8 +183,10 @@ def recorded_cloud(place: np.ndarray) -> np.ndarray:
     depth = depth_image(ARM, place, 1000.0) / 1000
     rows, columns = np.nonzero(depth)
     patch = depth[rows, columns, None] * rays_of(rows, columns)
-    clutter = np.random.default_rng(4).uniform([-1, -1, 0.2], [1, 1, 3], size=(40, 3))
-    return np.concatenate([patch, clutter, np.full((UNMEASURED, 3), np.nan)])
+    near, far = [-1, -1, 0.2], [1, 1, 3]
+    clutter = np.random.default_rng(4).uniform(near, far, size=(40, 3))
+    unmeasured = np.full((UNMEASURED, 3), np.nan)
+    return np.concatenate([patch, clutter, unmeasured])
 
 
 UNMEASURED = 9

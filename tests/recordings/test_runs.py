@@ -46,8 +46,10 @@ def stops(ways: int, seed: int, late: float = 0.0) -> LoggedMovement:
     rng, t = default_rng(seed), np.arange(280 * ways + 80) / RATE
 
     def command(at: np.ndarray) -> np.ndarray:
-        way, since = np.divmod(np.clip(at * RATE - 80, 0, None), 280)
-        share = (1 - np.cos(np.pi * np.clip(since / 200, 0, 1))) / 2
+        rows = np.clip(at * RATE - 80, 0, None)
+        way, since = np.divmod(rows, 280)
+        phase = np.pi * np.clip(since / 200, 0, 1)
+        share = (1 - np.cos(phase)) / 2
         progress = np.where(way % 2 == 0, share, 1 - share)
         return progress[:, None] * [0.8, -0.5, 0.3]
 
@@ -228,21 +230,27 @@ def test_rows_at_the_end_where_the_arm_has_stopped_are_left_out():
     [(9.5e-6, 6), (1.6e-5, 8), (1e-3, 6), (0.0, 12)],
 )
 def test_the_step_of_recorded_angles_is_found_where_there_is_one(quantum, printed):
-    rng, t = default_rng(2), np.arange(4000) / RATE
-    angles = np.sin(0.1 * t) + rng.normal(0, 1e-5, len(t))
-    recorded = quantum * np.rint(angles / quantum) if quantum else angles
+    t = np.arange(4000) / RATE
+    angles = np.sin(0.1 * t) + default_rng(2).normal(0, 1e-5, len(t))
+    if quantum:
+        angles = quantum * np.rint(angles / quantum)
 
-    assert find_quantum(np.round(recorded, printed)) == pytest.approx(quantum, rel=0.03)
+    estimated = find_quantum(np.round(angles, printed))
+
+    assert estimated == pytest.approx(quantum, rel=0.03)
 
 
 @pytest.mark.parametrize(("quantum", "expected"), [(9.4e-6, 9.4e-6), (1e-9, 0.0)])
 def test_a_constant_speed_is_no_step_of_the_angles(quantum, expected):
-    speed = 399e-6 + 1e-6 * np.sin(np.arange(1200) / 50)  # rad a row
-    starting = np.linspace(0.1, 1.0, 25) * 399e-6
+    # rad a row
+    starting = np.linspace(40e-6, 399e-6, 25)
+    speed = 399e-6 + 1e-6 * np.sin(np.arange(1200) / 50)
     angles = np.cumsum(np.concatenate([starting, speed]))
     recorded = quantum * np.rint(angles / quantum)
 
-    assert find_quantum(recorded) == pytest.approx(expected, rel=1e-3)
+    estimated = find_quantum(recorded)
+
+    assert estimated == pytest.approx(expected, rel=1e-3)
 
 
 @pytest.fixture

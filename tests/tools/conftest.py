@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from joint_logs import log_project
+from joint_logs import log_project, there_and_back
 from written_logs import write_joint_log
 
 from pipeline.configuration import config, datasheet
@@ -30,11 +30,7 @@ def root(tmp_path, monkeypatch) -> Path:
 @pytest.fixture
 def logs(tmp_path) -> Path:
     """Two movements of a UR5, each three times there and back, as a folder of three tables each."""
-    shares = (1 - np.cos(np.pi * np.arange(1, 81) / 80))[:, None] / 2
-    there, back = FROM + shares * (TO - FROM), TO + shares * (FROM - TO)
-    rest_at_start, rest_at_end = np.tile(FROM, (30, 1)), np.tile(TO, (30, 1))
-    cycle = [there, rest_at_end, back, rest_at_start]
-    target = np.vstack([rest_at_start, *cycle * 3])
+    target = there_and_back(FROM, TO, rest=30, times=3)
     speed = np.diff(target, axis=0, prepend=target[:1]) / 0.01
     rows = np.arange(len(target))
     for number, name in enumerate(("No1_slow", "No2_slow")):

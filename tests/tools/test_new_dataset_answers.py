@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from case_tables import cases_beside
+from joint_logs import there_and_back
 from new_datasets import UR5, contains, run, unfilled, written
 from source_code import ROOT
 
@@ -61,17 +62,8 @@ def test_what_is_left_is_asked_for_and_each_answer_is_checked_at_once(
     assert printed.splitlines()[-1].startswith("next: `python -m pipeline check lab`")
 
 
-def there_and_back(times: int) -> np.ndarray:
-    """Return commanded angles (N, 7) in rad that go there and back so many times, with rests."""
-    start = np.array([0.1, 0.4, -0.3, -1.2, 0.5, 0.6, 0.2])
-    end = start + np.array([0.5, 0.3, -0.4, 0.5, 0.3, -0.4, 0.6])
-    shares = (1 - np.cos(np.pi * np.arange(1, 81) / 80))[:, None] / 2
-    there = start + shares * (end - start)
-    back = end + shares * (start - end)
-    rest_at_start = np.tile(start, (40, 1))
-    rest_at_end = np.tile(end, (40, 1))
-    cycle = [there, rest_at_end, back, rest_at_start]
-    return np.vstack([rest_at_start, *cycle * times])
+START = np.array([0.1, 0.4, -0.3, -1.2, 0.5, 0.6, 0.2])  # rad
+END = START + np.array([0.5, 0.3, -0.4, 0.5, 0.3, -0.4, 0.6])
 
 
 def write_foreign_logs(folder: Path) -> None:
@@ -80,16 +72,17 @@ def write_foreign_logs(folder: Path) -> None:
     """
     folder.mkdir()
     shutil.copy(ROOT / "pipeline/arm/lwr4.urdf", folder / "gen3.urdf")
-    commanded = there_and_back(times=2)
+    commanded = there_and_back(START, END, rest=40, times=2)
     rows = np.arange(len(commanded))
     late = commanded[np.maximum(rows - 2, 0)]
+    labels = [f"position_joint_{joint}" for joint in range(1, 8)]
+    labels += [f"position_command_joint_{joint}" for joint in range(1, 8)]
     for number in (1, 2):
         deviation = 1e-3 * np.sin(rows / (9 + number))
         measured = late + deviation[:, None]
-        table = pd.DataFrame({"time": rows * 0.01})
-        for signal, angles in (("", measured), ("command_", commanded)):
-            for joint, values in enumerate(np.rad2deg(angles).T % 360, start=1):
-                table[f"position_{signal}joint_{joint}"] = values
+        angles = np.rad2deg(np.hstack([measured, commanded])) % 360
+        table = pd.DataFrame(angles, columns=labels)
+        table.insert(0, "time", rows * 0.01)
         table.to_csv(folder / f"take_{number}.csv", index=False, float_format="%.5f")
 
 
@@ -197,12 +190,12 @@ def test_an_option_name_or_folder_that_does_not_fit_writes_nothing(
 
 
 def test_motions_through_a_singular_pose_or_made_once_are_offered_last(monkeypatch):
-    def found(steps: int, places: list, least_singular: float) -> FoundMotion:
+    def motion(steps: int, places: list, least_singular: float) -> FoundMotion:
         ends = np.zeros(2), np.ones(2)
         return FoundMotion(*ends, steps, None, places, [], least_singular)
 
     twice, once = [("a", 0), ("a", 9)], [("a", 0)]
-    motions = [found(0, twice, 1e-3), found(1, once, 1.0), found(2, twice, 0.9)]
+    motions = [motion(0, twice, 1e-3), motion(1, once, 1.0), motion(2, twice, 0.9)]
     dataset = SimpleNamespace(robot=None, motion=SimpleNamespace(rate=1.0))
     monkeypatch.setattr(command, "find_motions", lambda *_: motions)
     monkeypatch.setattr(command, "validated", lambda *_: dataset)

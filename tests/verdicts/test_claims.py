@@ -61,11 +61,13 @@ def metric(key: str) -> dict[str, str]:
 
 def evidence_of(numbers: dict[str, float | None]) -> pd.DataFrame:
     """The table of the ``numbers`` of :func:`metric`; low and high are ends of the difference."""
-    ends = [numbers.get(name, np.nan) for name in ("low", "high")]
-    rows = [evidence_row("std", -0.1, *ends, model="wishart", rival="a")]
+    low, high = numbers.get("low", np.nan), numbers.get("high", np.nan)
+    difference = evidence_row("std", -0.1, low, high, model="wishart", rival="a")
+    rows = [difference]
     for name, value in numbers.items():
-        if value is not None and name not in ("low", "high"):
-            rows.append(evidence_row("std", value, model=name))
+        if value is None or name in ("low", "high"):
+            continue
+        rows.append(evidence_row("std", value, model=name))
     return evidence_table(rows)
 
 

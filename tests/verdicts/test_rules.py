@@ -100,12 +100,15 @@ def varied_within(rng: np.random.Generator, ratio: float) -> list[dict]:
     """Four takes whose fast steps have ``ratio`` times the std of the slow ones; the variation over
     the takes decides nothing.
     """
-    speeds = np.linspace(0.0, 1.0, 600)[:, None] * np.ones(2)
+    speeds = np.linspace([0.0, 0.0], [1.0, 1.0], 600)
     scale = np.where(speeds > 0.5, ratio, 1.0)
-    takes = scale * rng.standard_normal((4, *speeds.shape))
-    undecided = {"value": 0.3, "than": 0.2, "threshold": 0.4, "margin": np.log(1.25)}
-    differences = fast_against_slow(takes, speeds)
-    return [undecided | difference._asdict() for difference in differences]
+    takes = scale * rng.standard_normal((4, 600, 2))
+    cases = []
+    for difference in fast_against_slow(takes, speeds):
+        undecided = {"value": 0.3, "than": 0.2, "threshold": 0.4}
+        margin = {"margin": np.log(1.25)}
+        cases.append(undecided | margin | difference._asdict())
+    return cases
 
 
 def change_of_mean(rng: np.random.Generator, side: int) -> list[dict]:

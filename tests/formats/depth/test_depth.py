@@ -3,7 +3,6 @@ messages: what was put in comes out. Refusals of files: tests/formats/test_refus
 """
 
 import json
-import re
 from dataclasses import replace
 from functools import partial
 from multiprocessing import get_context
@@ -163,14 +162,16 @@ def test_a_pcd_has_its_viewpoint_and_zeros_or_rows_behind_its_points(
 @pytest.mark.parametrize("inserted", [b"\0", b"@", b"\n\r"])
 @pytest.mark.parametrize("name", BINARY)
 def test_bytes_inserted_in_binary_points_are_refused(tmp_path, name, inserted, share):
-    content, file = made.CLOUDS[name], tmp_path / name
+    file, content = tmp_path / name, made.CLOUDS[name]
     last_line = b"DATA" if name.endswith("pcd") else b"end_header"
     start = content.index(b"\n", content.index(last_line)) + 1
-    place = start + int(share * (len(content) - start))
+    length = len(content) - start
+    place = start + int(share * length)
     file.write_bytes(content[:place] + inserted + content[place:])
+
     error = reject(read_cloud, file)
 
-    assert re.search(r"damaged|beyond 1e\+20", error.message)
+    assert "damaged" in error.message or "beyond 1e+20" in error.message
 
 
 @pytest.mark.parametrize("mark", [b"ply \n", b"ply\t\r\n", b"ply  \r"])
@@ -369,12 +370,15 @@ def test_images_of_either_byte_order_and_any_padding_keep_their_pixels(
 @pytest.mark.parametrize("big", [False, True])
 @cases("layouts")
 def test_clouds_of_any_layout_keep_their_points(fields, step, big, rows):
-    points = GENERATOR.normal(size=(12, 3)).astype(np.float32).astype(float)
+    drawn = GENERATOR.normal(size=(12, 3))
+    points = drawn.astype(np.float32).astype(float)
     points[4, 1] = np.nan
     points[5] = 0.0
-    message = cloud(points, 1.0, fields, step, big=big, rows=rows).for_version("ros2")
+    recorded = cloud(points, 1.0, fields, step, big=big, rows=rows)
 
-    assert_array_equal(cloud_points(message), points)
+    read = cloud_points(recorded.for_version("ros2"))
+
+    assert_array_equal(read, points)
     assert PointCloud.measured(points).missing == 2
 
 

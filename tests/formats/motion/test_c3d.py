@@ -30,13 +30,16 @@ def write(folder: Path, *arguments: object, **options: object) -> Path:
 )
 def test_points_come_back_in_metres(tmp_path, unit, scale):
     xyz = points(6)
-    take = read_c3d(write(tmp_path, AB, xyz, unit=unit, scale=scale))
+    counts = {"found_frames": 6, "missing_samples": 0, "gaps": 0}
+    file = write(tmp_path, AB, xyz, unit=unit, scale=scale)
+
+    take = read_c3d(file)
+
     assert (take.name, take.version, take.rate) == ("t", "C3D", 100.0)
     assert [*take.markers] == AB
-    assert_allclose(np.stack([*take.markers.values()], 1), xyz, rtol=0, atol=3e-7)
+    read = np.stack([*take.markers.values()], axis=1)
+    assert_allclose(read, xyz, rtol=0, atol=3e-7)
     assert_allclose(take.time, np.arange(6) / 100, rtol=0, atol=1e-12)
-
-    counts = {"found_frames": 6, "missing_samples": 0, "gaps": 0}
     assert counts.items() <= take.counts.items()
 
 

@@ -154,13 +154,14 @@ def test_euler_angles_are_products_of_axis_rotations_in_the_order_of_the_header(
 
 def axis_rotation(axis: str) -> np.ndarray:
     """Rotation matrix about an axis by 20° (X), -35° (Y) or 50° (Z)."""
-    angle = np.radians({"X": 20.0, "Y": -35.0, "Z": 50.0}[axis])
-    i, j = {"X": (1, 2), "Y": (2, 0), "Z": (0, 1)}[axis]
-    rotation = np.eye(3)
-    rotation[i, i] = rotation[j, j] = np.cos(angle)
-    rotation[j, i] = np.sin(angle)
-    rotation[i, j] = -np.sin(angle)
-    return rotation
+    degrees = {"X": 20.0, "Y": -35.0, "Z": 50.0}[axis]
+    cosine, sine = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    match axis:
+        case "X":
+            return np.array([[1, 0, 0], [0, cosine, -sine], [0, sine, cosine]])
+        case "Y":
+            return np.array([[cosine, 0, sine], [0, 1, 0], [-sine, 0, cosine]])
+    return np.array([[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1]])
 
 
 SOLVED, BONE = "Rigid Body Marker", ("Bone Marker", "Hip_1", "1")
