@@ -49,6 +49,7 @@ def markdown_page(text: str) -> LinksAndAnchors:
     """Return links and anchors of Markdown; a heading's anchor is GitHub's."""
     parser = MarkdownIt("commonmark").enable("table")
     page = LinksAndAnchors(parser.render(text))
+
     tokens = parser.parse(text)
     for opening, heading in pairwise(tokens):
         if opening.type == "heading_open":

@@ -70,6 +70,7 @@ def test_help_lists_the_names_and_names_each_stage_study_and_tool(monkeypatch, c
     for words in ([], ["--help"], ["-h"]):
         assert run(monkeypatch, *words) == 0
         assert capsys.readouterr().out.startswith("usage: python -m pipeline NAME")
+
     for name in STAGES + STUDIES:
         assert run(monkeypatch, name, "--help") == 0
         (line,) = capsys.readouterr().out.splitlines()

@@ -84,10 +84,12 @@ def sources(module: str) -> set[str]:
         # a case builds and fits the models of the paper's kinds, which are found by their place
         for kind, place in product(KINDS, ("law", "fit")):
             names |= needed(f"pipeline.models.{kind}.{place}", harmless)
+
     files = {MODULES[name] for name in names}
     # a module reads the YAML file of its name beside it
     beside = {file.with_suffix(".yaml") for file in files}
     files |= {file for file in beside if file.is_file()}
+
     names = {str(file.relative_to(ROOT)) for file in files if file.stat().st_size}
     return names - {"pipeline/__init__.py"}
 
@@ -131,6 +133,7 @@ def test_the_folders_that_a_stage_names_are_its_deps_and_outs(stage):
     declared = paths(STAGES[stage], "deps", "outs", "metrics")
     texts = texts_of(tree(stage_module(STAGES[stage])))
     opened = texts - CLEANED.get(stage, set()) - COMPARED.get(stage, set())
+
     for path in opened:
         is_place = re.fullmatch(r"(data|reports)/[\w*./]+", path)
         if is_place and not path.endswith("dvc.yaml"):

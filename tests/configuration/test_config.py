@@ -282,6 +282,7 @@ def sheet(tmp_path, monkeypatch) -> Path:
 
 def edit(file: Path, key: str, value: object) -> None:
     values = yaml.safe_load(file.read_text())
+
     *above, last = key.split(".")
     node = values
     for part in above:

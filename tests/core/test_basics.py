@@ -130,6 +130,7 @@ def test_the_time_of_a_mapping_grows_with_its_keys(tmp_path):
         start = process_time()
         assert len(read_yaml(file)) == keys
         seconds[keys] = process_time() - start
+
     assert seconds[20_000] < 40 * seconds[2_000]
 
 
@@ -245,6 +246,7 @@ def test_what_ends_badly_is_refused_and_the_next_call_is_made(
             _outcome(sandbox, function, *arguments)
         assert _outcome(sandbox, np.ones, 1 << 20).sum() == 1 << 20
         first, second = sandbox.call(os.getpid), sandbox.call(os.getpid)
+
     assert first == second != os.getpid()
     with pytest.raises(ProcessLookupError):  # the process ends with the statement
         os.kill(first, 0)

@@ -90,6 +90,7 @@ def sum_by_lanes(terms: np.ndarray) -> float:
         lanes += row
     for term in terms[whole:]:
         lanes[0] += term
+
     while len(lanes) > 1:
         lanes = np.add(*np.split(lanes, 2))
     return lanes[0]
@@ -132,6 +133,7 @@ def package(tmp_path: Path) -> Path:
         (tmp_path / f"pipeline/{name}.py").write_text("")
     for name in ("compiled", "sources"):
         shutil.copy(ROOT / f"pipeline/core/{name}.py", tmp_path / "pipeline/core")
+
     (tmp_path / "pipeline/outer.py").write_text(OUTER)
     (tmp_path / "pipeline/inner.py").write_text(INNER.format(constant=2.0))
     return tmp_path
@@ -162,19 +164,27 @@ def test_compiled_code_is_loaded_until_a_constant_in_another_file_is_edited(pack
         folder = base / f"pipeline-{number}"
         folder.mkdir(parents=True)
         os.utime(folder, (number, number))
-    first, again = run(package), run(package)
-    assert first[:2] == (2.0, 0) and again[:2] == (2.0, 1)
-    assert first[2].startswith(str(base / "pipeline-"))
+
+    value, loaded, place = run(package)
+    assert (value, loaded) == (2.0, 0)
+    assert place.startswith(str(base / "pipeline-"))
+    assert run(package) == (2.0, 1, place)
     # folders of earlier sources are removed but for the newest
     left = sorted(folder.name for folder in base.glob("pipeline-?"))
     assert left == ["pipeline-3", "pipeline-4", "pipeline-5"]
-    (package / "pipeline/inner.py").write_text(INNER.format(constant=3.0))
-    assert run(package)[:2] == (3.0, 0)
-    (package / "pipeline/inner.py").write_text(INNER.format(constant=2.0))
+
+    inner = package / "pipeline/inner.py"
+    inner.write_text(INNER.format(constant=3.0))
+    value, loaded, _ = run(package)
+    assert (value, loaded) == (3.0, 0)
+
+    inner.write_text(INNER.format(constant=2.0))
     # numba looks at the time of the function's own file alone, which is as it was
-    assert run(package)[:2] == (2.0, 1)
+    assert run(package) == (2.0, 1, place)
+
+    # a module without compiled code
     (package / "pipeline/drawing.py").write_text("from pipeline.outer import outer\n")
-    assert run(package)[:2] == (2.0, 1)
+    assert run(package) == (2.0, 1, place)
 
 
 def test_machine_code_depends_on_the_compiled_modules_and_their_imports_alone(

@@ -50,12 +50,15 @@ def some(column: Column) -> list:
     match column.kind:
         case "real" | "log":
             low = max(column.low, -1.0)
-            return np.linspace(low, min(column.high, low + 4.0), ROWS).tolist()
+            high = min(column.high, low + 4.0)
+            return np.linspace(low, high, ROWS).tolist()
         case "count":
-            return list(range(int(column.low), int(column.low) + ROWS))
+            least = int(column.low)
+            return list(range(least, least + ROWS))
         case "flag":
             return [True, False] * (ROWS // 2)
-    return [(column.among or "a")[0]] * ROWS
+    words = column.among or ["a"]
+    return [words[0]] * ROWS
 
 
 def table(name: str, place: str = "pipeline") -> pd.DataFrame:
@@ -94,9 +97,11 @@ def test_a_column_refuses_values_that_do_not_fit(text, bad, tmp_path, monkeypatc
     column = Column.parse(text)
     declarations = {"one": {"it": column}}
     monkeypatch.setattr(contracts, "read_declarations", lambda _: declarations)
+
     contracts.write(pd.DataFrame({"it": some(column)}), "one", tmp_path)
     file = tmp_path / "one.parquet"
     file.unlink()
+
     for value in bad:
         rows = pd.DataFrame({"it": [*some(column)[:-1], value]})
         with pytest.raises(ContractError, match="'one' breaks its contract") as refused:

@@ -132,6 +132,7 @@ def process(*words: str, **variables: str) -> Iterator[subprocess.Popen]:
     dask = str(Path(sys.executable).parent / "dask")
     command = [dask, *words, "--host", "127.0.0.1", "--no-dashboard"]
     silent = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+
     with subprocess.Popen(command, cwd=ROOT, env=variables, **silent) as started:
         try:
             yield started
@@ -144,12 +145,12 @@ def scheduler(folder: Path) -> Iterator[tuple[subprocess.Popen, str]]:
     """A scheduler and its address."""
     file, end = folder / "scheduler.json", time.monotonic() + WAIT
     words = "scheduler", "--port", "0", "--scheduler-file", str(file)
+
     with process(*words, PATH=os.environ["PATH"]) as started:
         # the file is there before it is written to its end
         while not (file.exists() and file.read_text().endswith("}")):
-            assert started.poll() is None and time.monotonic() < end, (
-                "no scheduler starts"
-            )
+            assert started.poll() is None, "the scheduler ends"
+            assert time.monotonic() < end, "no scheduler starts"
             time.sleep(0.05)
         yield started, json.loads(file.read_text())["address"]
 

@@ -114,6 +114,7 @@ def dataset() -> Dataset:
     options = compose_config(ROOT / "params.yaml").dataset
     options.laboratory["trajectory"] = TRAJECTORY
     options.motion = Motion(RATE, STEPS)
+
     options.mocap.training, options.mocap.test = "optitrack/*.csv", None
     options.depth.height, options.depth.width = SIZE
     options.depth.rate, options.depth.workspace.min_pixels = FRAME_RATE, 5

@@ -70,7 +70,9 @@ def test_a_fault_is_repaired_and_counted_or_refused_with_its_place(benches, name
     for seed, severity in enumerate(fault.severities()):
         files = fault.inflict(bench.files, severity, seed)
         assert files != bench.files
+
         kind, outcome = bench.outcome(files, fault.counted)
+
         assert kind in fault.outcomes, (seed, kind, outcome)
         if kind == REFUSED:
             assert {"file", "take"} & set(outcome.evidence)

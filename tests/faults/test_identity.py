@@ -38,6 +38,7 @@ def folder(benches, dataset, tmp_path):
     (tmp_path / "optitrack").mkdir()
     source = tmp_path / "source.csv"
     source.write_bytes(benches["take"].files["optitrack/test_001.csv"])
+
     rng, sound = default_rng(4), read_motive(source)
     for name in (TRAIN, TEST):
         markers = {}
@@ -46,6 +47,7 @@ def folder(benches, dataset, tmp_path):
         take = replace(sound, name=name, markers=markers)
         file = tmp_path / f"optitrack/{name}.csv"
         write_motive(file, take, start="2017-05-02 10.00.00.000 AM")
+
     mocap = replace(dataset.mocap, training="optitrack/train*", test="optitrack/test*")
     sections = {"trajectory": None, "depth": None, "force": None, "mocap": mocap}
     return replace(dataset, recordings=str(tmp_path), **sections)
@@ -55,6 +57,7 @@ def ingest(dataset, tmp_path) -> dict[str, dict[str, float]]:
     """Take → counts of the part motion."""
     (tmp_path / "out").mkdir()
     quality = read_part("motion", dataset, SimpleNamespace(), tmp_path / "out")
+
     counts: dict[str, dict[str, float]] = {}
     for row in quality:
         of_take = counts.setdefault(row["take"], {})
@@ -298,6 +301,7 @@ def swaying_joints(motion, dataset) -> list[pd.DataFrame]:
         phases = rng.uniform(0, 6, (3, 8, 1))
         waves = np.sin(frequencies * time + phases)
         q = motion(time) + 0.003 * waves.sum(axis=1).T
+
         rows = pd.DataFrame({"take": number, "t": time, "residual": 0.0})
         joints.append(rows.assign(**spread("q", dataset.robot.joints, q)))
     return joints
@@ -314,6 +318,7 @@ def test_images_of_another_take_have_a_share_beyond_the_limit(swaying_joints, da
         seen = rng.normal(0, noise, (len(SEEN_AT), 2))
         for axis in (0, 1):
             seen[:, axis] += np.interp(SEEN_AT, filmed["t"], middle[:, axis])
+
         order = swaying_joints.copy()
         order.insert(0, order.pop(name))
         residuals = camera_residuals((SEEN_AT, seen), order, arm, (-0.2, 0.2))

@@ -50,6 +50,7 @@ def shown(name: str) -> str:
     (plain,) = run.joints
     assert [*run.metrics["fit"]] == [plain]
     assert run.tables["t"]["joint"].tolist() == [plain]
+
     unknown = [None] * (len(Case._fields) - 1)
     case = Case(name, *unknown)
     verdict = Verdict(None, "", (case,))

@@ -291,6 +291,7 @@ def failures(sandbox: Sandbox, name: str, folder: Path) -> list[str]:
     written = MUTATED[name].write(file)
     file = written if isinstance(written, Path) else file
     MUTATED[name].read(file)
+
     sound = file.read_bytes()
     for kind, mutant in mutants(sound, COUNT, text=b"\0" not in sound):
         file.write_bytes(mutant)

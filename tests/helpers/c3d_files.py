@@ -75,11 +75,13 @@ def point_group(
     group_of_points += parameter(1, "RATE", 4, [], numbers(rate, processor))
     group_of_points += parameter(1, "DATA_START", 2, [], words(4))
     group_of_points += parameter(1, "FRAMES", 2, [], words(min(frames, 65535)))
+
     if long_frames is not None:
         stated = numbers(long_frames, processor)
         group_of_points += parameter(1, "LONG_FRAMES", 4, [], stated)
     group_of_points += texts(1, "LABELS", labels[:255])
     group_of_points += parameter(1, "UNITS", -1, [len(unit)], unit.encode())
+
     for name, items in {"LABELS2": labels[255:], **groups}.items():
         if items:
             group_of_points += texts(1, name, items)

@@ -27,12 +27,15 @@ def sample_wrench(
         pull = tension * cable.rvs(samples)
         force = force + pull
         if system.attachment is not None:
-            r = system.attachment[i]
-            planar = system.dimension == 2
-            turned = (
-                r[0] * pull[:, 1:] - r[1] * pull[:, :1] if planar else np.cross(r, pull)
-            )
-            moment = moment + turned
-    return (
-        force if system.attachment is None else np.concatenate([force, moment], axis=-1)
-    )
+            moment = moment + moment_of(pull, system.attachment[i])
+    if system.attachment is None:
+        return force
+    return np.concatenate([force, moment], axis=-1)
+
+
+def moment_of(pull: np.ndarray, r: np.ndarray) -> np.ndarray:
+    """(samples, 1) or (samples, 3) moments of forces (samples, 2) or (samples, 3) at ``r``."""
+    if len(r) == 2:
+        x, y = pull[:, :1], pull[:, 1:]
+        return r[0] * y - r[1] * x
+    return np.cross(r, pull)

@@ -14,6 +14,7 @@ def frame(shape: tuple[int, int]) -> np.ndarray:
     generator = default_rng(1)
     rows, columns = np.indices(shape)
     slope = 1800 + 0.5 * columns + 0.3 * rows
+
     raw = slope + generator.normal(size=shape) * 5
     without_depth = generator.random(shape) < 0.2
     raw[without_depth] = 0
@@ -101,6 +102,7 @@ def pcd(form: str, table: np.ndarray) -> bytes:
         f"# .PCD v0.7\nVERSION 0.7\n{FIELDS}WIDTH 4\nHEIGHT {len(table) // 4}\n"
         f"VIEWPOINT 0 0 0 1 0 0 0\nPOINTS {len(table)}\nDATA {form}\n"
     ).encode()
+
     if form == "binary":
         return header + table.tobytes()
     if form == "binary_compressed":  # LZF of literal runs
@@ -109,6 +111,7 @@ def pcd(form: str, table: np.ndarray) -> bytes:
         runs = [data[i : i + 32] for i in range(0, len(data), 32)]
         packed = b"".join(bytes([len(run) - 1]) + run for run in runs)
         return header + struct.pack("<II", len(packed), len(data)) + packed
+
     rows = [
         f"1 {p['z']} 9 9 9 {p['x']} {p['label']} {p['y']} 0 0 0 0 0\n" for p in table
     ]
@@ -124,6 +127,7 @@ def ply(form: str, table: np.ndarray) -> bytes:
     if form == "ascii":
         rows = "".join(f"{p['z']} 255 {p['x']} {p['y']}\n" for p in table)
         return header + rows.encode() + b"3 0 1 2\n"
+
     order = ">" if form == "binary_big_endian" else "<"
     real = order + "f8"
     vertex = np.dtype([("z", real), ("red", "u1"), ("x", real), ("y", real)])

@@ -30,6 +30,7 @@ def plain_steps(model, chain, q, v, rng) -> tuple[np.ndarray, int]:
 
 def _block(model, chain, q, v, rng) -> tuple[np.ndarray, int]:
     dq = chain.nominal_step(q, v)
+
     match model:
         case AdditiveModel():
             noise = rng.standard_normal(q.shape) @ root(model.noise)

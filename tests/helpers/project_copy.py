@@ -90,9 +90,11 @@ def copy_project(folder: Path) -> None:
             target.parent.mkdir(parents=True, exist_ok=True)
             # compiled code stays valid: copies keep the times and sizes of their sources
             shutil.copy2(source, target, follow_symlinks=False)
+
     for compiled in (ROOT / "pipeline").rglob("__pycache__/*.pyc"):
         (folder / compiled.relative_to(ROOT)).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy2(compiled, folder / compiled.relative_to(ROOT))
+
     (folder / ".dvc/config.local").write_text("[core]\n    no_scm = true\n")
     share_machine_code(folder)
 
@@ -168,6 +170,7 @@ def outputs(folder: Path, *stages: str) -> dict[str, str]:
         for name, stage in OmegaConf.load(file).stages.items():
             if not stages or name in stages:
                 locked |= {out["path"]: out["md5"] for out in stage["outs"]}
+
     locked.pop("data/config.yaml", None)
     return locked
 

@@ -99,6 +99,7 @@ def swap_labels(labels, frames, markers, number, rng, apart):
     ):
         column = markers[3 * on_link + of_link]
         columns.append(slice(column, column + 3))
+
     for i in burst(frames, number, rng):
         positions = [frames[i][column] for column in columns]
         for column, position in zip(columns, positions[::-1], strict=True):
@@ -117,6 +118,7 @@ def lost_label(labels, frames, markers, number, rng):
     for row, word in zip(labels, stray, strict=False):
         row += [word] * 3
     labels[-1] += [b"X", b"Y", b"Z"]
+
     lost = burst(frames, number, rng)
     for i, row in enumerate(frames):
         if i in lost:

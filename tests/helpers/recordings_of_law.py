@@ -34,6 +34,7 @@ def write_options(folder: Path) -> None:
     """Write the smoke configuration with the MODELS in ``folder``, the current folder."""
     for name in ("pipeline", "dvc.yaml"):
         (folder / name).symlink_to(ROOT / name)
+
     params = OmegaConf.load(ROOT / "params.yaml")
     params.update({"scale": "smoke", "compute": "serial", "models": list(MODELS)})
     params.overrides = {"scale": {"readings": None}}  # all readings
@@ -99,6 +100,7 @@ def rows(values: np.ndarray, family: str) -> pd.DataFrame:
     grid = STEPS + 1
     names = [f"take_{number:02d}" for number in range(2 * TAKES)]
     k = np.tile(np.arange(grid), 2 * TAKES)
+
     step = {
         "take": np.repeat(names, grid),
         "part": np.repeat(["training", "test"], TAKES * grid),

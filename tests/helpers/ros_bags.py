@@ -16,8 +16,9 @@ POINT_FIELDS = ("positions", "velocities", "accelerations", "effort")
 POINT = "trajectory_msgs/msg/JointTrajectoryPoint"
 CONTROLLER_STATE = "control_msgs/msg/JointTrajectoryControllerState"
 # the fields of earlier and of newer versions of control_msgs, as of ROS 2 Humble
+POINTS = ("desired", "actual", "reference", "feedback")
 DEFINITION = "std_msgs/Header header\nstring[] joint_names\n"
-for name in ("desired", "actual", "reference", "feedback"):
+for name in POINTS:
     DEFINITION += f"trajectory_msgs/JointTrajectoryPoint {name}\n"
 for store in STORES.values():
     store.register(get_types_from_msg(DEFINITION, CONTROLLER_STATE))
@@ -30,29 +31,41 @@ class Message:
         self.kind, self.stamp, self.fields = kind, stamp, fields
 
     def for_version(self, version: str) -> object:
+        """The message of a ROS version, with a header and with messages in its fields."""
         types, fields = STORES[version].types, dict(self.fields)
-        seconds, nanoseconds = divmod(round(self.stamp * 1e9), 10**9)
-        time = types["builtin_interfaces/msg/Time"](seconds, nanoseconds)
-        number = [0] if version == "ros1" else []
-        header = types["std_msgs/msg/Header"](*number, time, "depth_camera")
         if "fields" in fields:
             point = types["sensor_msgs/msg/PointField"]
             fields["fields"] = [point(*field) for field in fields["fields"]]
         if "wrench" in fields:
             vector = types["geometry_msgs/msg/Vector3"]
-            force, torque = (vector(*xyz) for xyz in fields["wrench"].tolist())
-            fields["wrench"] = types["geometry_msgs/msg/Wrench"](force, torque)
+            force, torque = fields["wrench"].tolist()
+            wrench = types["geometry_msgs/msg/Wrench"]
+            fields["wrench"] = wrench(vector(*force), vector(*torque))
         if self.kind == CONTROLLER_STATE:
-            duration = types["builtin_interfaces/msg/Duration"](0, 0)
-            for name in ("desired", "actual", "reference", "feedback"):
-                values = fields.get(name, {})
-                point = [values.get(key, np.zeros(0)) for key in POINT_FIELDS]
-                fields[name] = types[POINT](*point, duration)
+            for name in POINTS:
+                fields[name] = trajectory_point(types, fields.get(name, {}))
+
         if "distortion_model" in fields:
             fields["roi"] = types["sensor_msgs/msg/RegionOfInterest"](0, 0, 0, 0, False)
-            if version == "ros2":  # d, k, r, p
-                fields = {k.lower() if len(k) == 1 else k: v for k, v in fields.items()}
-        return types[self.kind](header=header, **fields)
+            if version == "ros2":
+                for name in "DKRP":
+                    fields[name.lower()] = fields.pop(name)
+        return types[self.kind](header=self.header(version), **fields)
+
+    def header(self, version: str) -> object:
+        """The header of a ROS version; of ROS 1 it has a number."""
+        types = STORES[version].types
+        seconds, nanoseconds = divmod(round(self.stamp * 1e9), 10**9)
+        time = types["builtin_interfaces/msg/Time"](seconds, nanoseconds)
+        number = [0] if version == "ros1" else []
+        return types["std_msgs/msg/Header"](*number, time, "depth_camera")
+
+
+def trajectory_point(types, values: dict[str, np.ndarray]) -> object:
+    """A point of a trajectory with these ``values``, and empty ones in their place."""
+    duration = types["builtin_interfaces/msg/Duration"](0, 0)
+    fields = [values.get(name, np.zeros(0)) for name in POINT_FIELDS]
+    return types[POINT](*fields, duration)
 
 
 def image(pixels: np.ndarray, stamp: float, *, big=False, padding: int = 0) -> Message:
@@ -60,6 +73,7 @@ def image(pixels: np.ndarray, stamp: float, *, big=False, padding: int = 0) -> M
     rows = pixels.astype(pixels.dtype.newbyteorder(">" if big else "<")).view(np.uint8)
     rows = rows.reshape(len(pixels), -1)
     data = np.pad(rows, ((0, 0), (0, padding)), constant_values=255)
+
     return Message(
         "sensor_msgs/msg/Image",
         stamp,
@@ -169,6 +183,7 @@ def write_bag(
     else:
         version, writer = "ros2", ros2_writer(folder, form)
         serialise = STORES[version].serialize_cdr
+
     with writer:
         connections, messages = {}, []
         for topic, entries in recorded.items():

@@ -12,7 +12,7 @@ from numpy.random import default_rng
 from ros_bags import camera_info, image, write_bag
 from written_logs import CALIBRATION, write_joint_log, write_netft
 
-from pipeline.core.columns import PLANE
+from pipeline.core.columns import PLANE, columns
 from pipeline.formats.depth.image import write_depth, write_index
 from pipeline.formats.depth.intrinsics import Intrinsics, write_intrinsics
 from pipeline.formats.force.daqft import ForceRecord, write_daqft
@@ -53,52 +53,82 @@ def frames(folder: Path, count: int = 4) -> list[str]:
     return [f"{number:04d}.png" for number in range(count)]
 
 
-def write_zoo(folder: Path) -> None:
-    """One recording of every format, and two files of no format."""
-    rng = default_rng(3)
-    for name, text in TEXTS.items():
-        (folder / name).write_text(text)
+def write_takes(folder: Path) -> None:
+    """Takes of motion capture of Motive in both grammars and as C3D."""
     take = random_take(50)
     take.markers["Link1:Marker1"][10:15] = np.nan
     write_motive(folder / "columns.csv", take, start=START)
-    rows = [
-        f"frame,{k},{k / 120:.6f},1,1,{0.1 * k},0,1,0,0,0,1,0,0,0,0" for k in range(30)
-    ]
+
+    rows = []
+    for k in range(30):
+        rows.append(f"frame,{k},{k / 120:.6f},1,1,{0.1 * k},0,1,0,0,0,1,0,0,0,0")
     rows_file(folder, "rigidbody,Hand,1,0", *rows)
+
     c3d = ezc3d.c3d()
     point = c3d["parameters"]["POINT"]
     point["UNITS"]["value"] = ["mm"]
     point["RATE"]["value"] = [100]
     point["LABELS"]["value"] = ["A", "B", "C"]
-    c3d["data"]["points"] = np.concatenate(
-        [rng.normal(size=(3, 3, 20)), np.ones((1, 3, 20))],
-    )
+    homogeneous = default_rng(3).normal(size=(4, 3, 20))
+    homogeneous[3] = 1.0
+    c3d["data"]["points"] = homogeneous
     c3d.write(str(folder / "take.c3d"))
-    time, felt = np.arange(500) / 100, rng.normal(size=(2, 500, 3))
+
+
+def write_forces(folder: Path) -> None:
+    """Logs of a force transducer by both programs of ATI."""
+    time, felt = np.arange(500) / 100, default_rng(4).normal(size=(2, 500, 3))
     record = ForceRecord(time, *felt, 100.0, "FT7", START, {})
     write_daqft(folder / "points.csv", record)
     write_daqft(folder / "commas.csv", record, decimal=",")
     write_netft(folder / "netft.csv", record)
+
+
+def write_images(folder: Path) -> None:
+    """Depth images by themselves, by an index and by numbers, and their camera."""
     write_depth(folder / "single.png", np.full(SHAPE, 1000, np.uint16))
     cv2.imwrite(str(folder / "metres.tiff"), np.full(SHAPE, 1.5, np.float32))
-    names = tuple(f"depth/{name}" for name in frames(folder / "indexed" / "depth"))
-    write_index(folder / "indexed" / "depth.txt", np.array([0.0, 0.1, 0.2, 0.4]), names)
     frames(folder / "numbered")
-    write_intrinsics(
-        folder / "camera.yaml",
-        Intrinsics(30.0, 30.0, 16.0, 12.0, *SHAPE[::-1]),
-    )
-    pictures = [
-        (k / 10, image(np.full(SHAPE, 900 + k, np.uint16), 1 + k / 10))
-        for k in range(3)
-    ]
+
+    names = tuple(f"depth/{name}" for name in frames(folder / "indexed" / "depth"))
+    times = np.array([0.0, 0.1, 0.2, 0.4])
+    write_index(folder / "indexed" / "depth.txt", times, names)
+
+    camera = Intrinsics(30.0, 30.0, 16.0, 12.0, *SHAPE[::-1])
+    write_intrinsics(folder / "camera.yaml", camera)
+
+
+def write_bags(folder: Path) -> None:
+    """Bags of two topics of images and of their camera."""
+    pictures = []
+    for k in range(3):
+        pixels = np.full(SHAPE, 900 + k, np.uint16)
+        pictures.append((k / 10, image(pixels, 1 + k / 10)))
     camera = camera_info([30, 0, 16, 0, 30, 12, 0, 0, 1], [0] * 5, SHAPE[::-1])
     topics = {"/depth": pictures, "/other": pictures, "/info": [(0.0, camera)]}
+
     for form in ("ros1", "sqlite3", "mcap"):
         (folder / form).mkdir()
         write_bag(folder / form, form, topics)
-    angles = {"actual": rng.normal(size=(30, 6))}
+
+
+def write_joints(folder: Path) -> None:
+    """A joint log and a commanded trajectory."""
+    angles = {"actual": default_rng(5).normal(size=(30, 6))}
     write_joint_log(folder / "q.csv", JointLog(np.arange(30) / 125, angles, {}))
-    steps = np.arange(6) / 100
-    path = {"t": steps} | {f"{family}:{row}": steps for family in "xv" for row in PLANE}
-    write_trajectory(folder / "path.csv", pd.DataFrame(path))
+
+    path = pd.DataFrame({"t": np.arange(6) / 100})
+    for name in columns("x", PLANE) + columns("v", PLANE):
+        path[name] = path["t"]
+    write_trajectory(folder / "path.csv", path)
+
+
+def write_zoo(folder: Path) -> None:
+    """One recording of every format, and two files of no format."""
+    for name, text in TEXTS.items():
+        (folder / name).write_text(text)
+    write_takes(folder)
+    write_forces(folder)
+    write_images(folder)
+    write_bags(folder)
+    write_joints(folder)

@@ -65,6 +65,7 @@ def needed(module: str, harmless: set[str]) -> set[str]:
     ``harmless`` ones and what those alone import.
     """
     reached, waiting = {"pipeline.__init__"}, [module]
+
     while waiting:
         current = waiting.pop()
         if current not in reached | harmless:

@@ -81,6 +81,7 @@ def link_poses(robot: Robot, link: str, q: np.ndarray) -> tuple[np.ndarray, np.n
     model = _model(robot.urdf)
     data = model.createData()
     frame = model.getFrameId(link, pin.FrameType.BODY)
+
     poses = []
     for row in q:
         pin.framesForwardKinematics(model, data, row)

@@ -27,6 +27,7 @@ def stage_arrows() -> list[tuple[str, str]]:
             arrow = stage_name(writer.addressing), stage_name(reader.addressing)
             if set(arrow) <= set(names):  # not a stage of a dataset or of a study
                 graph.add_edge(*arrow)
+
     arrows = nx.transitive_reduction(graph).edges
     return sorted(
         arrows,

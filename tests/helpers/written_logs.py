@@ -63,6 +63,7 @@ def netft_text(record: ForceRecord, counts_per_unit: int | None = None) -> str:
         f"Counts per Unit Torque: {per_unit}.0",
         "Status (hex), RDT Sequence, F/T Sequence, Fx, Fy, Fz, Tx, Ty, Tz, Time",
     ]
+
     numbers = np.rint(record.time * record.rate).astype(int) + 1
     for number, wrench in zip(numbers, values.tolist(), strict=True):
         cells = "0x0", number, 10 * number, *wrench, record.started

@@ -37,6 +37,7 @@ def recording(
     rng = default_rng(seed)
     t_b = np.arange(-30, 351) / 100
     t_a = np.arange(97) / 30 + rng.uniform(-0.004, 0.004, 97)
+
     noise_of_a = rng.normal(scale=noise, size=(97, 2))
     noise_of_b = rng.normal(scale=noise / 20, size=(len(t_b), 2))
     a = path(t_a + offset) @ MIX + [0.3, 0.5] + noise_of_a
@@ -96,6 +97,7 @@ def test_signals_that_tell_no_offset_are_refused_with_the_take(fault, search, wo
         t_a = t_a + 100
     elif fault == "backwards":
         t_a = t_a[::-1]
+
     with pytest.raises(RecordingError, match=words):
         find_offset(t_a, a, t_b, b, search=(-search, search), take="take-2")
 
@@ -263,9 +265,11 @@ def test_a_late_clock_that_is_on_time_again_is_no_missing_row(tmp_path):
     late[50::23] += 0.004  # s, of steps of 5 ms
     files = {tmp_path / "log.npz": LogOptions(joints=3, signals={"actual": None})}
     rows = jittered(400).signals["actual"]
+
     np.savez(tmp_path / "log.npz", times=np.delete(late, 60), q=rows[1:])
     with pytest.raises(RecordingError, match="are missing"):
         movement.read_movement(files, 200.0)
+
     np.savez(tmp_path / "log.npz", times=late, q=rows)
     with pytest.raises(RecordingError, match=r"of [0-9]+ rows are uneven"):
         movement.read_movement(files, 200.0)

@@ -183,6 +183,7 @@ def recorded_cloud(place: np.ndarray) -> np.ndarray:
     depth = depth_image(ARM, place, 1000.0) / 1000
     rows, columns = np.nonzero(depth)
     patch = depth[rows, columns, None] * rays_of(rows, columns)
+
     near, far = [-1, -1, 0.2], [1, 1, 3]
     clutter = np.random.default_rng(4).uniform(near, far, size=(40, 3))
     unmeasured = np.full((UNMEASURED, 3), np.nan)

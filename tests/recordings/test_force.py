@@ -30,13 +30,12 @@ BOUNDS = {
 
 def record(seconds: float = 10.0, seed: int = 2, noise: float = NOISE) -> ForceRecord:
     """A record whose first seconds are unloaded."""
-    rng, time = np.random.default_rng(seed), np.arange(round(seconds * RATE)) / RATE
-    force = (
-        BIAS
-        + np.where(time[:, None] < TARE, 0, LOAD)
-        + rng.normal(0, noise, (len(time), 3))
-    )
-    torque = rng.normal(0, 0.001, (len(time), 3))
+    rng = np.random.default_rng(seed)
+    time = np.arange(round(seconds * RATE)) / RATE
+    size = len(time), 3
+    load = np.where(time[:, None] < TARE, 0, LOAD)
+    force = BIAS + load + rng.normal(0, noise, size)
+    torque = rng.normal(0, 0.001, size)
     return ForceRecord(time, force, torque, RATE, "FT1", "1/2/2024 3:04:05 PM", {})
 
 

@@ -64,15 +64,17 @@ def bodies_of() -> dict[str, RigidBody]:
     """Bodies B1 to B3, each mounted to its link by MOUNT, in poses made of four points of the
     segment that MOUNT's axes lead to.
     """
-    tips = np.vstack([np.zeros(3), Rotation.from_euler("xyz", MOUNT.rpy).as_matrix().T])
-    links = carried(np.tile(tips + MOUNT.position, (3, 1, 1))).swapaxes(0, 1)
-    turns = [
-        Rotation.from_matrix((link[:, 1:] - link[:, :1]).swapaxes(1, 2))
-        for link in links
-    ]
-    return {
-        f"B{j + 1}": RigidBody(links[j, :, 0], turns[j].as_quat()) for j in range(3)
-    }
+    axes = Rotation.from_euler("xyz", MOUNT.rpy).as_matrix().T
+    tips = np.vstack([np.zeros(3), axes]) + MOUNT.position
+    links = carried(np.tile(tips, (3, 1, 1))).swapaxes(0, 1)
+
+    bodies = {}
+    for name, link in zip(("B1", "B2", "B3"), links, strict=True):
+        position = link[:, 0]
+        axes = link[:, 1:] - link[:, :1]
+        rotation = Rotation.from_matrix(axes.swapaxes(1, 2))
+        bodies[name] = RigidBody(position, rotation.as_quat())
+    return bodies
 
 
 def written(

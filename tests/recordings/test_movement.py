@@ -228,6 +228,7 @@ def raw(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "arm.urdf").write_text(ELBOW)
     (tmp_path / "logs").mkdir()
+
     q = default_rng(1).normal(0, 1e-3, (40, 2)).round(4)
     for take in ("test_b", "test_a", "train_a"):
         signals = {"target": np.zeros((40, 2)), "actual": q}

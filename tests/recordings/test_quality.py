@@ -234,6 +234,7 @@ def pushed(
     take = int(rng.integers(takes))
     start = int(rng.integers(length - len(PUSH)))
     joint = int(rng.integers(joints))
+
     signed = height * rng.choice([-1, 1])
     rows[take, start : start + len(PUSH), joint] += signed * PUSH
     return rows, take

@@ -261,6 +261,7 @@ def structs(tmp_path) -> Path:
     rec = {"time_cont": t, "time_disc": np.arange(1.0, N + 1)}
     rec |= {"act_pos_se_deg": measured, "act_pos_mot_deg": 0.9 * measured}
     rec["ref_pos_deg"] = np.degrees(wave(t)).T
+
     for run in "AB":
         savemat(tmp_path / f"run_{run}.mat", {"rec": rec})
     return tmp_path
@@ -271,6 +272,7 @@ def test_arrays_of_joints_by_samples_are_read(structs):
     assert logs.rate == RATE and [*logs.movements] == ["run_A", "run_B"]
     target = logs.movements["run_A"].target
     assert_allclose(target, wave(np.arange(N) / RATE))
+
     # a value that is set replaces a stated one
     slower = folder_logs(structs, {"motion.rate": "100", "joint_log.time": "null"})
     assert slower.rate == 100.0

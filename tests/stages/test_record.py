@@ -38,6 +38,7 @@ def recorded(tmp_path_factory) -> Path:
     for name in ("lwr4_lab", "youbot"):
         (folder / "data/raw" / name).mkdir(parents=True)
         shutil.copy(ROOT / f"data/raw/{name}/dvc.yaml", folder / f"data/raw/{name}")
+
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         choose()

@@ -13,7 +13,7 @@ from recordings_of_law import JOINTS, MEASUREMENT
 
 from pipeline.configuration import config
 from pipeline.core import contracts
-from pipeline.core.columns import values
+from pipeline.core.columns import spread, values
 from pipeline.core.errors import ConfigError
 from pipeline.evidence.case import Camera, Choices, Recordings, recorded_takes
 from pipeline.evidence.motion import NOISE, PAPERS
@@ -40,22 +40,19 @@ THREE = ["additive", "wishart", "gaussian"]
 
 def write_camera() -> None:
     """Joint angles at every fourth step of the test takes, and the moments of their noise."""
-    joints = contracts.read("joints", Path("data/track")).query(
-        "part == 'test' and k % 4 == 0",
-    )
+    measured = contracts.read("joints", Path("data/track"))
+    joints = measured.query("part == 'test' and k % 4 == 0")
     rng = np.random.default_rng(3)
     noise = rng.multivariate_normal([0.01, 0.0, -0.01], 1e3 * MEASUREMENT, len(joints))
-    seen = joints[["take", "part", "t"]].assign(
-        frame=joints["k"] // 4,
-        points=9,
-        objective=0.0,
-    )
-    for joint, angle in zip(JOINTS, (values(joints, "q") + noise).T, strict=True):
-        seen[f"q:{joint}"] = angle
+
+    seen = joints[["take", "part", "t"]].assign(frame=joints["k"] // 4, points=9)
+    seen["objective"] = 0.0
+    seen = seen.assign(**spread("q", JOINTS, values(joints, "q") + noise))
     seen = seen.assign(**dict.fromkeys(["x2", "z2", "x3", "z3", "xe", "ze"], 0.0))
+
     articulate.OUT.mkdir(parents=True)
     contracts.write(seen, "angles", articulate.OUT)
-    errors = errors_of(seen, contracts.read("joints", Path("data/track")))
+    errors = errors_of(seen, measured)
     contracts.write(leave_one_out(errors, window=2), "kinect_noise", articulate.OUT)
 
 

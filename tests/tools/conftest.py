@@ -33,6 +33,7 @@ def logs(tmp_path) -> Path:
     target = there_and_back(FROM, TO, rest=30, times=3)
     speed = np.diff(target, axis=0, prepend=target[:1]) / 0.01
     rows = np.arange(len(target))
+
     for number, name in enumerate(("No1_slow", "No2_slow")):
         folder = tmp_path / "logs" / name
         folder.mkdir(parents=True)
@@ -46,6 +47,7 @@ def logs(tmp_path) -> Path:
         for signal, values in tables.items():
             log = JointLog(rows / 100, {"actual": values}, {})
             write_joint_log(folder / f"{signal}.csv", log)
+
     (tmp_path / "logs/rest_3").mkdir()
     force = JointLog(np.arange(30) / 200, {"actual": np.zeros((30, 6))}, {})
     write_joint_log(tmp_path / "logs/rest_3/force.csv", force)

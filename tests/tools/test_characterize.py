@@ -107,6 +107,7 @@ def test_the_logs_of_a_real_arm_take_one_command(robot, tmp_path, monkeypatch, c
 
 
 def test_what_is_not_there_is_refused_before_anything_is_written(root, logs):
+
     with pytest.raises(ConfigError, match="no such folder of recordings"):
         tool_call("characterize", ["absent"])()
     with pytest.raises(ConfigError, match="no model 'laplace'; there are"):

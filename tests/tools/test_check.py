@@ -61,6 +61,7 @@ def files(root, logs) -> tuple[Path, Path]:
     (root / "params.yaml").write_text("dataset: other\n")
     shutil.copytree(ROOT / "pipeline/conf", root / "conf", dirs_exist_ok=True)
     write_motive(logs / "take.csv", random_take(101, body=False), start=START)
+
     sheet, option = root / "data/raw/lab/dataset.yaml", root / "conf/dataset/lab.yaml"
     sheet.parent.mkdir(parents=True)
     sheet.write_text(SHEET.format(folder=logs))

@@ -60,6 +60,7 @@ def space_exports(tmp_path) -> Path:
     rows = [
         ",".join(f"{0.01 * k + column:.3f}" for column in range(4)) for k in range(9)
     ]
+
     (folder / "logs").mkdir()
     for take in takes:
         labels = "time,measured_a,measured_b,target_a"

@@ -72,9 +72,11 @@ def write_foreign_logs(folder: Path) -> None:
     """
     folder.mkdir()
     shutil.copy(ROOT / "pipeline/arm/lwr4.urdf", folder / "gen3.urdf")
+
     commanded = there_and_back(START, END, rest=40, times=2)
     rows = np.arange(len(commanded))
     late = commanded[np.maximum(rows - 2, 0)]
+
     labels = [f"position_joint_{joint}" for joint in range(1, 8)]
     labels += [f"position_command_joint_{joint}" for joint in range(1, 8)]
     for number in (1, 2):
@@ -215,6 +217,7 @@ def test_nothing_is_overwritten(root, logs):
         with pytest.raises(ConfigError, match="is not overwritten") as refused:
             run("lab", "--from", logs)
         assert refused.value.evidence["file"] == there
+
         files = {file for file in root.rglob("*") if file.is_file()}
         assert files == {there, root / "params.yaml"} and there.read_text() == "mine\n"
         there.unlink()

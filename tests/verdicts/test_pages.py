@@ -75,6 +75,7 @@ def a_run(dataset: str, *stds: float, scale: str = "paper") -> Run:
     rows.append(evidence_row("takes", 100, model="recorded"))
     rows.append(evidence_row("greatest_error_of_variances", 0.2))
     rows.append(evidence_row("sigma_b", FIT["sigma_b_paper"], estimator="paper"))
+
     metrics = {"fit_wishart": FIT, "fit_gaussian": GAUSSIAN}
     tables = {"evidence": evidence_table(rows)}
     return Run(dataset, scale, dataset == "youbot", joints, PLANE, {}, metrics, tables)
@@ -351,6 +352,7 @@ def filtered(**differences: tuple[float, float]) -> Run:
             rows.append(
                 {"model": model, "score": score, "mean": SCORES[score] + by} | ends,
             )
+
     tables = {"filter_against_none": pd.DataFrame(rows)}
     return Run("lab", "paper", True, ["a", "b"], PLANE, {}, {}, tables)
 

@@ -83,13 +83,21 @@ def parsed(file: str) -> tuple[dict[str, ast.AST], dict[str, str]]:
         if isinstance(node, ast.FunctionDef | ast.ClassDef):
             named[node.name] = node
         elif isinstance(node, ast.Assign):
-            for target in node.targets:
-                names = [n.id for n in ast.walk(target) if isinstance(n, ast.Name)]
-                named |= dict.fromkeys(names, node)
+            for name in names_in(node.targets):
+                named[name] = node
         elif isinstance(node, ast.ImportFrom):
             for alias in node.names:
                 imported[alias.asname or alias.name] = f"{node.module}.{alias.name}"
     return named, imported
+
+
+def names_in(targets: list[ast.expr]) -> set[str]:
+    """Return the names to which a statement assigns."""
+    names = set()
+    for target in targets:
+        nodes = ast.walk(target)
+        names |= {node.id for node in nodes if isinstance(node, ast.Name)}
+    return names
 
 
 def helper_of(source: str) -> tuple[str, str] | None:
@@ -105,6 +113,7 @@ def used(file: str, test: str) -> set[str]:
     tests.
     """
     names, waiting, visited = set(), [(file, test)], set()
+
     while waiting:
         place, name = waiting.pop()
         definitions, imported = parsed(place)
@@ -233,6 +242,7 @@ def test_every_erratum_has_its_numbers_in_the_run_and_tests_that_exist(errata, y
     page = paper.errata_page(errata, youbot, decide_each(CLAIMS, [youbot], []))
     assert paper.MISSING not in page
     assert len({erratum.id for erratum in errata}) == len(errata)
+
     for erratum in errata:
         for test in erratum.tests:
             file, _, name = test.partition("::")

@@ -279,12 +279,17 @@ def verdict_on_spread(claim: str, std: np.ndarray, rng: np.random.Generator) -> 
         tests = following_tests(modelled, takes, steady, JOINTS, rng, rival=SPEED)
         of_model = ModelledNoise(modelled**2, np.zeros(2), takes)
         outcomes[name] = Outcome(modelled=of_model, following=tests)
-    rows = [*noise_rows(outcomes, SimpleNamespace(noise=takes, joints=JOINTS))]
+
+    recorded = SimpleNamespace(noise=takes, joints=JOINTS)
+    rows = [*noise_rows(outcomes, recorded)]
     share = "share_of_variance_between_recordings"
     rows.append(evidence_row(share, 0.0, model="recorded"))
+    evidence = evidence_table(rows)
+
     claims = [listed for listed in read_claims() if listed.id == claim]
     arm = ArmNames(JOINTS, ("x", "z"))
-    return d.decide(claims, evidence_table(rows), "real", arm)[0].verdict
+    (decided,) = d.decide(claims, evidence, "real", arm)
+    return decided.verdict
 
 
 @pytest.mark.parametrize(

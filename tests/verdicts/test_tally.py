@@ -212,6 +212,7 @@ def a_scored_run(dataset: str, wishart: float, speed: float) -> Run:
     ]
     pair = {"steps": "all", "model": "wishart", "rival": "additive"}
     pair |= {"difference": wishart, "low": wishart - 1, "high": wishart + 1}
+
     run.tables["predictions"] = pd.DataFrame(rows)
     run.tables["prediction_pairs"] = pd.DataFrame([pair])
     run.models["wishart"] = "wishart"

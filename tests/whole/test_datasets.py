@@ -57,6 +57,7 @@ def fill_in(project: Path) -> set[str]:
     for synthetic, written in zip(SYNTHETIC, WRITTEN, strict=True):
         values = OmegaConf.load(project / written)
         facts = OmegaConf.load(project / synthetic)
+
         for key in OmegaConf.missing_keys(values):
             OmegaConf.update(values, key, OmegaConf.select(facts, key), merge=False)
             filled.add(key)

@@ -198,6 +198,7 @@ def test_a_bad_parameter_stops_with_one_message_and_keeps_all_results(copy):
     before, sound = contents(copy / "data"), (copy / "params.yaml").read_text()
     # output of the stage choose, which fails
     chosen = {"dataset.txt": before["dataset.txt"]}
+
     for parameters, names in (
         ({"filter": "bootstrap"}, ("configure", "filter", "none, systematic")),
         ({"dataset": "yuobot"}, ("choose", "dataset", "ur5", "youbot", "new-dataset")),
@@ -228,6 +229,7 @@ def test_a_kill_while_dvc_writes_its_cache_of_runs_is_mended_by_the_same_command
     assert any(runs.iterdir())
     (copy / "dvc.lock").unlink()
     assert run("dvc", "repro", "files", cwd=copy).returncode != 0
+
     succeeds("make", "-o", ".venv/.ready", "mend", cwd=copy)
     assert not any(runs.glob("*/*"))
     succeeds("dvc", "repro", "files", cwd=copy)

@@ -48,9 +48,11 @@ def test_qd_is_a_speed_where_it_is_the_derivative_of_q_in_whatever_unit(unit):
     speed = unit * SPEED
     signals, guessed = signals_in(q=Q + NOISE, qd=speed + NOISE)
     assert [*signals] == ["actual"] and not guessed
+
     # beside it the commanded angles are found by their name, or by their values as a guess
     signals, guessed = signals_in(q=Q + NOISE, qd=speed, tq=Q)
     assert signals["target"] == ["tq_0", "tq_1"] and "target" not in guessed
+
     signals, guessed = signals_in(q=Q + NOISE, qd=speed, other=Q)
     assert signals["target"] == ["other_0", "other_1"] and "target" in guessed
 
@@ -59,8 +61,10 @@ def test_qd_is_the_command_where_it_follows_q_and_a_guess_where_it_is_only_no_sp
     signals, guessed = signals_in(q=Q + NOISE, qd=Q)
     assert signals == {"actual": ["q_0", "q_1"], "target": ["qd_0", "qd_1"]}
     assert not guessed
+
     signals, guessed = signals_in(q=Q + NOISE, qd=57.3 * Q)
     assert signals["target"] == ["qd_0", "qd_1"] and "no speed" in guessed["target"]
+
     # nothing moves: the name decides
     signals, _ = signals_in(q=0 * Q, qd=0 * Q)
     assert "target" not in signals
