@@ -1,9 +1,10 @@
 """C3D files for tests, as bytes."""
 
 import struct
-from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
+from numpy.random import default_rng
 
 AB = ["Arm:a", "Arm:b"]
 DEC = 85
@@ -12,42 +13,33 @@ BLOCK = 512  # bytes
 
 def points(frames: int = 40, markers: int = 2, seed: int = 1) -> np.ndarray:
     """(frames, markers, 3) m, rounded to what a C3D file holds of millimetres."""
-    drawn = np.random.default_rng(seed).normal(size=(frames, markers, 3))
+    drawn = default_rng(seed).normal(size=(frames, markers, 3))
     return (1000 * drawn).astype(np.float32).astype(float) / 1000
 
 
-def group(number: int, name: str) -> bytes:
-    """The head of a group of parameters."""
-    head = struct.pack("<bb", len(name), -number) + name.encode()
-    return head + struct.pack("<HB", 3, 0)
+class Parameter(NamedTuple):
+    """Bytes of a number (-1 for text), sizes of the dimensions, and data."""
 
-
-def parameter(
-    group: int,
-    name: str,
-    kind: int,
-    sizes: Sequence[int],
-    data: bytes,
-) -> bytes:
-    """A parameter of a ``group``: its ``kind`` is the bytes of a number, -1 for text."""
-    body = struct.pack("<bB", kind, len(sizes))
-    body += bytes(sizes) + data + b"\0"
-    head = struct.pack("<bb", len(name), group) + name.encode()
-    return head + struct.pack("<H", len(body) + 2) + body
-
-
-def texts(group: int, name: str, items: list[str]) -> bytes:
-    data = b"".join(item.encode().ljust(16) for item in items)
-    return parameter(group, name, -1, [16, len(items)], data)
+    kind: int
+    sizes: list[int]
+    data: bytes
 
 
 def words(*values: int) -> bytes:
     return struct.pack(f"<{len(values)}H", *values)
 
 
-def long_words(value: int) -> bytes:
+def word(value: int) -> Parameter:
+    return Parameter(2, [], words(value))
+
+
+def long_word(value: int) -> Parameter:
     """A number of 32 bits as two words."""
-    return words(value % 2**16, value >> 16)
+    return Parameter(2, [2], words(value % 2**16, value >> 16))
+
+
+def texts(items: list[str]) -> Parameter:
+    return Parameter(-1, [16, len(items)], "".join(s.ljust(16) for s in items).encode())
 
 
 def numbers(values: object, processor: int) -> bytes:
@@ -58,48 +50,41 @@ def numbers(values: object, processor: int) -> bytes:
     return plain.tobytes()
 
 
-def point_group(
-    labels: list[str],
-    frames: int,
-    count: int,
+def real(value: float, processor: int) -> Parameter:
+    return Parameter(4, [], numbers(value, processor))
+
+
+def analog_parameters(
+    channels: list[str],
     rate: float,
-    unit: str,
     processor: int,
-    long_frames: int | None,
-    groups: dict[str, list[str]],
-) -> bytes:
-    """The parameters of the points; ``groups`` are more lists of labels."""
-    group_of_points = group(1, "POINT")
-    group_of_points += parameter(1, "USED", 2, [], words(count))
-    group_of_points += parameter(1, "SCALE", 4, [], numbers(-1, processor))
-    group_of_points += parameter(1, "RATE", 4, [], numbers(rate, processor))
-    group_of_points += parameter(1, "DATA_START", 2, [], words(4))
-    group_of_points += parameter(1, "FRAMES", 2, [], words(min(frames, 65535)))
-
-    if long_frames is not None:
-        stated = numbers(long_frames, processor)
-        group_of_points += parameter(1, "LONG_FRAMES", 4, [], stated)
-    group_of_points += texts(1, "LABELS", labels[:255])
-    group_of_points += parameter(1, "UNITS", -1, [len(unit)], unit.encode())
-
-    for name, items in {"LABELS2": labels[255:], **groups}.items():
-        if items:
-            group_of_points += texts(1, name, items)
-    return group_of_points
-
-
-def analog_group(channels: list[str], rate: float, processor: int) -> bytes:
+) -> dict[str, Parameter]:
     """The parameters of the analog ``channels``, sampled at ``rate``."""
     count = len(channels)
-    parameters = group(2, "ANALOG") + parameter(2, "USED", 2, [], words(count))
+    parameters = {"USED": word(count)}
     if channels:
-        parameters += texts(2, "LABELS", channels)
-        parameters += parameter(2, "GEN_SCALE", 4, [], numbers(1, processor))
-        scales = numbers(np.ones(count), processor)
-        parameters += parameter(2, "SCALE", 4, [count], scales)
-        parameters += parameter(2, "OFFSET", 2, [count], words(*[0] * count))
-        parameters += parameter(2, "RATE", 4, [], numbers(rate, processor))
+        ones = numbers(np.ones(count), processor)
+        parameters["LABELS"] = texts(channels)
+        parameters["GEN_SCALE"] = real(1, processor)
+        parameters["SCALE"] = Parameter(4, [count], ones)
+        parameters["OFFSET"] = Parameter(2, [count], words(*[0] * count))
+        parameters["RATE"] = real(rate, processor)
     return parameters
+
+
+def group(number: int, name: str, parameters: dict[str, Parameter]) -> bytes:
+    """A group of parameters by their names."""
+    content = struct.pack("<bb", len(name), -number) + name.encode()
+    content += struct.pack("<HB", 3, 0)
+
+    for label, (kind, sizes, data) in parameters.items():
+        shape = struct.pack("<bB", kind, len(sizes)) + bytes(sizes)
+        body = shape + data + b"\0"
+        content += struct.pack("<bb", len(label), number)
+        content += label.encode()
+        content += struct.pack("<H", len(body) + 2)
+        content += body
+    return content
 
 
 def with_data_start(parameters: bytes, block: int) -> bytes:
@@ -127,43 +112,43 @@ def c3d(
 ) -> bytes:
     """A C3D of floating point; ``residual`` is negative at a frame and point. ``start``, ``end``,
     ``long_frames`` are the numbers in TRIAL and POINT, ``last`` another last frame in the header,
-    ``analogs`` channel → samples per frame.
+    ``analogs`` channel → samples per frame, ``groups`` further lists of labels.
     """
     xyz = points(5) if xyz is None else xyz
     frames, count, _ = xyz.shape
-    analogs = analogs or {}
-    ratio = max([*analogs.values(), 0])
-    samples = len(analogs) * ratio  # of a frame
+    channels, ratio = [*(analogs or {})], max([*(analogs or {}).values(), 0])
+    samples = len(channels) * ratio  # of a frame
 
-    parameters = point_group(
-        labels,
-        frames,
-        count,
-        rate,
-        unit,
-        processor,
-        long_frames,
-        groups or {},
-    )
-    parameters += analog_group([*analogs], ratio * rate, processor)
-    parameters += group(3, "FORCE_PLATFORM") + parameter(3, "USED", 2, [], words(0))
-    if start is not None:
-        parameters += group(4, "TRIAL")
-        parameters += parameter(4, "ACTUAL_START_FIELD", 2, [2], long_words(start))
-    if end is not None:
-        parameters += parameter(4, "ACTUAL_END_FIELD", 2, [2], long_words(end))
+    of_points = {"USED": word(count), "SCALE": real(-1, processor)}
+    of_points |= {"RATE": real(rate, processor), "DATA_START": word(4)}
+    of_points["FRAMES"] = word(min(frames, 65535))
+    if long_frames is not None:
+        of_points["LONG_FRAMES"] = real(long_frames, processor)
+    of_points["LABELS"] = texts(labels[:255])
+    of_points["UNITS"] = Parameter(-1, [len(unit)], unit.encode())
+    for name, items in {"LABELS2": labels[255:], **(groups or {})}.items():
+        if items:
+            of_points[name] = texts(items)
+    of_analogs = analog_parameters(channels, ratio * rate, processor)
+    trial = {"ACTUAL_START_FIELD": start, "ACTUAL_END_FIELD": end}
+    of_trial = {key: long_word(n) for key, n in trial.items() if n is not None}
+
+    parameters = group(1, "POINT", of_points) + group(2, "ANALOG", of_analogs)
+    parameters += group(3, "FORCE_PLATFORM", {"USED": word(0)})
+    if of_trial:
+        parameters += group(4, "TRIAL", of_trial)
     blocks = -(-(len(parameters) + 6) // BLOCK)
     data_start = 2 + blocks
     parameters = bytes([1, 80, blocks, processor]) + parameters
     parameters = with_data_start(parameters, data_start).ljust(blocks * BLOCK, b"\0")
 
-    if last is None:
-        last = first + frames - 1
+    last = first + frames - 1 if last is None else last
     head = struct.pack("<BB5H", 2, 80, count, samples, first, last, 10)
     head += numbers(-1, processor) + words(data_start, ratio) + numbers(rate, processor)
 
-    values = np.concatenate([scale * xyz, np.zeros((frames, count, 1))], axis=2)
+    residuals = np.zeros((frames, count, 1))
     if residual is not None:
-        values[residual][3] = -1
-    table = np.hstack([values.reshape(frames, -1), np.zeros((frames, samples))])
+        residuals[residual] = -1
+    values = np.concatenate([scale * xyz, residuals], axis=2).reshape(frames, -1)
+    table = np.hstack([values, np.zeros((frames, samples))])
     return head.ljust(BLOCK, b"\0") + parameters + numbers(table, processor)

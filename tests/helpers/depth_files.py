@@ -2,11 +2,14 @@
 
 import io
 import struct
+from pathlib import Path
 
 import cv2
 import numpy as np
 from numpy.random import default_rng
 from PIL import Image
+
+from pipeline.core.typed_yaml import read_yaml
 
 
 def frame(shape: tuple[int, int]) -> np.ndarray:
@@ -40,29 +43,7 @@ def opencv(key: str, rows: int, columns: int, data: str) -> str:
     return f"{key}: !!opencv-matrix\n{size}   data: [ {data} ]\n"
 
 
-# one camera, of 640 × 480, as the tools write it
-K = "525.5, 0., 319.5, 0., 524., 239.25, 0., 0., 1."
-D, ROWS = "[0.25, 0, 0, 0, 0]", "[0, 0, 1]"
-XML = "<{0} type_id='opencv-matrix'><rows>{1}</rows><cols>{2}</cols><data>{3}</data></{0}>\n"
-CALIBRATIONS = {
-    "opencv.yaml": "%YAML:1.0\n---\n" + opencv("camera_matrix", 3, 3, K)
-    + opencv("distortion_coefficients", 5, 1, "0.25, 0., 0., 0., 0."),
-    "opencv.xml": '<?xml version="1.0"?>\n<opencv_storage>\n<image_width>640</image_width>\n'
-    + XML.format("cameraMatrix", 3, 3, K.replace(",", ""))
-    + XML.format("distCoeffs", 1, 5, "0.25 0. 0. 0. 0.") + "</opencv_storage>\n",
-    "ros.yaml": "image_width: 640\nimage_height: 480\ncamera_matrix:\n  rows: 3\n  cols: 3\n"
-    "  data: [525.5, 0, 319.5, 0, 524.0, 239.25, 0, 0, 1]\ndistortion_model: plumb_bob\n"
-    "distortion_coefficients:\n  rows: 1\n  cols: 5\n  data: [2.5e-1, 0, 0, 0, 0]\n",
-    "printed.yaml": "header:\n  stamp: {sec: 1}\nwidth: 640\nheight: 480\n"
-    "distortion_model: plumb_bob\nk: [525.5, 0.0, 319.5, 0.0, 524.0, 239.25, 0.0, 0.0, 1.0]\n"
-    "d: [0.25, 0, 0, 0, 0]\n---\n",
-    "plain.yaml": f"fx: 525.5\nfy: 524\ncx: 319.5\ncy: 239.25\ndist_coeffs: {D}\n",
-    "rows.yaml": f"K:\n- [525.5, 0, 319.5]\n- [0, 524, 239.25]\n- {ROWS}\nD: {D}\n",
-    "plain.json": '{"width": 640, "height": 480, "fx": 525.5, "fy": 524, "cx": 319.5, '
-    f'"cy": 239.25, "D": {D}}}',
-    "matrix.json": f'{{"K": [[525.5, 0, 319.5], [0, 524, 239.25], {ROWS}], "D": {D}}}',
-}  # fmt: skip
-
+CALIBRATIONS = read_yaml(Path(__file__).with_name("depth_calibrations.yaml"))
 
 # points of the same records in every form of PCD and PLY
 FIELDS = "FIELDS rgb z _ x label y _\nSIZE 4 8 1 8 2 8 1\nTYPE U F U F I F U\nCOUNT 1 1 3 1 1 1 5\n"
