@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import yaml
+from case_tables import cases_beside
 
 from pipeline.core.columns import PLANE
 from pipeline.core.errors import ConfigError, ContractError
@@ -18,6 +19,7 @@ from pipeline.verdicts.claims import parse_claims
 from pipeline.verdicts.run import ArmNames, Reference, Run, read_run, read_runs
 from pipeline.verdicts.run import index_evidence as index
 
+cases = cases_beside(__file__)
 JOINTS = ("arm_joint_2", "arm_joint_3", "arm_joint_4")
 ARM = ArmNames(JOINTS, PLANE)
 
@@ -310,17 +312,7 @@ CONTROLLED = EVERY | {
 }
 
 
-@pytest.mark.parametrize(
-    ("correlations", "powers", "expected"),
-    [
-        ((0.6, 0.6, 0.6), (0.9, 0.9, 0.9), d.WITH_SPEED_LAW),
-        # no case tells the model from the law of the speed
-        ((0.6, 0.6, 0.6), (0.9, 0.9, 0.1), d.WITH_SPEED_LAW),
-        # the law of the speed fails in a case, or is not decided at all
-        ((0.6, 0.6, 0.2), (0.9, 0.9, 0.9), d.REPRODUCED),
-        ((0.6, 0.6, 0.6), (0.1, 0.1, 0.1), d.REPRODUCED),
-    ],
-)
+@cases("speed law")
 def test_a_claim_that_holds_for_the_speed_law_too_has_a_verdict_of_its_own(
     correlations,
     powers,
@@ -338,5 +330,5 @@ def test_a_claim_that_holds_for_the_speed_law_too_has_a_verdict_of_its_own(
 
     (result,) = d.decide(claims, evidence_table(rows), "real", ARM)
 
-    assert result.verdict == expected
-    assert [case.speed_law for case in result.cases] == [*correlations]
+    assert result.verdict == getattr(d, expected)
+    assert [case.speed_law for case in result.cases] == correlations
