@@ -218,6 +218,7 @@ def test_models_and_the_laboratory_have_their_own_types(sections):
     # the youBot's controller logs nothing
     types = {part: type(value) for part, value in laboratory.items()}
     cause, dynamics = laboratory["cause"], types.pop("dynamics")
+
     assert types.pop("cause") is str and dynamics is dynamics_type(cause)
     assert types | {"encoders": SECTIONS["encoders"]} == SECTIONS
     for item in ("student", None):

@@ -78,6 +78,7 @@ def test_a_table_that_fits_is_read_as_it_was_written_and_no_column_more_or_less(
             lost = -np.inf if kind.kind == "log" else np.nan
             sound[column] = [1.0, np.nan, lost, 1.0]
     contracts.write(sound, name, tmp_path, file)
+
     pd.testing.assert_frame_equal(contracts.read(name, tmp_path, file), sound)
     with pytest.raises(ContractError, match=r"is not declared.*surplus"):
         contracts.write(sound.assign(surplus=1.0), name, tmp_path, file)
@@ -189,6 +190,7 @@ def test_values_and_symmetric_matrices_are_spread_over_columns_and_read_back():
     names = ("arm:base", "5%3A%2", "tip%25:%")
     array = np.arange(24.0).reshape(2, 4, 3)
     spread = pd.DataFrame(columns.spread("q", names, array))
+
     assert columns.members(spread, "q") == names
     assert "q:arm%3Abase" in spread
     assert_array_equal(columns.values(spread, "q"), array.reshape(-1, 3))
@@ -196,6 +198,7 @@ def test_values_and_symmetric_matrices_are_spread_over_columns_and_read_back():
     half = np.random.default_rng(3).random((5, 3, 3))
     full = half + half.swapaxes(1, 2)
     triangles = pd.DataFrame(columns.triangle("c", "abc", full))
+
     assert list(triangles)[:4] == ["c:a:a", "c:a:b", "c:a:c", "c:b:b"]
     assert_array_equal(columns.matrices(triangles, "c", "abc"), full)
     # control: another order of the joints has other pairs
@@ -231,6 +234,7 @@ def test_a_full_disk_names_the_file_that_cannot_be_written(tmp_path, monkeypatch
     declarations.write_text("kept: {}\n")
     monkeypatch.setattr(Path, "write_text", full)
     monkeypatch.setattr(pd.DataFrame, "to_parquet", full)
+
     with pytest.raises(OSError, match="No space left") as refused:
         contracts.write_text("text", tmp_path / "kept.json")
     assert Path(refused.value.filename).name.startswith("kept.")

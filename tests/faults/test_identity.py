@@ -123,6 +123,7 @@ def test_a_late_take_has_a_lag_beyond_the_limit_and_others_have_not(motion):
     takes[-1] = motion(time - 0.08)
     takes[0, 40:60] = np.nan  # lost
     lags = lags_beside_others(takes, 100.0)
+
     assert lags[-1] == pytest.approx(0.08, abs=0.005)
     assert np.abs(lags[:-1]).max() < LIMITS.lag_beside_others < lags[-1]
 
@@ -327,6 +328,7 @@ def test_images_of_another_take_have_a_share_beyond_the_limit(swaying_joints, da
     limit = LIMITS.camera_residual_share
     right = [share(n, n, 3e-4) for n in range(6)]
     foreign = np.array([share(n, n + 1, 3e-4) for n in range(6)])
+
     assert max(right) < limit
     # 24 of 24 in the laboratory
     assert foreign.min() > 0.65 and np.mean(foreign > limit) > 0.8

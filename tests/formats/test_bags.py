@@ -383,6 +383,7 @@ def test_inspect_takes_a_bag_for_a_joint_log_where_nothing_else_in_it_is_analyse
         message.fields["name"] = [*message.fields["name"], "wheel"]
         message.fields["position"] = np.append(message.fields["position"], np.nan)
     (finding,) = inspect(write_bag(tmp_path, "ros1", recorded))
+
     assert (finding.kind, finding.facts["joint_names"]) == ("joints", ["a", "b"])
     assert finding.gaps["joints_without_values"] == 1
 

@@ -59,6 +59,7 @@ def test_the_standard_errors_are_the_spread_of_the_estimates():
     offsets = [find_offset(*recording(0.002, seed)) for seed in range(120)]
     errors = np.array([offset.value for offset in offsets]) - OFFSET  # s, 2 mm of noise
     z = errors / [offset.standard_error for offset in offsets]
+
     # the standard deviation of 120 normal values is known to 6.5 %; the inflation by chance
     # correlation adds a few per cent
     assert 0.75 < z.std() < 1.2

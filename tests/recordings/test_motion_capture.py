@@ -161,6 +161,7 @@ def test_names_stand_without_their_asset_unless_two_assets_share_them(tmp_path):
         "Arm:a1" if name == "a1" else name: at for name, at in TEMPLATE["link1"].items()
     }
     rows, count = read(file, markers=TEMPLATE | {"link1": first})
+
     require_angles(rows)
     assert count("unlabelled_markers") == 1
 
@@ -265,6 +266,7 @@ def test_the_steps_take_the_arm_from_each_commanded_pose_to_the_next(file):
         motion(GRID + 1),
     )
     steps = chain.displacement(chain.pose(q[:-1]), chain.pose(q[1:]))
+
     assert_allclose(values(table, "v")[:-1] / 100, steps, atol=1e-12)
     assert members(table, "x") == chain.task and members(table, "u") == ()
 

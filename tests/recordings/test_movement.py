@@ -188,6 +188,7 @@ def test_positions_of_a_prismatic_joint_are_metres_and_never_unwrapped(tmp_path,
     with_rail = LogOptions(**options, circular=circular)
     log = movement.read_log(tmp_path / "run.npz", with_rail)
     expected = np.c_[slide, TURNING[:, 0]]
+
     assert_allclose(log.signals["actual"], expected, atol=1e-12)
     assert log.counts[movement.UNWRAPPED] == 1
     # the control: as angles they jump
@@ -351,6 +352,7 @@ def test_speeds_of_true_steps_count_steps_beyond_a_limit_and_against_the_command
     steps = np.stack([nominal, nominal])
     command = steps, np.array([1.0, 1.0]), 100.0, ["a", "b"]
     obeyed = commands.speed_scores(steps, *command)
+
     assert obeyed["true_moving_steps_beyond_a_speed_limit_share"] == 0
     assert obeyed["true_a_fast_steps_backwards_share"] == 0
     assert obeyed["true_a_greatest_speed_rad_per_s"] == pytest.approx(1.0)
@@ -361,6 +363,7 @@ def test_speeds_of_true_steps_count_steps_beyond_a_limit_and_against_the_command
     disturbed[1, 3, 1] = 0.04  # at rest
     scores = commands.speed_scores(disturbed, *command)
     beyond = scores["true_moving_steps_beyond_a_speed_limit_share"]
+
     assert beyond == pytest.approx(1 / 6)
     assert scores["true_a_greatest_speed_rad_per_s"] == pytest.approx(5.0)
     assert scores["true_b_greatest_speed_rad_per_s"] == pytest.approx(4.0)

@@ -155,6 +155,7 @@ def test_evidence_of_other_files_is_named_by_their_place(recordings, tmp_path):
     table = tmp_path / "inventory.csv"
     evidence = inventory.by_place(inventory.listing(recordings))
     places = ["force", "kinect", "notes", "optitrack", "trajectory.csv"]
+
     assert evidence["place"].tolist() == places
     assert inventory.other_files(evidence, table) == ""
 

@@ -43,6 +43,7 @@ def test_every_estimate_has_a_standard_error_and_an_interval(project, choose, mo
     end = "_standard_error"
     names = {name.removesuffix(end) for name in metrics if name.endswith(end)}
     names = {name for name in names if not name.startswith("closed_loop_")}
+
     for estimator in ("moments", "paper", "likelihood"):
         assert {f"{stem}_{estimator}" for stem in stems[model]} <= names
     for name in names:
@@ -63,6 +64,7 @@ def test_an_unbounded_bound_has_no_interval_and_along_its_ridge_the_level_stays(
     fit.run("gaussian")
     metrics = metrics_of("gaussian")
     parameters = json.loads((fit.OUT / "gaussian/parameters.json").read_text())
+
     assert parameters["u_unbounded"] == bool(metrics["u_unbounded"])
     for estimator in ("", "_moments", "_paper", "_likelihood"):
         for name in ("u", "alpha"):

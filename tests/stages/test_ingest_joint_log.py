@@ -147,6 +147,7 @@ def test_a_disturbed_repetition_is_left_out_by_name_and_the_others_stay_as_they_
     log.signals["actual"][730:770, 2] += push
     write_joint_log(tmp_path / "logs/move_1" / FILES[0], log)
     undisturbed, q_of_undisturbed = read(tmp_path / "logs")
+
     assert undisturbed == [name for name in names if name != "move_1_3"]
     assert_array_equal(q_of_undisturbed, np.delete(q, 2, axis=0))
 

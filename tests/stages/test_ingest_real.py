@@ -78,6 +78,7 @@ def test_the_real_logs_go_from_raw_files_to_process_noise(
     trajectory = contracts.read("trajectory", Path("data/ingest/motion"))
     velocity, pose = values(trajectory, "v")[:-1], values(trajectory, "x")
     still = ~velocity.any(axis=1)
+
     assert still[:34].all() and still[-35:].all() and not still[34:-35].any()
     assert_allclose(np.diff(pose, axis=0), velocity / 125, atol=1e-12)
 
@@ -104,6 +105,7 @@ def test_all_six_joints_and_the_pose_in_space(ur5, log_project):
     ingest.run("motion")
     names, planar = ingested()
     result, q, w = process_noise(log_project, "ur5", ur5)
+
     # the same motion as the three joints' alone, to the row
     assert result == names and q.shape == (4, 362, 6)
     assert_array_equal(q[..., 1:4], planar)
@@ -123,6 +125,7 @@ def test_the_logs_of_seven_joints_go_from_raw_files_to_process_noise(lwr4, log_p
     log_project("lwr4", lwr4)
     ingest.run("motion")
     names, q = ingested()
+
     assert names == TAKES and q.shape == (4, 1101, 7)
     # the second repetition starts between two rows, and its command is the same to a nanoradian
     assert all(quality("command_deviation", take) < 1e-9 for take in names)

@@ -115,6 +115,7 @@ def test_a_log_of_the_dataset_is_read_as_the_dataset_has_it(logs):
     settings = config.sections("assess", command.HERE / "reads.yaml")
     names, q = ingested()
     takes = command.new_takes(logs / "move_1", settings.dataset, q.mean(axis=0))
+
     assert [*takes] == names
     assert_array_equal(np.stack([*takes.values()]), q)
 

@@ -163,6 +163,7 @@ def test_an_exported_error_law_predicts_what_its_draws_do(errors, off):
     left = off[:, -1] - np.stack(ahead)
     mean, covariance = model.predict(off[0, :KNOWN], COMMANDED, AHEAD)
     std = np.sqrt(np.diag(covariance))
+
     assert_allclose(left.std(axis=0), std, rtol=0.15)
     # control: without the past the errors spread more
     assert np.all(off[:, -1].std(axis=0) > 1.2 * left.std(axis=0))

@@ -127,6 +127,7 @@ def test_recordings_that_differ_in_a_number_share_a_line_and_json_has_each(tmp_p
     findings = inspect(tmp_path)
     table = as_table(findings, tmp_path)
     heads = [line for line in table.splitlines() if line[0] != " "]
+
     assert heads == ["rows.csv: Motive CSV 1.1", "take_*.csv (12): Motive CSV 1.1"]
     assert table.count("    ? the file does not state the unit of its lengths") == 2
     # a terminal acts on nothing that a file holds

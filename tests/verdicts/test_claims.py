@@ -115,6 +115,7 @@ def test_a_run_comes_back_from_its_file_with_every_digit_gap_and_infinity(tmp_pa
     file = tmp_path / "lab.json"
     file.write_text(RUN.to_json(), encoding="utf-8")
     again = read_run(file)
+
     assert again.metrics == METRICS and again.models == KINDS
     assert again.arm == (("base", "elbow"), ("x", "z"))
     for name, table in TABLES.items():  # keys of digits stay text
@@ -261,6 +262,7 @@ def test_runs_are_decided_by_whose_recordings_they_are_and_claims_without_record
     decided = d.decide_each(parse_claims([EVERY, study]), runs, ["lab"])
     youbot, ur5, lab, independent = decided
     kinds = [column.recordings for column in decided]
+
     assert kinds == ["synthetic", "real", "paper", "none"]
     for column, value in zip(decided, (0.01, 0.02, 0.01), strict=False):
         assert column.verdicts[0].cases[0].value == value

@@ -70,6 +70,7 @@ def test_one_command_gives_every_figure_and_number(reproduced):
     files = (reproduced / "reports/youbot/metrics").glob("*.json")
     numbers = {file.stem: json.loads(file.read_text()) for file in files}
     fits = {model: numbers[f"fit_{model}"] for model in MODELS}
+
     assert {"sigma_omega_11_rad2", "correlation_omega_12"} <= {*fits["additive"]}
     assert 0 < fits["wishart"]["sigma_b"] < 1 and "noise_level" in fits["gaussian"]
 
@@ -190,6 +191,7 @@ def test_a_stage_that_fails_names_the_commands_that_restore_its_results(copy):
     edit_text(code, sound)
     for command in re.findall(r"`((?:dvc|git) checkout [^`]+)`", message):
         succeeds(*command.split(), cwd=copy)
+
     assert all((copy / path).exists() for path in before)
     assert outputs(copy, "wrench") == before and git_status(copy) == ""
 
@@ -218,6 +220,7 @@ def test_dvc_shows_the_summary_and_the_figures_without_a_network(copy):
     page = (copy / "plots-page/index.html").read_text()
     figures = re.findall(r"<img[^>]*figures_(\w+)\.", page)
     drawn = {file.stem for file in (copy / "reports/youbot/figures").iterdir()}
+
     assert sorted(figures) == sorted(drawn) and "joint_std" in drawn
     assert "http" not in re.sub(r"http://www\.w3\.org/\S+", "", page)
 

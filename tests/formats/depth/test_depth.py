@@ -52,6 +52,7 @@ def test_written_frames_read_back_without_loss_and_with_the_same_bytes(tmp_path)
     first, second = tmp_path / "1.png", tmp_path / "2.png"
     write_depth(first, extremes)
     write_depth(second, extremes)
+
     assert_array_equal(read_depth(first, shape=(12, 16)).pixels, extremes)
     assert first.read_bytes() == second.read_bytes()
 
@@ -326,6 +327,7 @@ def test_distortion_of_another_model_is_refused_and_none_of_it_is_overlooked(tmp
     file, four = tmp_path / "c.json", [0.1, 0.2, 0.3, 0.4]
     camera = {"K": [[500, 0, 320], [0, 501, 240], [0, 0, 1]]}
     fisheye = camera | {"distortion_model": "equidistant"}
+
     assert "equidistant" in refusal(file, json.dumps(fisheye | {"D": four}))
     for key in ("dist", "lens_distortion", "radial_coeffs", "k1"):
         assert key in refusal(file, json.dumps(camera | {key: four}))

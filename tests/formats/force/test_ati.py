@@ -177,6 +177,7 @@ def test_repeated_zero_and_blank_rows_are_counted_and_lost_packets_leave_a_gap(
     lines = netft.read_bytes().split(b"\r\n")
     netft.write_bytes(b"\r\n".join([*lines[:17], *lines[21:28], *lines[27:]]))
     result, received = read_netft(netft), np.delete(np.arange(50), range(10, 14))
+
     assert (result.counts["lost_packets"], result.counts["doubled_rows"]) == (4, 1)
     assert_array_equal(result.force, record().force[received])
     assert_allclose(result.time, received / 500, rtol=0, atol=1e-12)
@@ -204,6 +205,7 @@ def test_what_may_be_counts_is_asked(tmp_path):
     file, sevens = tmp_path / "log.csv", np.full((3, 3), 7.0)
     time = np.arange(3) / 500
     write_netft(file, ForceRecord(time, sevens, sevens, 500, "", "", {}))
+
     assert refusal(read_netft, file).evidence["key"] == f"{KEY}.counts"
     for counts, value in ((False, 7), (True, 7e-6)):
         force = read_netft(file, ForceLogOptions(counts=counts)).force

@@ -148,6 +148,7 @@ def test_euler_angles_are_products_of_axis_rotations_in_the_order_of_the_header(
     for axis in order:
         expected = expected @ axis_rotation(axis)
     rotation = Rotation.from_quat(pose.quaternion[0]).as_matrix()
+
     assert_allclose(rotation, expected, atol=1e-14)
     assert np.isnan(pose.quaternion[1]).all() and np.isnan(pose.position[1]).all()
 
