@@ -3,6 +3,7 @@ twice agrees, or is refused.
 """
 
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -172,38 +173,57 @@ def test_a_wrap_beside_noise_is_a_turn_and_a_step_of_the_command_is_none():
     assert jumps > 900 and np.ptp(wrapped - noisy, axis=0).max() < 1e-12
 
 
-@pytest.mark.parametrize("unit", ["rad", "deg"])
-def test_positions_of_a_prismatic_joint_are_metres_and_never_unwrapped(tmp_path, unit):
-    (tmp_path / "rail.urdf").write_text(RAIL)
-    circular = commands.circular_joints(str(tmp_path / "rail.urdf"), ["slide", "turn"])
+SLIDE, TURN_ANGLES = np.linspace(0, 12, 60), TURNING[:, 0]  # m; rad
+SLIDE[30:] += 3.5
+WRAPPED = WRAP["to ±π"](TURN_ANGLES)
+
+
+@pytest.fixture
+def rail(tmp_path) -> str:
+    """The URDF of a rail with a turning joint."""
+    file = tmp_path / "rail.urdf"
+    file.write_text(RAIL)
+    return str(file)
+
+
+def test_a_prismatic_joint_is_not_circular(rail):
+    circular = commands.circular_joints(rail, ["slide", "turn"])
     assert circular.tolist() == [False, True]
 
-    slide, turn = np.linspace(0, 12, 60), WRAP["to ±π"](TURNING[:, 0])
-    slide[30:] += 3.5
-    scale = np.array([1.0, np.degrees(1.0) if unit == "deg" else 1.0])
-    rows = np.column_stack([slide, turn])
-    np.savez(tmp_path / "run.npz", time=np.arange(60) / 100, q=rows * scale)
-    options = {"joints": 2, "angle_unit": unit, "time": "time"}
-    options["signals"] = {"actual": ["q"]}
-    with_rail = LogOptions(**options, circular=circular)
-    log = movement.read_log(tmp_path / "run.npz", with_rail)
-    expected = np.c_[slide, TURNING[:, 0]]
 
-    assert_allclose(log.signals["actual"], expected, atol=1e-12)
+@pytest.mark.parametrize("unit", ["rad", "deg"])
+def test_positions_of_a_prismatic_joint_are_metres_and_never_unwrapped(tmp_path, unit):
+    file, angles = (
+        tmp_path / "run.npz",
+        np.degrees(WRAPPED) if unit == "deg" else WRAPPED,
+    )
+    np.savez(file, time=np.arange(60) / 100, q=np.stack([SLIDE, angles], axis=1))
+    signals = {"actual": ["q"]}
+    options = LogOptions("time", joints=2, angle_unit=unit, signals=signals)
+
+    log = movement.read_log(file, replace(options, circular=np.array([False, True])))
+
+    measured = log.signals["actual"]
+    assert_allclose(measured[:, 0], SLIDE, atol=1e-12)
+    assert_allclose(measured[:, 1], TURN_ANGLES, atol=1e-12)
     assert log.counts[movement.UNWRAPPED] == 1
     # the control: as angles they jump
     if unit == "rad":
         with pytest.raises(RecordingError, match=r"joint 1 .* jumps by"):
-            movement.read_log(tmp_path / "run.npz", LogOptions(**options))
+            movement.read_log(file, options)
 
-    # nor are 2π m beside the command a whole turn
-    rows = {"actual": np.c_[slide + 2 * np.pi, turn], "target": np.c_[slide, turn]}
-    np.savez(tmp_path / "run.npz", time=np.arange(60) / 100, **rows)
-    signals = {name: [name] for name in rows}
-    options = made(Log, joints=["slide", "turn"], signals=signals, time="time")
-    place, urdf = tmp_path / "run.npz", str(tmp_path / "rail.urdf")
+
+def test_turns_beside_the_command_of_a_prismatic_joint_are_no_whole_turns(
+    tmp_path,
+    rail,
+):
+    file, time = tmp_path / "run.npz", np.arange(60) / 100
+    target = np.stack([SLIDE, WRAPPED], axis=1)
+    apart = np.array([TURN, 0.0])
+    np.savez(file, time=time, actual=target + apart, target=target)
+    options = made(Log, joints=["slide", "turn"], signals=PAIRED, time="time")
     with pytest.raises(RecordingError, match="slide misses its command"):
-        read_logged_movement("run", place, options, 100.0, urdf)
+        read_logged_movement("run", file, options, 100.0, rail)
 
 
 NAMES = ["shoulder", "elbow"]
@@ -239,31 +259,43 @@ def raw(tmp_path, monkeypatch):
 
 def test_every_log_of_a_take_is_read_at_its_own_rate(raw):
     folder, q = raw
+
     logs = encoder_rows(folder, encoder_dataset(start=6.9))
+
     first_rows = [rows.iloc[0] for rows, _ in logs]
     takes = [(row["take"], row["part"]) for row in first_rows]
     assert takes == [("train_a", "training"), ("test_a", "test"), ("test_b", "test")]
-
     rows, quality = logs[1]
     assert_allclose(rows["t"], 0.1 + np.arange(40) / 250, atol=1e-9)
     assert_allclose(rows[["q:shoulder", "q:elbow"]], q, atol=1e-9)
-    assert {row["quantity"]: row["value"] for row in quality}["rows"] == 40
+    counts = {row["quantity"]: row["value"] for row in quality}
+    assert counts["rows"] == 40
 
-    # a step that the joint cannot make
-    file = folder / "logs/test_a.csv"
-    stepping = q + 0.1 * (np.arange(40) > 20)[:, None] * [0, 1]
-    write_joint_table(file, CLOCK, {"target": 0 * q, "actual": stepping}, NAMES)
+
+def write_step(folder: Path, q: np.ndarray, size: float) -> np.ndarray:
+    """Write a log in which the elbow steps by a ``size``; return its angles (40, 2)."""
+    stepping = q.copy()
+    stepping[21:, 1] += size
+    signals = {"target": 0 * q, "actual": stepping}
+    write_joint_table(folder / "logs/test_a.csv", CLOCK, signals, NAMES)
+    return stepping
+
+
+def test_a_step_that_the_joint_cannot_make_is_refused(raw):
+    write_step(*raw, 0.1)
     words = r"elbow \(actual\) steps by .* allows 2 rad/s"
     with pytest.raises(RecordingError, match=words):
-        encoder_rows(folder, encoder_dataset())
+        encoder_rows(raw[0], encoder_dataset())
 
-    # metres are no angles
+
+def test_metres_are_no_angles(raw):
+    folder, q = raw
     sliding = ELBOW.replace("revolute", "prismatic")
     sliding = sliding.replace('velocity="2"', 'velocity="900"')
     (folder / "arm.urdf").write_text(sliding)
-    write_joint_table(file, CLOCK, {"target": 0 * q, "actual": 35 * stepping}, NAMES)
+    positions = write_step(folder, q, 3.5)
     rows, _ = encoder_rows(folder, encoder_dataset())[1]
-    assert_allclose(rows["q:elbow"], 35 * stepping[:, 1], atol=1e-6)
+    assert_allclose(rows["q:elbow"], positions[:, 1], atol=1e-6)
 
 
 @cases("other joints")
