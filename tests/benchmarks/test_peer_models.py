@@ -58,8 +58,8 @@ def test_a_peer_has_our_arm_and_moves_its_particles_by_the_law_of_our_model(
     # neither a slightly wider perturbation nor another decomposition would pass
     wider = replace(model, sigma_b=1.1 * SIGMA_B)
     another = Decomposition("qr" if arm == "youbot" else "pivoted_lu")
-    for other in (wider, replace(model, decomposition=another)):
-        assert greatest_error(moved, other, motion) > BAND
+    for wrong in (wider, replace(model, decomposition=another)):
+        assert greatest_error(moved, wrong, motion) > BAND
 
 
 def test_a_peer_weighs_its_particles_as_we_do():

@@ -144,12 +144,12 @@ def test_the_noise_of_a_pose_is_half_that_of_a_step_at_rest_and_a_loop_has_its_o
 ):
     training = takes.training
     open_loop, closed_loop = pose_covariances(training, takes.poses)
-    known = replace(training, known_measurement=np.eye(3))
+    with_identity = replace(training, known_measurement=np.eye(3))
 
     # an open loop has half the noise of ω at rest, which is of two poses
     assert_allclose(2 * open_loop, training.measurement)
     assert not np.allclose(open_loop, closed_loop)
-    for covariance in pose_covariances(known, takes.poses):
+    for covariance in pose_covariances(with_identity, takes.poses):
         assert_array_equal(covariance, np.eye(3) / 2)
 
 
@@ -435,11 +435,11 @@ def test_a_claim_holds_where_its_rule_does_in_every_case_and_lacks_none(
     expected,
 ):
     evidence = std_of_models({"wishart": 0.5, "gaussian": 0.2})
-    other = std_of_models({} if wishart is None else {"wishart": wishart})
+    of_reading = std_of_models({} if wishart is None else {"wishart": wishart})
     refusals = {"reading": ["own", "other"], "refused": [np.nan, "no noise"]}
     tables = {
         "evidence": evidence,
-        "readings": other.assign(reading="other"),
+        "readings": of_reading.assign(reading="other"),
         "reading_refusals": pd.DataFrame(refusals),
     }
     run = Run("lab", "paper", True, ["a"], ["x"], {}, {}, tables)

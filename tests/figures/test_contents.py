@@ -47,7 +47,7 @@ HORIZONS = ("one sample", "0.1 s", "0.5 s")
 STEPS, SOURCES = range(21), ("measured", "modelled")
 
 
-def each(numbers: list[str], **keys) -> pd.DataFrame:
+def rows_of(numbers: list[str], **keys) -> pd.DataFrame:
     """A row of random ``numbers`` for every combination of ``keys``, with the time of its step."""
     table = pd.MultiIndex.from_product(keys.values(), names=keys).to_frame(index=False)
     table = table.assign(**{name: RNG.random(len(table)) for name in numbers})
@@ -57,7 +57,7 @@ def each(numbers: list[str], **keys) -> pd.DataFrame:
 def paths(takes: list[str]) -> pd.DataFrame:
     """The table ``take_paths`` of an arm in a plane, whose last seven takes are left out."""
     numbers = [*columns("q", JOINTS), *columns("x", ("x", "z", "phi"))]
-    rows = each(numbers, take=takes, k=STEPS).drop(columns="k")
+    rows = rows_of(numbers, take=takes, k=STEPS).drop(columns="k")
     left_out = rows["take"].isin(takes[-7:])
     reason = np.where(left_out, "longest_gap 41 beyond 20", "")
     return rows.assign(part="training", left_out=left_out, reason=reason)
@@ -77,23 +77,23 @@ def tables() -> dict[str, pd.DataFrame]:
 def motion_tables() -> dict[str, pd.DataFrame]:
     """Tables of takes, noise and held-out runs."""
     q, w, s = (columns(family, JOINTS) for family in "qws")
-    joints = each(q, take=TRAINING + TEST, k=STEPS).assign(residual=0.0)
+    joints = rows_of(q, take=TRAINING + TEST, k=STEPS).assign(residual=0.0)
     joints["part"] = joints["take"].str.partition("_")[0]
-    noise = each(w, take=TRAINING, k=STEPS[1:]).assign(part="training")
-    std = each(["error", "bias", *s], source=["recorded", *MODELS], k=STEPS)
+    noise = rows_of(w, take=TRAINING, k=STEPS[1:]).assign(part="training")
+    std = rows_of(["error", "bias", *s], source=["recorded", *MODELS], k=STEPS)
     normal = np.arange(-3, 4.0)
-    quantiles = each(["noise"], model=[*motion.LAWS], joint=JOINTS, normal=normal)
+    quantiles = rows_of(["noise"], model=[*motion.LAWS], joint=JOINTS, normal=normal)
     run = {"model": ["joint_error"], "joint": JOINTS, "horizon": HORIZONS[1:]}
     run |= {"t": np.linspace(0.0, 1.0, 11)}
     scored = {"model": ["joint_error", *joint_error.YARDSTICKS]}
     scored |= {"joint": JOINTS, "horizon": HORIZONS}
-    scores = each(["predicted_rad", "measured_rad"], **scored)
+    scores = rows_of(["predicted_rad", "measured_rad"], **scored)
     return {
         "joints": joints,
         "process_noise": noise,
         "deviation": std,
         "noise_quantiles": quantiles,
-        "held_out_run": each(["error", "mean", "std"], **run),
+        "held_out_run": rows_of(["error", "mean", "std"], **run),
         "joint_scores": scores.assign(samples="commanded", count=100),
         "takes": measured_takes(),
         "take_paths": paths(TRAINING + TEST),
@@ -120,9 +120,9 @@ def measured_takes() -> pd.DataFrame:
 def parameter_tables() -> dict[str, pd.DataFrame]:
     """Tables of the ridge and of σ_B over the weight."""
     u = np.linspace(17.0, 20.0, 4)
-    ridges = each([], model=["gaussian"], level=[1.0], u=u)
+    ridges = rows_of([], model=["gaussian"], level=[1.0], u=u)
     points = ["curve", "moments", "used"]
-    weights = each(["sigma_b"], source=["recorded", "drawn"], point=points)
+    weights = rows_of(["sigma_b"], source=["recorded", "drawn"], point=points)
     ratio = np.geomspace(1e-5, 0.1, 6)
     return {
         "ridges": ridges.assign(alpha=2 / u, excess=(u - 18.0) ** 2),
@@ -136,10 +136,10 @@ def depth_tables() -> dict[str, pd.DataFrame]:
     models = ["none", *MODELS, "wishart_closed"]
     noise = [*b, *pairs("r", JOINTS), "t"]
     return {
-        "filter_error": each(e + s, model=models, take=TEST, k=STEPS),
-        "kinect_noise": each(noise, take=["test_001", "none"], frame=range(6)),
-        "skeleton": each(["x", "z"], view=VIEWS, node=range(4)),
-        "cloud": each(["x", "z"], view=VIEWS, point=range(50)),
+        "filter_error": rows_of(e + s, model=models, take=TEST, k=STEPS),
+        "kinect_noise": rows_of(noise, take=["test_001", "none"], frame=range(6)),
+        "skeleton": rows_of(["x", "z"], view=VIEWS, node=range(4)),
+        "cloud": rows_of(["x", "z"], view=VIEWS, point=range(50)),
     }
 
 
@@ -149,9 +149,11 @@ def wrench_tables() -> dict[str, pd.DataFrame]:
     space = {"configuration": ["T3", "T4"], "source": SOURCES}
     values = np.linspace(-4, 4, 21)
     return {
-        "wrench_errors": each(["error"], agents=[3, 10], system=range(40)),
-        "force_density": each(["density"], **plane, fx=range(9), fy=range(10)),
-        "wrench_marginals": each(["density"], **space, row=["fx", "mz"], value=values),
+        "wrench_errors": rows_of(["error"], agents=[3, 10], system=range(40)),
+        "force_density": rows_of(["density"], **plane, fx=range(9), fy=range(10)),
+        "wrench_marginals": rows_of(
+            ["density"], **space, row=["fx", "mz"], value=values
+        ),
     }
 
 
@@ -396,10 +398,9 @@ def test_filter_errors_has_a_row_per_model_with_one_take_its_bound_and_the_other
 def test_filter_errors_names_the_other_takes_where_there_are_some(tables):
     errors = tables["filter_error"]
     of_one = errors.query("take == 'test_001'")
-    others = "errors of the other takes"
     entries = legend_of(perception.filter_errors(errors, MODELS, JOINTS))
     alone = legend_of(perception.filter_errors(of_one, MODELS, JOINTS))
-    assert entries == [*alone, others]
+    assert entries == [*alone, "errors of the other takes"]
 
 
 def test_histograms_count_every_system_and_state_mean_and_greatest_error(tables):

@@ -197,17 +197,17 @@ def tables(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     k, t = np.arange(5), np.arange(9) / 200
     pose = spread("q", LWR4.joints, np.full((5, 7), 0.3))
-    parts = {f"train_{number}": "training" for number in range(1, 31)}
-    parts |= dict.fromkeys(("test_1", "test_2", "test_3"), "test")
+    uses = {f"train_{number}": "training" for number in range(1, 31)}
+    uses |= dict.fromkeys(("test_1", "test_2", "test_3"), "test")
     rng = default_rng(1)
     joints, read = [], []
-    for take, part in parts.items():
-        named = {"take": take, "part": part}
+    for take, use in uses.items():
+        named = {"take": take, "part": use}
         if take != "test_3":
             joints.append(pd.DataFrame(named | {"k": k, "t": k / 100} | pose))
         # the first joint's errors are off by 0.02 rad all the same
         y = 0.3 + 2e-3 * rng.standard_normal((9, 7)) + 0.02 * np.eye(7)[0]
-        if part == "test":
+        if use == "test":
             y = np.full((9, 7), float(take[-1]))
         read.append(pd.DataFrame(named | {"t": t} | spread("q", LWR4.joints, y)))
 

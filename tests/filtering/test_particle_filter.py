@@ -208,8 +208,8 @@ def test_a_deviation_of_a_billionth_and_another_resampling_and_loop_are_noticed(
     case = MODELS["additive"], ARM, filter_options(PARTICLES), 0.0
     plain = on_the_scene(plain_filter, *case, default_rng(5))
 
-    other = AdditiveModel(factor * COVARIANCE), ARM, options, share
-    changed = on_the_scene(particle_filter, *other, default_rng(5))
+    changed_case = AdditiveModel(factor * COVARIANCE), ARM, options, share
+    changed = on_the_scene(particle_filter, *changed_case, default_rng(5))
 
     assert greatest_difference(changed, plain) > least
 

@@ -88,9 +88,9 @@ def test_every_compiled_law_is_its_formula_in_numpy(model, name, v):
 
     again, _ = draw_steps(model, arm, q, v, default_rng(2))
     assert_array_equal(again, moved)
-    other, _ = draw_steps(model, arm, q, v, default_rng(3))
+    of_other_stream, _ = draw_steps(model, arm, q, v, default_rng(3))
     is_silent = not v.any() and not model.traits.noisy_at_rest
-    assert np.array_equal(other, moved) == is_silent
+    assert np.array_equal(of_other_stream, moved) == is_silent
 
 
 def standardised(

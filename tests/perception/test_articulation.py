@@ -82,8 +82,8 @@ def _distances(
         distances.append(np.linalg.norm(to_closest, axis=1))
         sides.append(from_start @ [way[1], -way[0]])
     nearest = np.min(distances, axis=0)
-    own = np.where(distances <= nearest + 1e-12, distances, 0.0)
-    return nearest, [*zip(own, sides, strict=True)]
+    of_nearest = np.where(distances <= nearest + 1e-12, distances, 0.0)
+    return nearest, [*zip(of_nearest, sides, strict=True)]
 
 
 def _asymmetry(distance: np.ndarray, side: np.ndarray) -> float:

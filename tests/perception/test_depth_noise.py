@@ -159,11 +159,11 @@ def recordings(
         if lasts:
             at_samples = between = np.tile(at_samples[0], (SAMPLES, 1))
         measured = path + at_samples + rng.normal(scale=pose, size=path.shape)
-        part = "training" if number < TAKES else "test"
-        name = {"take": f"take_{number:03d}", "part": part}
+        use = "training" if number < TAKES else "test"
+        name = {"take": f"take_{number:03d}", "part": use}
         sampled = name | {"k": k, "t": k * STEP}
         joints.append(pd.DataFrame(sampled | spread("q", PAIR, measured)))
-        if part == "training":
+        if use == "training":
             continue
 
         deviation = (between if share else at_samples)[frames]
@@ -207,8 +207,8 @@ def test_the_standard_error_knows_what_the_errors_of_a_take_have_in_common():
 def test_the_motion_captures_own_noise_makes_no_slope_once_it_is_known():
     pose = 2e-3
     how = {"share": 0.0, "lasts": False, "pose": pose}
-    known = slopes(NEAR_A_SAMPLE, pose**2 * np.eye(2), **how)
-    assert np.all(distance(known) < 4)
+    without_noise = slopes(NEAR_A_SAMPLE, pose**2 * np.eye(2), **how)
+    assert np.all(distance(without_noise) < 4)
     # control: where it is taken for nothing it does
     assert distance(slopes(NEAR_A_SAMPLE, **how))[0] > 4
 

@@ -34,16 +34,16 @@ def test_the_log_score_prefers_the_true_law_and_the_nees_is_chi_squared_under_it
 ):
     rng = default_rng(5)
     outcome = rng.standard_normal((2000, 3)) @ np.linalg.cholesky(COVARIANCE).T
-    other = scale**2 * COVARIANCE
+    scaled = scale**2 * COVARIANCE
 
-    of_true, of_other = (
+    of_true, of_scaled = (
         scores.normal_log_score(outcome, covariance)
-        for covariance in (COVARIANCE, other)
+        for covariance in (COVARIANCE, scaled)
     )
-    assert paired_difference(of_other, of_true).high < 0
+    assert paired_difference(of_scaled, of_true).high < 0
     law = chi2(3).cdf
     assert kstest(scores.nees(outcome, COVARIANCE), law).pvalue > 1e-3
-    assert kstest(scores.nees(outcome, other), law).pvalue < 1e-9
+    assert kstest(scores.nees(outcome, scaled), law).pvalue < 1e-9
 
 
 def test_an_honest_posterior_covers_as_it_says_in_every_joint_and_a_narrow_one_does_not():

@@ -325,8 +325,8 @@ TENSIONS = default_rng(42).uniform(1, 4, (10, 4))  # as many as Ψ has entries
 def test_several_known_tensions_tell_psi_and_sigma_but_for_one_factor():
     covariances = []
     for tension in TENSIONS:
-        known = replace(CABLES, actuation=tension, actuation_cov=np.zeros((4, 4)))
-        covariances.append(known.covariance(SIGMA_CABLES))
+        model = replace(CABLES, actuation=tension, actuation_cov=np.zeros((4, 4)))
+        covariances.append(model.covariance(SIGMA_CABLES))
 
     traces = np.trace(covariances, axis1=1, axis2=2)  # tr Σ_S·TᵀΨT
     i, j = np.triu_indices(4)

@@ -41,8 +41,8 @@ def test_the_reduced_law_is_that_of_algorithm_1(chain, step, decomposition, sigm
     assert least_p_value(drawn, matrices) > 0.01 / 8
     assert clipped == 0
     # control: a dispersion 5 % off is rejected
-    other = WishartModel(1.05 * sigma_b, decomposition)
-    wrong, _ = steps_of(other, chain, step, rng)
+    wider = WishartModel(1.05 * sigma_b, decomposition)
+    wrong, _ = steps_of(wider, chain, step, rng)
     assert least_p_value(wrong, matrices) < 1e-4
 
 
