@@ -70,10 +70,14 @@ def test_a_motion_through_equal_poses_cannot_tell_and_names_the_range_that_would
 
 def test_blocks_stand_for_motions_where_there_is_one_and_too_few_windows_tell_nothing():
     rng = default_rng(3)
-    noise, dq, x = map(np.concatenate, zip(*motions(1.0, 0.5, rng), strict=True))
-    effect = pose_effect(windows_of([(noise, dq, x)]), rng)
-    assert effect.groups == 8 and effect.exponent.low > 0
-    assert pose_effect(windows_of([(noise[:50], dq[:50], x[:50])]), rng) is None
+    joined = [*map(np.concatenate, zip(*motions(1.0, 0.5, rng), strict=True))]
+    start = [values[:50] for values in joined]
+
+    effect = pose_effect(windows_of([joined]), rng)
+
+    assert effect.groups == 8
+    assert effect.exponent.low > 0
+    assert pose_effect(windows_of([start]), rng) is None
 
 
 @pytest.fixture
@@ -81,18 +85,22 @@ def runs_of_arm(chain) -> list[JointRun]:
     """Runs whose noise grows with ‖J⁻¹‖; the elbow passes through straight, near which the norm
     changes within a window.
     """
-    rng, t = default_rng(5), np.linspace(0, 2 * np.pi, 801)
-    zero = np.zeros(3)
+    rng, zero = default_rng(5), np.zeros(3)
+    t = np.linspace(0, 2 * np.pi, 801)
     runs = []
     for number in range(4):
         phase = number * np.pi / 4
-        waves = [np.sin(t + phase), np.sin(3 * t + phase), np.sin(2 * t + phase)]
-        command = np.array([0.3, 1.0, -0.4]) + np.transpose(waves) * [0.5, 1.5, 0.4]
-        q = np.where(chain.singular(command)[:, None], 1.5, command)
-        norms = frobenius(chain.inverse_jacobian(q[:-1]))
+        waves = np.sin(np.outer(t, [1, 3, 2]) + phase)
+        command = [0.3, 1.0, -0.4] + [0.5, 1.5, 0.4] * waves
+
+        is_singular = chain.singular(command)[:, None]
+        regular = np.where(is_singular, 1.5, command)
+        norms = frobenius(chain.inverse_jacobian(regular[:-1]))
         steps = np.diff(command, axis=0)
-        noise = 1e-4 * np.abs(steps) * norms[:, None] * rng.standard_normal(steps.shape)
+        std = 1e-4 * np.abs(steps) * norms[:, None]
+        noise = std * rng.standard_normal(steps.shape)
         measured = command + np.vstack([zero, np.cumsum(noise, axis=0)])
+
         recorded = "r", 100.0, command, measured, ("a", "b", "c")
         runs.append(JointRun(*recorded, zero, zero, None, f"{number}"))
     return runs

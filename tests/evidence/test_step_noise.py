@@ -18,18 +18,29 @@ JOINTS = ("a", "b")
 NOISE = [[4e-6, 1e-6], [1e-6, 1e-6]]  # rad²
 
 
+COUNT = 20_000  # steps of 10 ms
+
+
 @pytest.fixture(params=[100.0, 500.0])
 def rows(request) -> pd.DataFrame:
     """Noise of steps with the covariance NOISE each 10 ms, and of a joint that rests; the first
     half of the run is slow.
     """
-    rate, rng, count = request.param, default_rng(3), 20_000
-    drawn = rng.multivariate_normal([0, 0], NOISE, count)
-    errors = np.repeat(np.cumsum(drawn, axis=0), round(0.01 * rate), axis=0)
-    speed = np.repeat([0.1, 0.4], len(errors) // 2) / rate
-    command = np.cumsum(np.stack([speed, speed, 0 * speed], axis=1), axis=0)
-    measured = command + np.column_stack([errors, rng.normal(0, 1e-3, len(errors))])
-    recorded = "run", rate, command, measured, ("a", "b", "rests")
+    rate, rng = request.param, default_rng(3)
+    every = round(0.01 * rate)
+    samples = every * COUNT
+
+    drawn = rng.multivariate_normal([0, 0], NOISE, COUNT)
+    errors = np.empty((samples, 3))
+    errors[:, :2] = np.repeat(np.cumsum(drawn, axis=0), every, axis=0)
+    errors[:, 2] = rng.normal(0, 1e-3, samples)
+
+    steps = np.zeros((samples, 3))
+    steps[:, :2] = 0.1 / rate
+    steps[samples // 2 :, :2] = 0.4 / rate
+    command = np.cumsum(steps, axis=0)
+
+    recorded = "run", rate, command, command + errors, ("a", "b", "rests")
     run = JointRun(*recorded, np.zeros(3), np.zeros(3), 1e-6, "1")
     return step_noise([run]).set_index(["joint", "other", "steps"])
 

@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 import pytest
 from loop_takes import takes_in_loop
+from noisy_frames import noisy_frames
 from numpy.random import default_rng
 from sample_options import filter_options
 from scipy.spatial.transform import Rotation
@@ -153,7 +154,7 @@ def test_a_law_with_a_memory_has_the_exact_posterior_of_its_path():
     exact = exact_posterior(0.7)
 
     assert np.all(
-        distance(linear_runs(Remembering(0.7), options, seeds), *exact) < BAND
+        distance(linear_runs(Remembering(0.7), options, seeds), *exact) < BAND,
     )
     # control: a law with another memory
     shorter = linear_runs(Remembering(0.4), options, seeds)
@@ -241,15 +242,6 @@ SENSOR = 0.01  # rad, standard deviation of a measured joint angle of the loop
 LOOP_STEPS = 90
 
 
-def measured_takes(takes: np.ndarray, rng) -> list[Measurements]:
-    """Measurements of ``takes`` (T, M + 1, 3) after every third step."""
-    k = np.arange(3, LOOP_STEPS + 1, 3)
-    y = takes[:, k] + SENSOR * rng.standard_normal((len(takes), len(k), 3))
-    zero = np.zeros((len(k), 3))
-    noise = np.tile(SENSOR**2 * np.eye(3), (len(k), 1, 1))
-    return [Measurements("take", DT * k, angles, zero, noise) for angles in y]
-
-
 @pytest.mark.parametrize(
     "share, rms, coverage, wandering",
     [(0.03, 0.9, 0.08, 0.0), (0.9, 1.02, 0.03, 1.2)],
@@ -271,7 +263,8 @@ def test_the_filter_of_a_closed_loop_is_calibrated_and_the_open_loops_wanders(
     model = AdditiveModel(np.diag((1 - (1 - share) ** 2) * DEVIATION**2))
     first = poses[0] + DEVIATION * rng.standard_normal((30, 3))
     takes = takes_in_loop(model, path, share, first, rng)
-    measured = measured_takes(takes, rng)
+    k = np.arange(3, LOOP_STEPS + 1, 3)
+    measured = noisy_frames(takes, k, DT, SENSOR**2 * np.eye(3), rng)
     of_mean = np.mean((takes - poses) ** 2, axis=(0, 1))
     start = Start(poses[0], np.diag(DEVIATION**2))
 

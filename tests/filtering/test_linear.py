@@ -4,6 +4,7 @@ training takes alone.
 
 import numpy as np
 import pytest
+from noisy_frames import noisy_frames
 from numpy.random import default_rng
 from numpy.testing import assert_allclose
 from scipy.linalg import block_diag
@@ -122,15 +123,10 @@ def test_the_autocorrelated_filter_is_calibrated_and_without_measurements_the_tr
 ):
     true = measured(100, 6, 0 * NOISE)
     k = np.arange(0, STEPS, 3)
-    zero = np.zeros((len(k), 2))
     rng = default_rng(5)
 
     def filtered(noise: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        errors = rng.multivariate_normal(np.zeros(2), noise, (len(true), len(k)))
-        covariance = np.tile(noise, (len(k), 1, 1))
-        frames = []
-        for y in true[:, k] + errors:
-            frames.append(Measurements("take", DT * k, y, zero, covariance))
+        frames = noisy_frames(true, k, DT, noise, rng)
         return linear.autocorrelated_filter(poses, NOISE, frames, DT)
 
     means, covariances = filtered(NOISE)

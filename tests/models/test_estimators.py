@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from drawn_recording import drawn_recording
 from numpy.random import default_rng
 from random_arm import motion, random_arm
 
@@ -15,7 +16,6 @@ from pipeline.core.errors import ModelDomainError
 from pipeline.models import kinds
 from pipeline.models.additive.law import AdditiveModel
 from pipeline.models.bootstrap import replicate, spreads
-from pipeline.models.draws import draw_steps
 from pipeline.models.gaussian.fit import Options as Gaussian
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.kinds import build_model, estimate
@@ -41,24 +41,10 @@ def record(chain, poses, step) -> Callable[..., Recorded]:
 
     def recorded(model, takes=TAKES, speed=1.0, measured=MEASUREMENT) -> Recorded:
         v = np.concatenate([np.zeros((REST, 3)), np.tile(speed * step, (40, 1))])
-        data = recorded_on(chain, poses[: len(v)], v, measured, model, takes)
+        data = drawn_recording(chain, poses[: len(v)], v, measured, model, takes)
         return replace(data, known_measurement=None)
 
     return recorded
-
-
-def recorded_on(arm, q, v, measured, model, takes: int) -> Recorded:
-    """Takes of steps that begin at the poses ``q`` and are drawn from the ``model``, each measured
-    with noise of the covariance ``measured``.
-    """
-    rng = default_rng(1)
-    n = q.shape[1]
-    poses = np.tile(q, (takes, 1, 1))
-    moved, _ = draw_steps(model, arm, poses, v, rng)
-    noise = moved - poses - arm.nominal_step(poses, v)
-    noise += rng.multivariate_normal(np.zeros(n), measured, noise.shape[:2])
-    joints = tuple(f"joint_{j}" for j in range(n))
-    return Recorded(arm, poses, v, noise, joints, measured)
 
 
 def wishart(estimator: str, name: str = "pivoted_lu", **options) -> Wishart:
@@ -333,12 +319,12 @@ def test_known_parameters_come_back_on_any_arm_and_others_do_not(
         choice["estimator"] = "likelihood"
     options = kinds.options_type(kind)(kind, **choice)
     at, covariance, measured = scene(n, m)
-    data = recorded_on(*at, measured, AdditiveModel(covariance), COUNT)
+    data = drawn_recording(*at, measured, AdditiveModel(covariance), COUNT)
     (truth,) = kinds.truths(data, options, [0.25])
     model = build_model(truth.parameters)
 
     def error(model) -> float:
-        drawn = recorded_on(*at, measured, model, COUNT)
+        drawn = drawn_recording(*at, measured, model, COUNT)
         return greatest_error(estimate(drawn, options).estimates, truth.values, names)
 
     assert error(model) < band

@@ -47,10 +47,13 @@ def plain_objective(
 
 def fitted_nodes(v: np.ndarray, o1: np.ndarray, bounds: np.ndarray) -> np.ndarray:
     """(4, 2) nodes of the fitted end at ``v`` (5,), with complex numbers."""
-    middle, half = bounds.mean(axis=1), (bounds[:, 1] - bounds[:, 0]) / 2
-    stretched = np.append(np.sin(np.pi / 2 * v[:2] / 0.02), 0.0)
-    steps = (middle + half * stretched) * np.exp(1j * v[2:] / middle)
-    reached = np.cumsum(np.append(0.0, steps))  # z + ix
+    shortest, longest = bounds.T
+    middle = (shortest + longest) / 2
+    turned = np.exp(1j * v[2:] / middle)
+    lengths = middle.copy()
+    lengths[:2] += (longest - shortest)[:2] / 2 * np.sin(np.pi / 2 * v[:2] / 0.02)
+
+    reached = np.cumsum(np.append(0.0, lengths * turned))  # z + ix
     return o1 + np.stack([reached.imag, reached.real], axis=-1)
 
 
@@ -177,7 +180,12 @@ def least_of_commanded_end(number: int, rng) -> tuple[float, float]:
     away = Q[number] + AWAY
     o1, ee = CHAIN.points(Q[number])[[0, 3]]
     fitted = fit_sequence(
-        CLOUDS[number : number + 1], o1, ee[None], CHAIN, OPTIONS, away
+        CLOUDS[number : number + 1],
+        o1,
+        ee[None],
+        CHAIN,
+        OPTIONS,
+        away,
     )
     plain = plain_objective(CLOUDS[number], fitted.nodes[0], *GAMMAS)
     assert objective(fitted) == pytest.approx(plain, rel=1e-10)

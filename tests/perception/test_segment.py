@@ -43,12 +43,15 @@ def ideal_pixels() -> np.ndarray:
     the forward model.
     """
     v, u = np.indices(SHAPE).reshape(2, -1)
-    x, y = (u - CAMERA.cx) / CAMERA.fx, (v - CAMERA.cy) / CAMERA.fy
-    target = np.stack([x, y], axis=-1)
-    ideal = np.c_[target, np.ones(len(target))]
-    still, distortion = np.zeros(3), np.array(CAMERA.distortion)
+    x = (u - CAMERA.cx) / CAMERA.fx
+    y = (v - CAMERA.cy) / CAMERA.fy
+    ideal = np.stack([x, y, np.ones(x.shape)], axis=-1)
+    target = ideal[:, :2].copy()
+
+    still, identity = np.zeros(3), np.eye(3)
+    distortion = np.array(CAMERA.distortion)
     for _ in range(30):
-        seen, _ = cv2.projectPoints(ideal, still, still, np.eye(3), distortion)
+        seen, _ = cv2.projectPoints(ideal, still, still, identity, distortion)
         ideal[:, :2] += target - seen[:, 0]
     return ideal
 
@@ -75,10 +78,12 @@ def render() -> tuple[np.ndarray, np.ndarray]:
     arm.
     """
     r = rays()
-    near, far = ((place - PLACE[1]) / r[:, 1] for place in (FRONT, 1.0))
+    near = (FRONT - PLACE[1]) / r[:, 1]
+    far = (1.0 - PLACE[1]) / r[:, 1]
     faces = PLACE + near[:, None] * r
     hit = on_arm(faces[:, [0, 2]])
-    return np.where(hit, near, far).reshape(SHAPE), hit.reshape(SHAPE)
+    depth = np.where(hit, near, far)
+    return depth.reshape(SHAPE), hit.reshape(SHAPE)
 
 
 CROP = Workspace(0.05, 0.05, 0.0, -0.02, -1.0, min_pixels=20, max_points=100_000)

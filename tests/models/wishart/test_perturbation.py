@@ -2,15 +2,17 @@
 each certified by a dual point; and the paper's estimator from them.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from drawn_recording import drawn_recording
 from numpy.random import default_rng
 from numpy.testing import assert_allclose, assert_array_equal
 from random_arm import motion, random_arm
 
 from pipeline.core.errors import ModelDomainError, SolverError
 from pipeline.models.convex import perturbation_gap, solve_perturbation
-from pipeline.models.draws import draw_steps
 from pipeline.models.steps import Recorded, process_noise
 from pipeline.models.wishart import perturbation
 from pipeline.models.wishart.decomposition import PIVOTED_LU, Decomposition, factors
@@ -42,12 +44,14 @@ def scene(chain, poses, step, size: float) -> tuple[np.ndarray, ...]:
 def arm_problems(n: int, m: int, decomposition: Decomposition, share: float):
     """Jacobians, commands, a, J₂⁺ and noise of ``share`` of the steps of 120 problems."""
     arm = random_arm(n, m)
-    q, v = motion(arm, 120, 0)
-    step = arm.nominal_step(q[:-1], v)
-    noise = default_rng(n + m).standard_normal(step.shape)
-    noise *= share * np.sqrt(np.mean(step**2))
-    a, back, _ = factors(arm, q[:-1], v, decomposition)
-    return arm.jacobian(q[:-1]), v[:, :m], a, back, noise
+    path, v = motion(arm, 120, 0)
+    q = path[:-1]
+    step = arm.nominal_step(q, v)
+    size = share * np.sqrt(np.mean(step**2))
+    noise = size * default_rng(n + m).standard_normal(step.shape)
+
+    a, back, _ = factors(arm, q, v, decomposition)
+    return arm.jacobian(q), v[:, :m], a, back, noise
 
 
 SHAPES = [  # joints, task rows and decomposition
@@ -82,17 +86,19 @@ def test_the_perturbations_are_those_of_the_problem_as_printed(n, m, name):
 @pytest.mark.parametrize(("n", "m"), [(4, 4), (8, 3)])
 def test_the_perturbations_are_the_conic_solvers(n, m):
     """B⁻¹ to what a conic solver leaves of a flat optimum. Control: the next step's B⁻¹."""
-    qr = Decomposition("qr")  # only here J₁ = I
+    qr, identity = Decomposition("qr"), np.eye(m)  # only here J₁ = I
     jacobians, v, a, back, noise = arm_problems(n, m, qr, 1.5)
     s = fit_perturbations(noise, a, back, WEIGHTS, FLOOR).s
+    sizes = np.linalg.norm(s, axis=(1, 2))
 
-    moved = np.flatnonzero(np.linalg.norm(s, axis=(1, 2)) > 0.05)[:3]
+    moved = np.flatnonzero(sizes > 0.05)[:3]
     for i in moved:
-        problem = noise[i], v[i], np.eye(m), jacobians[i]
+        problem = noise[i], v[i], identity, jacobians[i]
         b_inverse, _ = solve_perturbation(*problem, WEIGHTS, FLOOR)
         band = 5e-3 * np.abs(b_inverse).max()
-        assert_allclose(np.eye(m) + s[i], b_inverse, atol=band)
-    assert np.abs(s[moved[0]] - s[moved[1]]).max() > 0.02
+        assert_allclose(identity + s[i], b_inverse, atol=band)
+    first, second, *_ = s[moved]
+    assert np.abs(first - second).max() > 0.02
 
 
 def test_many_of_those_problems_are_held_back_by_the_bound(chain, poses, step):
@@ -150,23 +156,16 @@ def test_weights_follow_from_the_noise_at_rest(m):
         objective_weights(0.0, m)
 
 
-def recorded(chain, poses, step, sigma_b: float, measured: float) -> Recorded:
-    """The Wishart model's own steps, measured with white noise of ``measured`` rad."""
-    rng = default_rng(31)
+@pytest.fixture
+def data(chain, poses, step) -> Recorded:
+    """The Wishart model's own steps behind a rest, measured with noise of 1e-4 rad."""
     v = np.vstack([np.zeros((REST, 3)), np.tile(step, (MOVING, 1))])
-    q = np.tile(poses[: REST + MOVING], (100, 1, 1))
-    moved, _ = draw_steps(WishartModel(sigma_b), chain, q, v, rng)
-    noise = moved - q - np.matvec(chain.inverse_jacobian(q), v)
-    noise += measured * rng.standard_normal(noise.shape)
-    return Recorded(chain, q, v, noise, ("a", "b", "c"))
+    measured, model = 1e-8 * np.eye(3), WishartModel(0.2)
+    drawn = drawn_recording(chain, poses[: len(v)], v, measured, model, 100)
+    return replace(drawn, known_measurement=None)
 
 
-def test_at_rest_nothing_is_perturbed_and_the_mean_over_time_counts_those_steps(
-    chain,
-    poses,
-    step,
-):
-    data = recorded(chain, poses, step, 0.2, 1e-4)
+def test_at_rest_nothing_is_perturbed_and_the_mean_over_time_counts_those_steps(data):
     squares = np.sum(data.noise[:, :REST] ** 2, axis=-1)
     resting = np.sqrt(np.mean(squares))
     steps = problem_steps(data, PIVOTED_LU)
@@ -182,25 +181,20 @@ def test_at_rest_nothing_is_perturbed_and_the_mean_over_time_counts_those_steps(
     assert_allclose(result.estimates["sigma_b"], dispersions.mean())
 
 
-def test_noise_that_is_not_finite_and_a_motion_without_noise_at_rest_are_refused(
-    chain,
-    poses,
-    step,
-):
-    data = recorded(chain, poses, step, 0.2, 1e-4)
+def test_noise_that_is_not_finite_is_refused(data):
     data.noise[2, REST, 1] = np.nan
-    with pytest.raises(
-        ModelDomainError,
-        match="must be finite at every step",
-    ) as refusal:
+    words = "must be finite at every step"
+    with pytest.raises(ModelDomainError, match=words) as refusal:
         fit_paper(data, PIVOTED_LU, FLOOR)
     assert refusal.value.evidence["index"] == 2 * (REST + MOVING) + REST
 
+
+@pytest.mark.parametrize("command", [0.0, 1e-4], ids=["silent", "no step at rest"])
+def test_a_motion_without_noise_at_rest_is_refused(data, command):
     data.noise[:, :REST] = 0.0
-    for command in (0.0, 1e-4):  # noise at rest is zero; no step is at rest
-        data.v[:REST] = command
-        with pytest.raises(ModelDomainError, match="noise at rest"):
-            fit_paper(data, PIVOTED_LU, FLOOR)
+    data.v[:REST] = command
+    with pytest.raises(ModelDomainError, match="noise at rest"):
+        fit_paper(data, PIVOTED_LU, FLOOR)
 
 
 def fit(noise, e, matrix, ratio: float, floor: float) -> Perturbations:
