@@ -385,8 +385,10 @@ def forces() -> dict[str, np.ndarray]:
         size = 3000, robots
         turns = rng.normal(arranged.direction, 600**-0.5, size)
         pulls = rng.normal(arranged.tension, FORCE.tension_std[:robots], size)
-        x, y = pulls * np.cos(turns), pulls * np.sin(turns)
-        records[name] = np.stack([x, y], axis=2).sum(axis=1)
+
+        x = np.vecdot(pulls, np.cos(turns))
+        y = np.vecdot(pulls, np.sin(turns))
+        records[name] = np.stack([x, y], axis=1)
     return records
 
 

@@ -82,8 +82,8 @@ def test_a_topic_is_the_only_one_or_the_chosen_one(tmp_path):
     assert choose_topic(bag, (IMAGE,), "/depth") == "/depth"
 
     there = r"there are /colour \(Image\), /depth \(Image\)"
-    others = [(IMAGE, None), (INFO, None), (IMAGE, "/elsewhere"), (INFO, "/depth")]
-    for kind, chosen in others:
+    choices = [(IMAGE, None), (INFO, None), (IMAGE, "/elsewhere"), (INFO, "/depth")]
+    for kind, chosen in choices:
         error = refusal(choose_topic, bag, (kind,), chosen)
         assert re.search(there, error.message)
     with pytest.raises(RecordingError, match="no topic '/else'"):

@@ -54,11 +54,10 @@ def options(**log: object) -> Force:
 def test_a_record_gives_the_loaded_samples_without_their_bias(tmp_path, netft):
     log, write = record(), write_netft if netft else write_daqft
     write(tmp_path / "log.csv", log)
-    rows, quality = force_rows(
-        tmp_path,
-        "C1",
-        options(format="netft" if netft else "daqft"),
-    )
+    section = options(format="netft" if netft else "daqft")
+
+    rows, quality = force_rows(tmp_path, "C1", section)
+
     loaded, logged = log.time >= TARE, np.hstack([log.force, log.torque])
     assert_allclose(rows["t"], log.time[loaded], rtol=0, atol=1e-9)
     axes = ["fx", "fy", "fz", "mx", "my", "mz"]

@@ -278,8 +278,9 @@ def test_the_paths_of_takes_have_the_tips_course_and_why_a_take_is_left_out():
     joints = ["joint_2", "joint_3", "joint_4"]
     chain = load_arm("pipeline/arm/ur5.urdf", joints, "wrist_centre", {}).chain
     steps = np.arange(MOST_ROWS + 1)
-    start, step = np.array([-2.1, -1.9, 0]), np.array([-1e-3, 1e-3, 0])
-    angles = start + steps[:, None] * step
+    end = np.array([-2.1, -1.9, 0]) + MOST_ROWS * np.array([-1e-3, 1e-3, 0])
+    angles = np.linspace([-2.1, -1.9, 0], end, MOST_ROWS + 1)
+
     rows = pd.DataFrame({"part": "training", "k": steps, "t": steps / 100})
     rows = rows.assign(**spread("q", joints, angles), residual=np.nan)
     logs = pd.concat([rows.assign(take="pushed"), rows.assign(take="sound")])

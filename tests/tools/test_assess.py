@@ -27,26 +27,36 @@ from pipeline.tools.characterize.logs import folder_logs
 JOINTS, POSE = ["a", "b", "c"], np.diag([1.0, 2.0, 1.5]) * 1e-6
 
 
+TAKES = 60
+TASK_STEPS = np.outer(np.sin(np.linspace(0, 3, 40)), [0.0005, -0.0005, 0.01])
+
+
+def drawn_takes(model) -> tuple[np.ndarray, np.ndarray]:
+    """Commanded poses of the task before each of TASK_STEPS (40, 3), and measured joint angles
+    (TAKES, 41, 3) in rad that the model draws.
+    """
+    rng, start = default_rng(1), np.array([0.3, 1.5, -0.4])
+    path = [start]
+    for step in TASK_STEPS:
+        path.append(path[-1] + model.chain.nominal_step(path[-1], step))
+    targets = model.chain.pose(np.array(path[:-1]))
+
+    q = np.tile(start, (TAKES, 1))
+    true = [q]
+    for step, target in zip(TASK_STEPS, targets, strict=True):
+        commanded = model.command(q, target, task_step=step)
+        q = model.step(q, task_step=commanded, rng=rng)
+        true.append(q)
+    noise = rng.multivariate_normal(np.zeros(3), POSE, (TAKES, len(true)))
+    return targets, np.stack(true, axis=1) + noise
+
+
 @pytest.mark.parametrize("share", [0.0, 0.2])
 @pytest.mark.parametrize("kind", PARAMETERS)
 def test_innovations_are_as_large_as_predicted(kind, share, chain, tmp_path):
     model = load(write_model(tmp_path / "model.json", kind, chain, share=share))
-    takes, steps = 60, 40
-    v = np.sin(np.linspace(0, 3, steps))[:, None] * np.array([0.0005, -0.0005, 0.01])
-    rng, start = default_rng(1), np.array([0.3, 1.5, -0.4])
-    path = [start]
-    for step in v:
-        path.append(path[-1] + model.chain.nominal_step(path[-1], step))
-    targets = model.chain.pose(np.array(path))
-    q = np.tile(start, (takes, 1))
-    true = [q]
-    for step, target in zip(v, targets[:-1], strict=True):
-        commanded = model.command(q, target, task_step=step)
-        q = model.step(q, task_step=commanded, rng=rng)
-        true.append(q)
-    noise = rng.multivariate_normal(np.zeros(3), POSE, (takes, steps + 1))
-    poses = np.stack(true, axis=1) + noise
-    commands = Commands(v, targets[:-1], share)
+    targets, poses = drawn_takes(model)
+    commands = Commands(TASK_STEPS, targets, share)
 
     def square(pose: np.ndarray) -> float:
         """Mean normalised square for the noise ``pose``."""
@@ -57,7 +67,8 @@ def test_innovations_are_as_large_as_predicted(kind, share, chain, tmp_path):
 
     # 3 on average; 2400 steps of heavy tails vary by a few per cent
     assert square(POSE) == pytest.approx(3.0, rel=0.08)
-    assert square(np.eye(3) * 1e-12) > 3.5  # control: the measured poses are not exact
+    # control: the measured poses are not exact
+    assert square(np.eye(3) * 1e-12) > 3.5
 
 
 def innovations(seed: int, takes: int = 51) -> np.ndarray:

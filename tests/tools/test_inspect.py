@@ -56,7 +56,7 @@ def test_every_format_is_recognised_in_a_folder_as_alone(zoo, findings):
 @pytest.mark.parametrize("name", STATED)
 def test_what_a_recording_states_and_leaves_open_is_shown(findings, name):
     finding, stated = findings[name], STATED[name]
-    asked = options(finding)
+    open_options = options(finding)
 
     for attribute, value in stated.get("shown", {}).items():
         if isinstance(value, float):
@@ -65,9 +65,9 @@ def test_what_a_recording_states_and_leaves_open_is_shown(findings, name):
     for fact, value in stated.get("facts", {}).items():
         assert finding.facts[fact] == value, fact
     if "open" in stated:
-        assert asked == stated["open"]
+        assert open_options == stated["open"]
     for option in stated.get("among_open", []):
-        assert option in asked
+        assert option in open_options
 
 
 def test_markers_are_named_and_the_topics_of_a_bag_are_a_choice(findings):

@@ -65,11 +65,11 @@ SCALE = np.full(6, 10.0)
 
 
 def record(samples: int = 1000, *, torque: bool = True) -> ForceRecord:
-    values = default_rng(6).normal(size=(samples, 6))
+    forces, torques = default_rng(6).normal(size=(2, samples, 3))
     if not torque:
-        values[:, 3:] = np.nan
+        torques[:] = np.nan
     time = np.arange(samples) / RATE
-    return ForceRecord(time, values[:, :3], values[:, 3:], RATE, "", "", {})
+    return ForceRecord(time, forces, torques, RATE, "", "", {})
 
 
 @pytest.mark.parametrize("torque", [True, False])
