@@ -8,7 +8,7 @@ from pathlib import Path
 
 from pipeline.configuration import config
 from pipeline.core import contracts
-from pipeline.core.results import EVIDENCE, TRIALS, results_folder
+from pipeline.core.results import EVIDENCE, TRIALS, evidence_folder, pages_folder
 
 SCORE, FIGURES = Path("data/score"), Path("data/figures")
 CAPTIONS = "captions.json"
@@ -16,11 +16,11 @@ CAPTIONS = "captions.json"
 
 def run() -> None:
     """Copy the results to ``reports/DATASET`` and the evidence to ``reports/datasets``, those of a
-    trial of a dataset with results to ``reports/trials``.
+    trial of a dataset with results to ``reports/trials``. A whole run removes a trial's evidence.
     """
     settings = config.sections("publish")
-    name = settings.dataset.name
-    place = results_folder(name, settings.scale.name)
+    name, scale = settings.dataset.name, settings.scale.name
+    place, evidence = pages_folder(name, scale), evidence_folder(name, scale)
     if place == TRIALS:
         print(
             f"publish: a trial: the results are in {place / name}, and the results of"
@@ -34,6 +34,8 @@ def run() -> None:
                     shutil.copyfile(file, folder / file.name)
     for source, file in (
         (FIGURES / CAPTIONS, reports / CAPTIONS),
-        (SCORE / "evidence.json", place / EVIDENCE / f"{name}.json"),
+        (SCORE / "evidence.json", evidence / EVIDENCE / f"{name}.json"),
     ):
         contracts.write_text(source.read_text(encoding="utf-8"), file)
+    if evidence != TRIALS:
+        (TRIALS / EVIDENCE / f"{name}.json").unlink(missing_ok=True)

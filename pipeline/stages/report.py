@@ -7,7 +7,13 @@ from pathlib import Path
 from pipeline.configuration import config
 from pipeline.core import contracts
 from pipeline.core.errors import ConfigError
-from pipeline.core.results import EVIDENCE, REPORTS, SMOKE, results_folder
+from pipeline.core.results import (
+    EVIDENCE,
+    REPORTS,
+    SMOKE,
+    evidence_folder,
+    pages_folder,
+)
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.core.validation import validated
 from pipeline.recordings.inventory import other_files
@@ -40,9 +46,9 @@ def run() -> None:
     decided, and its pages do not replace those of another scale.
     """
     settings = config.sections("report")
-    name = settings.dataset.name
-    place = results_folder(name, settings.scale.name)
-    runs = read_runs(REPORTS / EVIDENCE, place / EVIDENCE / f"{name}.json")
+    name, scale = settings.dataset.name, settings.scale.name
+    place, evidence = pages_folder(name, scale), evidence_folder(name, scale)
+    runs = read_runs(REPORTS / EVIDENCE, evidence / EVIDENCE / f"{name}.json")
     here, claims_file = runs[0], read_claims_file()
     claims = require_known(parse_claims(claims_file.claims))
     require_datasets(claims, claims_file.recordings_of_the_paper)
@@ -78,7 +84,7 @@ def run() -> None:
         place / name / "model_card.md": model_card(here, _others(here, counted)),
         place / name / "recordings.md": pages.recordings_page(here, drawn.captions),
     }
-    if place == REPORTS:
+    if evidence == REPORTS:
         datasets = pages.datasets_page(groups, rows, unfit)
         equations = paper.equations_page(items, sources)
         written[REPORTS / "datasets.md"] = datasets

@@ -3,6 +3,7 @@ a case with the run's choices has the evidence that the stage score writes.
 """
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -181,6 +182,22 @@ def test_figures_without_tables_are_left_out_and_publish_replaces_earlier_files(
     choose(overrides={"dataset": {"force": None}}, scale="smoke")
     publish.run()
     assert evidence.read_text() == '{"scale": "paper"}'
+    assert Path("reports/trials/youbot/metrics/new.csv").read_text() == "metrics"
+
+    # a clone without pages of the dataset gets the pages of its trials, until a whole run
+    shutil.rmtree("reports/trials")
+    shutil.rmtree("reports/youbot")
+    for _ in range(2):
+        publish.run()
+        assert Path("reports/youbot/metrics/new.csv").read_text() == "metrics"
+        assert evidence.read_text() == '{"scale": "paper"}'
+        assert not Path("reports/trials/youbot").exists()
+    choose(overrides={"dataset": {"force": None}}, scale="paper")
+    publish.run()
+    assert not Path("reports/trials/datasets/youbot.json").exists()
+    evidence.write_text('{"scale": "paper"}')
+    choose(overrides={"dataset": {"force": None}}, scale="smoke")
+    publish.run()
     assert Path("reports/trials/youbot/metrics/new.csv").read_text() == "metrics"
 
     # it replaces those of an earlier trial
