@@ -112,5 +112,8 @@ def interval(middle: float, low: float, high: float) -> str:
     if pd.isna(middle):
         return MISSING
     # an exact zero with a rounding error is written without a sign
-    middle, low, high = (0.0 if abs(x) < ROUNDING else x for x in (middle, low, high))
-    return f"{middle:+.3g}" + ("" if pd.isna(low) else f" [{low:+.3g}, {high:+.3g}]")
+    numbers = [0.0 if abs(x) < ROUNDING else x for x in (middle, low, high)]
+    middle, low, high = (f"{x:+.3g}" for x in numbers)
+    if pd.isna(numbers[1]):
+        return middle
+    return f"{middle} [{low}, {high}]"

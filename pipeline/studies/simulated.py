@@ -77,15 +77,19 @@ class NoiseLaw:
 
     def sample(self, share: np.ndarray, stream: np.random.Generator) -> np.ndarray:
         """Draw noise (K, n) in rad, independent at each ``share`` (K,), with linear moments."""
-        n = self.bias.shape[-1]
-        entries = self.covariance.reshape(-1, n * n)
-        moments = np.concatenate([self.bias, entries], axis=1)
-        columns = [np.interp(share, self.share, column) for column in moments.T]
-        interpolated = np.stack(columns, axis=-1)
-        bias = interpolated[:, :n]
-        root = np.linalg.cholesky(interpolated[:, n:].reshape(-1, n, n))
-        variates = stream.standard_normal((len(share), n))
+        bias = self.at(share, self.bias)
+        covariance = self.at(share, self.covariance)
+        root = np.linalg.cholesky(covariance)
+        variates = stream.standard_normal(bias.shape)
         return bias + np.matvec(root, variates)
+
+    def at(self, share: np.ndarray, moments: np.ndarray) -> np.ndarray:
+        """Return the ``moments`` (F, ...) at each ``share`` (K,) by linear interpolation."""
+        _, *shape = moments.shape
+        columns = []
+        for column in moments.reshape(len(moments), -1).T:
+            columns.append(np.interp(share, self.share, column))
+        return np.stack(columns, axis=-1).reshape(-1, *shape)
 
 
 @dataclass(frozen=True)
@@ -140,10 +144,12 @@ def performed_takes(
     the ``streams``, as :func:`pipeline.laboratory.dynamics.perform` draws them, computed together.
     """
     chances = [moves.draw(session.chain, motion, dynamics, s) for s in streams]
-    together = moves.Chance(*map(np.stack, zip(*chances, strict=True)))
+    by_quantity = zip(*chances, strict=True)
+    together = moves.Chance(*map(np.stack, by_quantity))
     arm, zeros = session
     all_takes = moves.swing(arm, zeros, motion, dynamics, together)
-    grid = np.arange(round(motion.duration * motion.rate) + 1) / motion.rate
+    steps_of_motion = round(motion.duration * motion.rate)
+    grid = np.arange(steps_of_motion + 1) / motion.rate
     poses, takes = [], []
     for q, servo, stream in zip(all_takes.q, all_takes.servo, streams, strict=True):
         poses.append(moves.expose(all_takes.t, q, grid, dynamics, stream))

@@ -47,10 +47,12 @@ def readings(runs: Sequence[Run]) -> str:
 def _changed_by_reading(run: Run, readings_of: pd.DataFrame) -> list[dict[str, str]]:
     """Return a row of signs for each claim that another reading decides otherwise."""
     verdicts = readings_of.pivot(index="claim", columns="reading", values="holds")
-    verdicts = verdicts[readings_of["reading"].unique()]  # the run's own first
-    first = verdicts.iloc[:, 0]
-    differs = verdicts.ne(first, axis=0) & verdicts.ne(UNKNOWN)
-    changes = differs.any(axis=1) & first.ne(UNKNOWN)
+    in_order = readings_of["reading"].unique()
+    verdicts = verdicts[in_order]
+    of_run = verdicts[in_order[0]]
+    decided = verdicts.ne(UNKNOWN)
+    differs = verdicts.ne(of_run, axis=0) & decided
+    changes = differs.any(axis=1) & of_run.ne(UNKNOWN)
     rows = []
     for claim, words in verdicts[changes].iterrows():
         signs = words.map(WORDS["signs"])
@@ -64,11 +66,12 @@ def _lacking_numbers(run: Run, readings_of: pd.DataFrame) -> list[str]:
     refused = readings_of["refused"].astype(object).fillna("")
     undecided = readings_of["holds"].eq(UNKNOWN)
     lacking = readings_of[undecided & refused.ne("")]
+    by_reading = lacking.groupby("reading", sort=False)
     notes = []
-    for reading, reasons in lacking.groupby("reading", sort=False)["refused"]:
-        first, *_ = re.split(r" \[|;", reasons.iloc[0])
-        count = f"{len(reasons)} claims lack numbers ({first})."
-        notes.append(f"- {run.dataset}, {reading}: {count}")
+    for reading, reasons in by_reading["refused"]:
+        reason = re.split(r" \[|;", reasons.iloc[0])[0]
+        count = f"{len(reasons)} claims lack numbers"
+        notes.append(f"- {run.dataset}, {reading}: {count} ({reason}).")
     return notes
 
 
@@ -82,14 +85,16 @@ def floors(here: Run) -> str:
         rows = rows[rows["model"] == rows["model"].iloc[0]]
     by_floor = rows.pivot(index="ratio", columns="floor", values="sigma_b")
     by_floor = by_floor[sorted(by_floor, reverse=True)]
-    header = ["weight α₂/α₁ (rad)", *(f"ε = {floor:g}" for floor in by_floor)]
-    cells = [
-        [number(ratio, 3), *(number(sigma_b, 3) for sigma_b in row)]
-        for ratio, row in by_floor.iterrows()
-    ]
-    means = [
-        value for key, value in fitted.items() if key.startswith("fitted_mean_of_b")
-    ]
-    words = {"means": [number(mean, 3) for mean in means]}
-    words["sample"] = number(fitted["sigma_b_about_the_sample_mean"], 2)
-    return f"{say('floors', **words)}\n\n{table(header, cells)}"
+    header = ["weight α₂/α₁ (rad)"]
+    header += [f"ε = {floor:g}" for floor in by_floor]
+    cells = []
+    for ratio, of_weight in by_floor.iterrows():
+        values = [ratio, *of_weight]
+        cells.append([number(value, 3) for value in values])
+    means = []
+    for key, value in fitted.items():
+        if key.startswith("fitted_mean_of_b"):
+            means.append(number(value, 3))
+    sample = number(fitted["sigma_b_about_the_sample_mean"], 2)
+    sentences = say("floors", means=means, sample=sample)
+    return f"{sentences}\n\n{table(header, cells)}"

@@ -82,10 +82,11 @@ class Figure(NamedTuple):
 def with_plain_names(run: Run) -> Run:
     """Return ``run`` for its pages: Markdown shows all names and texts from files as they are."""
     plain = wording.escape_markup
-    metrics = {}
+    metrics, tables = {}, {}
     for stem, numbers in run.metrics.items():
         metrics[stem] = {plain(name): value for name, value in numbers.items()}
-    tables = {stem: rows.map(plain) for stem, rows in run.tables.items()}
+    for stem, rows in run.tables.items():
+        tables[stem] = rows.map(plain)
     joints = [plain(joint) for joint in run.joints]
     return replace(run, joints=joints, metrics=metrics, tables=tables)
 
@@ -219,15 +220,17 @@ def summary_numbers(here: Run, rows: Sequence[Row]) -> dict[str, float]:
     for row in rows:
         if here.dataset in row.group.verdicts and row.decides:
             counts = {word: len(claims) for word, claims in row.claims.items()}
-            numbers["fail"] = counts[FAILS] + counts[DEPENDS]
-            numbers["hold"] = sum(counts.values()) - numbers["fail"]
+            failing = counts[FAILS] + counts[DEPENDS]
+            numbers["fail"] = failing
+            numbers["hold"] = sum(counts.values()) - failing
     for name, (model, key) in SUMMARY.items():
         fitted = here.metrics.get(f"fit_{model}", {})
         if key in fitted:
             numbers[name] = fitted[key]
-    means = scores.log_scores(here)["mean"] if "predictions" in here.tables else {}
-    for name in [*here.models][:3]:
-        if name in means:
+    if "predictions" in here.tables:
+        means = scores.log_scores(here)["mean"]
+        first_models = [*here.models][:3]
+        for name in means.index.intersection(first_models, sort=False):
             numbers[f"log_{name}"] = means[name]
     return numbers
 
@@ -411,9 +414,12 @@ def losses(run: Run) -> dict[str, Mapping[str, float]]:
         for instrument, rows in lossy.groupby("instrument"):
             totals[instrument] = rows["total"]
     for stem, values in run.metrics.items():
+        if stem == "recordings":
+            continue
         lost = {name: n for name, n in values.items() if _is_loss(name, n)}
-        if lost and stem != "recordings":
-            totals[stem.replace("_", " of ", 1)] = lost
+        if lost:
+            stage = stem.replace("_", " of ", 1)
+            totals[stage] = lost
     return totals
 
 

@@ -170,13 +170,14 @@ def predictors(run: Run) -> str:
 def coverage(run: Run) -> str:
     """Return the share of steps within ±1σ of the prediction by group of steps and joint."""
     rows = run.tables["predictions"]
-    means = rows.set_index(["steps", "model", "score"])["mean"]
     models = [*rows["model"].unique()]
+    means = rows.pivot(index=["steps", "score"], columns="model", values="mean")
     cells = []
     for steps, joint in product(rows["steps"].unique(), run.joints):
-        score = f"coverage_of_one_sigma_{joint}"
-        cells.append([steps, joint, *(means[steps, model, score] for model in models)])
-    return table(["steps", "joint", *map(plain_name, models)], cells)
+        by_model = means.loc[(steps, f"coverage_of_one_sigma_{joint}"), models]
+        cells.append([steps, joint, *by_model])
+    names = [plain_name(model) for model in models]
+    return table(["steps", "joint", *names], cells)
 
 
 def filters(run: Run) -> str:
@@ -185,27 +186,33 @@ def filters(run: Run) -> str:
         return ""
     rows = run.tables[FILTERS].set_index(["model", "score"])
     models = dict.fromkeys(rows.index.get_level_values("model"))
-    names = [
-        NONE,
-        MEMORY,
-        *models_of(models),
-        *(name for name in models if name.endswith(CLOSED)),
-    ]
-    scores = {
-        f"rms error of {joint} (rad)": f"rms_error_{joint}_rad" for joint in run.joints
-    }
-    scores |= {
-        f"coverage of {joint}": f"coverage_of_one_sigma_{joint}" for joint in run.joints
-    }
-    scores |= {"log score": "log_score"}
+    closed_loop = [name for name in models if name.endswith(CLOSED)]
+    names = [NONE, MEMORY, *models_of(models), *closed_loop]
+    headings, scores = ["filter"], []
+    for joint in run.joints:
+        headings.append(f"rms error of {joint} (rad)")
+        scores.append(f"rms_error_{joint}_rad")
+    for joint in run.joints:
+        headings.append(f"coverage of {joint}")
+        scores.append(f"coverage_of_one_sigma_{joint}")
+    headings.append("log score")
     cells = []
     for name in names:
-        means = rows["mean"].reindex([(name, score) for score in scores.values()])
-        cells.append([_labels([name]), *means])
-        if pd.notna(means.iloc[-1]) and pd.notna(rows.loc[(name, "log_score"), "low"]):
-            against = difference(rows.loc[(name, "log_score")])
-            cells[-1][-1] = f"{number(means.iloc[-1])} ({against})"
-    return table(["filter", *scores], cells)
+        means = rows["mean"].reindex([(name, score) for score in scores])
+        log_score = _log_score_text(rows, name)
+        cells.append([_labels([name]), *means, log_score])
+    return table(headings, cells)
+
+
+def _log_score_text(rows: pd.DataFrame, name: str) -> str:
+    """Return the log score of the filter ``name`` with its difference to the training mean."""
+    if (name, "log_score") not in rows.index:
+        return MISSING
+    row = rows.loc[(name, "log_score")]
+    text = number(row["mean"])
+    if pd.isna(row["mean"]) or pd.isna(row["low"]):
+        return text
+    return f"{text} ({difference(row)})"
 
 
 def filter_verdict(run: Run) -> str:
@@ -221,9 +228,10 @@ def filter_verdict(run: Run) -> str:
     higher = [name for name in names if low.loc[name, "log_score"] > 0]
     particle = [name for name in higher if name != MEMORY]
     errors = [f"rms_error_{joint}_rad" for joint in run.joints]
+    is_smaller = (high[errors] < 0).all(axis=1)
     smaller = []
     for name in names:
-        if name not in (*higher, MEMORY) and (high.loc[name, errors] < 0).all():
+        if name not in (*higher, MEMORY) and is_smaller[name]:
             smaller.append(name)
     words = {"higher": _labels(particle), "smaller": _labels(smaller)}
     linear = [MEMORY in higher] if MEMORY in names else []

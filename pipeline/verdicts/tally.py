@@ -105,13 +105,13 @@ def groups_of(runs: Sequence[Run], decided: Sequence[Decided]) -> list[Group]:
     run's own first, then the robots of ROBOTS in their order.
     """
     verdicts = {column.dataset: column.verdicts for column in decided}
-    independent = d.WITHOUT_RECORDING
-    groups = [Group(independent, (), {independent: verdicts[independent]})]
-    components = _components(runs)
-    ordered = components[:1] + sorted(components[1:], key=_place)
-    for component in ordered:
+    name = d.WITHOUT_RECORDING
+    groups = [Group(name, (), {name: verdicts[name]})]
+    first, *further = _components(runs)
+    for component in [first, *sorted(further, key=_place)]:
+        name = robot_name(component)
         by_dataset = {run.dataset: verdicts[run.dataset] for run in component}
-        groups.append(Group(robot_name(component), tuple(component), by_dataset))
+        groups.append(Group(name, tuple(component), by_dataset))
     return groups
 
 
@@ -135,9 +135,12 @@ def _components(runs: Sequence[Run]) -> list[list[Run]]:
     """Return the ``runs`` in groups of those joined by :func:`joined`, also over others."""
     groups: list[list[Run]] = []
     for run in runs:
-        near = [group for group in groups if any(joined(run, seen) for seen in group)]
-        apart = [group for group in groups if group not in near]
-        merged = [seen for group in near for seen in group]
+        apart, merged = [], []
+        for group in groups:
+            if any(joined(run, seen) for seen in group):
+                merged += group
+            else:
+                apart.append(group)
         groups = [*apart, [*merged, run]]
         groups.sort(key=lambda group: runs.index(group[0]))
     return groups
@@ -256,12 +259,12 @@ def joined_text(group: Group, joined: Joined) -> str:
 
 def _over_causes(joined: Joined, word: str) -> str:
     """Return the verdict ``word`` on the synthetic recordings of one arm over their causes."""
+    outcomes = joined.by_cause.items()
     if word == DEPENDS:
-        holding, failing = [], []
-        for cause, outcome in joined.by_cause.items():
-            (failing if outcome == FAILS else holding).append(cause)
-        return f"{DEPENDS} (holds: {', '.join(holding)}; fails: {', '.join(failing)})"
-    count = len(joined.by_cause)
+        failing = ", ".join(cause for cause, outcome in outcomes if outcome == FAILS)
+        holding = ", ".join(cause for cause, outcome in outcomes if outcome != FAILS)
+        return f"{DEPENDS} (holds: {holding}; fails: {failing})"
+    count = len(outcomes)
     under = f"under {count} of {count} causes" if count > 1 else ""
     first = joined.by_dataset[joined.datasets(word)[0]]
     return _outcome_text(word, under) + _in_brackets(case_text(first))
@@ -277,14 +280,18 @@ def _in_datasets(group: Group, joined: Joined, word: str, names: Sequence[str]) 
     """Return the outcome ``word`` in the datasets ``names``, with the cases that hold: of the first
     if the claim holds, of each if it fails.
     """
-    texts = [_count_text(group, joined.by_dataset[name]) for name in names]
-    brackets = [_in_brackets(text) for text in texts]
+    brackets = {}
+    for name in names:
+        text = _count_text(group, joined.by_dataset[name])
+        brackets[name] = _in_brackets(text)
+    first = brackets[names[0]]
     if len(group.verdicts) == 1:
-        return _outcome_text(word, "") + brackets[0]
+        return _outcome_text(word, "") + first
     if word == FAILS:
-        failing = map("".join, zip(names, brackets, strict=True))
-        return _outcome_text(word, f"in {join_names(failing)}")
-    return _outcome_text(word, f"in {join_names(names)}") + brackets[0]
+        failing = join_names(name + text for name, text in brackets.items())
+        return _outcome_text(word, f"in {failing}")
+    holding = join_names(names)
+    return _outcome_text(word, f"in {holding}") + first
 
 
 def _in_brackets(text: str) -> str:

@@ -98,15 +98,18 @@ def legs_at(robot: SimpleNamespace, pose: np.ndarray) -> tuple[np.ndarray, np.nd
     axes. Row i of J⁻¹ is nᵢᵀ, (bᵢ × nᵢ)ᵀ over the length: nᵢ the unit vector along leg i from base
     to platform, bᵢ its joint on the platform from the platform's origin.
     """
-    base, platform = np.array(robot.base), np.array(robot.platform)
+    base = np.array(robot.base)
+    platform = np.array(robot.platform)
+    *places, _ = pose.shape
     position = pose[..., None, :3]
-    rotation = pose[..., 3:].reshape(*pose.shape[:-1], 3, 3)
+    rotation = pose[..., 3:].reshape(*places, 3, 3)
     arms = np.einsum("...ij,kj->...ki", rotation, platform)
     legs = position + arms - base
     lengths = np.linalg.norm(legs, axis=-1)
     n = legs / lengths[..., None]
     turning = np.cross(arms, n) / robot.length
-    return lengths, np.concatenate([n, turning], axis=-1)
+    inverse = np.concatenate([n, turning], axis=-1)
+    return lengths, inverse
 
 
 @dataclass(frozen=True)
@@ -147,12 +150,14 @@ def motion_of(options: SimpleNamespace) -> PlatformMotion:
     the legs do not hold the platform (Gosselin and Angeles 1990).
     """
     start, end = np.array(options.position)
+    shift = end - start
     first, last = map(Rotation.from_rotvec, np.array(options.turn))
-    shift, turn = end - start, (last * first.inv()).as_rotvec()
+    turn = (last * first.inv()).as_rotvec()
     share = np.linspace(0, 1, options.places)[:, None]
-    rotations = (Rotation.from_rotvec(share * turn) * first).as_matrix()
-    poses = np.hstack([start + share * shift, rotations.reshape(-1, 9)])
-    q, inverse = legs_at(options, poses)
+    positions = start + share * shift
+    turned = Rotation.from_rotvec(share * turn) * first
+    rotations = turned.as_matrix().reshape(-1, 9)
+    q, inverse = legs_at(options, np.hstack([positions, rotations]))
     shortest, longest = options.legs
     if q.min() < shortest or q.max() > longest:
         message = f"legs must be {shortest:g} to {longest:g} m long, the motion needs "
@@ -162,20 +167,22 @@ def motion_of(options: SimpleNamespace) -> PlatformMotion:
         message = "the motion has a pose at which the legs do not hold the platform; choose a "
         message += "smaller turn, or joints of base and platform that are not similar"
         raise ConfigError(message, key="turn")
-    velocity = np.concatenate([shift, options.length * turn]) / options.places
-    return PlatformMotion(q, np.broadcast_to(velocity, q.shape), inverse)
+    whole_step = np.concatenate([shift, options.length * turn])
+    v = np.broadcast_to(whole_step / options.places, q.shape)
+    return PlatformMotion(q, v, inverse)
 
 
 def holds_platform(inverse: np.ndarray, options: SimpleNamespace) -> bool:
-    """Return whether the legs hold the platform at all poses: J⁻¹ (K, 6, 6) is regular and its
+    """Return True if the legs hold the platform at all poses: J⁻¹ (K, 6, 6) is regular and its
     determinant keeps its sign.
     """
     radius = np.linalg.norm(options.platform, axis=1).max()
     greatest_entry = max(1.0, radius / options.length)
-    singular_values = np.linalg.svd(inverse, compute_uv=False)
-    signs = np.sign(np.linalg.det(inverse))
-    regular = singular_values.min() >= LEAST_SINGULAR * greatest_entry
-    return bool(regular and np.ptp(signs) == 0)
+    least = np.linalg.svd(inverse, compute_uv=False).min()
+    if least < LEAST_SINGULAR * greatest_entry:
+        return False
+    determinants = np.linalg.det(inverse)
+    return len(np.unique(np.sign(determinants))) == 1
 
 
 def equal_models(
@@ -248,11 +255,13 @@ def slope_rows(errors: pd.DataFrame) -> pd.DataFrame:
     for name, of_block in errors.groupby("part", sort=False):
         for error in ERRORS:
             means = of_block.pivot(index="agents", columns="repeat", values=error)
-            agents = np.log(means.index.to_numpy(float))
-            slopes = np.polyfit(agents, np.log(means).to_numpy(), 1)[0]
-            slope, low, high, *_ = paired_difference(slopes, np.zeros_like(slopes))
-            rows.append((name, error, slope, low, high))
-    return pd.DataFrame(rows, columns=["part", "error", "slope", "low", "high"])
+            log_agents = np.log(means.index.to_numpy(float))
+            log_errors = np.log(means).to_numpy()
+            slopes, _ = np.polyfit(log_agents, log_errors, 1)
+            mean = paired_difference(slopes, np.zeros_like(slopes))
+            rows.append((name, error, mean.difference, mean.low, mean.high))
+    columns = ["part", "error", "slope", "low", "high"]
+    return pd.DataFrame(rows, columns=columns)
 
 
 def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
@@ -268,8 +277,10 @@ def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
         cell = [f"{row.error} of {row.part}, {form} Σ_S"]
         cell += [number(of_block[few]), number(of_block[many])]
         cells.append([*cell, interval(row.slope, row.low, row.high)])
-    return (ends["last"] / ends["first"]).to_dict() | {
-        "least": motion["least_singular_value"].iloc[[0, -1]].tolist(),
+    ratios = ends["last"] / ends["first"]
+    least = motion["least_singular_value"]
+    return ratios.to_dict() | {
+        "least": least.iloc[[0, -1]].tolist(),
         "few": few,
         "many": many,
         "repeats": errors["repeat"].nunique(),

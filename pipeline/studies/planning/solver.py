@@ -46,17 +46,21 @@ def start_poses(task: PathTask, count: int) -> ndarray:
     high = np.where(bounded, chain.upper, np.pi)
     shares = Halton(len(low), scramble=False).fast_forward(1).random(count)
     q = low + (high - low) * shares
+    target = task.path[0]
     for _ in range(NEWTON_STEPS):
         q = q[~chain.singular(q)]
-        off = chain.displacement(chain.pose(q), task.path[0])
+        off = chain.displacement(chain.pose(q), target)
         step = np.matvec(chain.inverse_jacobian(q), off)
         length = np.linalg.norm(step, axis=-1, keepdims=True)
-        q = q + step * (LONGEST_STEP / np.maximum(length, LONGEST_STEP))
+        shortening = LONGEST_STEP / np.maximum(length, LONGEST_STEP)
+        q = q + step * shortening
 
-    off = chain.displacement(chain.pose(q), task.path[0])
-    reached = np.linalg.norm(off, axis=-1) <= TOLERANCE
+    off = chain.displacement(chain.pose(q), target)
+    distance = np.linalg.norm(off, axis=-1)
+    reached = distance <= TOLERANCE
     q = q[reached & chain.within_limits(q)]
-    _, first = np.unique(np.round(q, SAME_START), axis=0, return_index=True)
+    rounded = np.round(q, SAME_START)
+    _, first = np.unique(rounded, axis=0, return_index=True)
     return q[first]
 
 
@@ -69,13 +73,15 @@ def motions_from(task: PathTask, starts: ndarray) -> ndarray:
     count, joints = starts.shape
     motions = np.full((count, len(task.path), joints), np.nan)
     motions[:, 0] = starts
-    moving = np.arange(len(starts))
+    moving = np.arange(count)
     for k, target in enumerate(task.path[1:]):
-        moving = moving[~chain.singular(motions[moving, k])]
+        singular = chain.singular(motions[moving, k])
+        moving = moving[~singular]
         q = motions[moving, k]
-        task_step = chain.displacement(chain.pose(q), target)  # ẋ·Δt
-        joint_step = np.matvec(chain.inverse_jacobian(q), task_step)
-        motions[moving, k + 1] = q + joint_step
+        # ẋ·Δt
+        task_step = chain.displacement(chain.pose(q), target)
+        inverse = chain.inverse_jacobian(q)
+        motions[moving, k + 1] = q + np.matvec(inverse, task_step)
     return motions
 
 

@@ -179,14 +179,12 @@ def predicted_rows(
 ) -> pd.DataFrame:
     """Return the table ``planning_predictions`` of one case."""
     joints = np.stack(list(motions.values()))
-    parts = []
+    rows = []
     for model, law in laws.items():
         sums = summed_variance(law, task, joints)
-        parts.append(
-            pd.DataFrame({"model": model, "motion": list(motions), "sum": sums}),
-        )
-    columns = ["model", "motion", "sum"]
-    return concatenate(parts) if parts else pd.DataFrame(columns=columns)
+        for motion, value in zip(motions, sums, strict=True):
+            rows.append((model, motion, value))
+    return pd.DataFrame(rows, columns=["model", "motion", "sum"])
 
 
 def realised_rows(bench: Bench, motions: Motions) -> pd.DataFrame:
@@ -237,13 +235,15 @@ def compared(planning: pd.DataFrame, predictions: pd.DataFrame) -> pd.DataFrame:
     """Return the sums over the sum of the motion from the recorded start, by case, model and
     motion: ``predicted`` and realised (``ratio``).
     """
+    keys = [*CASE, "model"]
     from_start = predictions["motion"] == RECORDED_START
-    start = predictions[from_start].drop(columns="motion")
+    start = predictions.loc[from_start, [*keys, "sum"]]
     start = start.rename(columns={"sum": "sum_of_start"})
-    rows = predictions.merge(start, on=[*CASE, "model"])
+    rows = predictions.merge(start, on=keys)
     rows["predicted"] = rows["sum"] / rows["sum_of_start"]
-    realised = planning[[*CASE, "motion", "ratio"]]
-    return rows.merge(realised, on=[*CASE, "motion"])
+    keys = [*CASE, "motion"]
+    realised = planning[[*keys, "ratio"]]
+    return rows.merge(realised, on=keys)
 
 
 def agreement(rows: pd.DataFrame) -> float:
@@ -278,18 +278,14 @@ def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
             plan = rows[rows["motion"] == PLAN + model]
             cell.append(ratio_text(plan.iloc[0]) if len(plan) else "–")
         cells.append(cell)
+    header = ["arm", "cause", "least sum (share)", "ratio"]
+    header += [PLAN + model for model in taus]
     return {
         "sure": int(sure),
         "pairs": len(cells),
         "share": SURE,
         "medians": join_names(medians or ["undefined"]),
-        "header": [
-            "arm",
-            "cause",
-            "least sum (share)",
-            "ratio",
-            *map(PLAN.__add__, taus),
-        ],
+        "header": header,
         "cells": cells,
     }
 

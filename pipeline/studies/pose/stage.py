@@ -71,13 +71,15 @@ def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
     numbers = ["power", "spread", "needed"]
     pose = pose.assign(exponent=list(texts), **pose[numbers].map(number))
     norm = pose[pose["quantity"] == NORM]
-    repeated = norm[norm["noise"] == REPEATED].set_index("dataset")["exponent"]
-    norm = norm.assign(repeated=norm["dataset"].map(repeated).fillna(""))
+    of_repeated = norm[norm["noise"] == REPEATED].set_index("dataset")
+    exponents = of_repeated["exponent"].to_dict()
+    repeated = [exponents.get(dataset, "") for dataset in norm["dataset"]]
+    decisive = norm.assign(repeated=repeated)[is_decisive(norm)]
     columns = ["dataset", "noise", "quantity", "exponent", *numbers, "answer"]
     return {
-        "norm": list(norm[is_decisive(norm)].itertuples()),
+        "norm": list(decisive.itertuples()),
         "answers": ANSWERS,
-        "cells": norm.loc[is_decisive(norm), columns].to_numpy(),
+        "cells": decisive[columns].to_numpy(),
     }
 
 
@@ -95,13 +97,13 @@ def draw(pose: pd.DataFrame) -> Figure:
     pose = pose[is_decisive(pose)]
     names = list(pose["dataset"].unique())
     figure, ((axes,),) = style.panels(style.TWO_COLUMNS, 1.2 + 0.45 * len(names))
-    for shift, (quantity, look) in zip((-0.2, 0.0, 0.2), LOOKS.items(), strict=True):
+    for shift, quantity in zip((-0.2, 0.0, 0.2), LOOKS, strict=True):
         rows = pose[pose["quantity"] == quantity]
         heights = [names.index(name) + shift for name in rows["dataset"]]
-        below = rows["exponent"] - rows["low"]
-        above = rows["high"] - rows["exponent"]
-        ends = [below, above]
-        axes.errorbar(rows["exponent"], heights, xerr=ends, markersize=4, **look)
+        exponent = rows["exponent"]
+        ends = [exponent - rows["low"], rows["high"] - exponent]
+        look = LOOKS[quantity] | {"markersize": 4}
+        axes.errorbar(exponent, heights, xerr=ends, **look)
     for value in (0.0, 1.0):
         axes.axvline(value, color=style.GREY, linewidth=0.8, zorder=0)
     axes.set_yticks(range(len(names)), names)

@@ -194,13 +194,16 @@ def draw(recovery: pd.DataFrame) -> Figure:
     recovery = recovery[recovery["parameter"] == "sigma_b"]
     figure, ((axes,),) = style.panels(style.ONE_COLUMN, 2.7)
     truths = list(recovery["truth"].unique())
-    for shift, (estimator, look) in zip((-0.2, 0, 0.2), LOOKS.items(), strict=True):
-        rows = recovery[recovery["estimator"] == estimator].dropna(subset="mean")
-        x = rows["truth"].map(truths.index) + shift
-        mean = rows["mean"] / rows["truth"]
-        below = mean - rows["least"] / rows["truth"]
-        above = rows["greatest"] / rows["truth"] - mean
-        axes.errorbar(x, mean, yerr=(below, above), ls="", ms=4, lw=1.2, **look)
+    for shift, estimator in zip((-0.2, 0, 0.2), LOOKS, strict=True):
+        rows = recovery[recovery["estimator"] == estimator]
+        rows = rows.dropna(subset="mean")
+        truth = rows["truth"]
+        mean = rows["mean"] / truth
+        below = mean - rows["least"] / truth
+        above = rows["greatest"] / truth - mean
+        x = truth.map(truths.index) + shift
+        look = LOOKS[estimator] | {"ls": "", "ms": 4, "lw": 1.2}
+        axes.errorbar(x, mean, yerr=(below, above), **look)
     axes.axhline(1, color=style.GREY, linewidth=0.8, zorder=0, label="true value")
     axes.set_xticks(range(len(truths)), [f"{truth:g}" for truth in truths])
     axes.set_xlabel(r"true $\sigma_B$ (1)")

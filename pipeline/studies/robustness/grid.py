@@ -45,38 +45,46 @@ def decision_cases(
     """Return the base case, then every case in which one decision changes the options; ``others``
     is the number of cases with other random numbers, and the number with other test takes.
     """
-    models = {
-        kind: replace(model, estimator=CONSISTENT.get(kind, model.estimator))
-        for kind, model in base.models.items()
+    consistent = {}
+    for kind, model in base.models.items():
+        estimator = CONSISTENT.get(kind, model.estimator)
+        consistent[kind] = replace(model, estimator=estimator)
+    cases = [("estimator", "likelihood", replace(base, models=consistent))]
+    for reading, case in readings(base, task, joints).items():
+        cases.append(("decomposition", reading, case))
+    for decision, levels in changed_options(base, others).items():
+        for level, options in levels.items():
+            cases.append((decision, level, replace(base, **options)))
+    different = [named for named in cases if named[2] != base]
+    return [(BASE, BASE, base), *different]
+
+
+def changed_options(base: Choices, others: int) -> dict[str, dict[str, dict]]:
+    """Return the options that differ from ``base`` by decision and level; ``others`` is as in
+    :func:`decision_cases`.
+    """
+
+    def filtered(name: str, value: object) -> dict:
+        return {"filter": replace(base.filter, **{name: value})}
+
+    scaled = [round(factor * base.filter.particles) for factor in (0.1, 0.3, 3.0)]
+    counts = [max(1, count) for count in scaled]
+    numbers = range(1, others + 1)
+    draws = {f"draws {n}": {"draw": base.draw + n} for n in numbers}
+    takes = {f"takes {n}": {"batch": base.batch + n} for n in numbers}
+    return {
+        "realisations": {
+            "one step": {"mode": "one_step"},
+            "free running": {"mode": "free_running"},
+        },
+        "noise in scores": {f"× {x:g}": {"measurement": x} for x in (0.0, 0.5, 2.0)},
+        "clock": {clock: {"clock": clock} for clock in CLOCKS},
+        "resampling": {scheme: filtered("scheme", scheme) for scheme in SCHEMES},
+        # share of the particles; 1 resamples at every step
+        "threshold": {f"{x:g}": filtered("threshold", x) for x in (0.25, 1.0)},
+        "particles": {f"{count}": filtered("particles", count) for count in counts},
+        CHANCE: draws | takes,
     }
-    # threshold: share of the particles; 1 resamples at every step
-    filters = [("resampling", scheme, {"scheme": scheme}) for scheme in SCHEMES]
-    filters += [
-        ("threshold", f"{share:g}", {"threshold": share}) for share in (0.25, 1.0)
-    ]
-    counts = [
-        max(1, round(factor * base.filter.particles)) for factor in (0.1, 0.3, 3.0)
-    ]
-    filters += [("particles", f"{count}", {"particles": count}) for count in counts]
-    modes, numbers = ("one_step", "free_running"), range(1, others + 1)
-    varied = [
-        ("realisations", mode.replace("_", " "), {"mode": mode}) for mode in modes
-    ]
-    varied += [
-        ("noise in scores", f"× {x:g}", {"measurement": x}) for x in (0.0, 0.5, 2.0)
-    ]
-    varied += [("clock", clock, {"clock": clock}) for clock in CLOCKS]
-    varied += [(d, x, {"filter": replace(base.filter, **new)}) for d, x, new in filters]
-    varied += [(CHANCE, f"draws {n}", {"draw": base.draw + n}) for n in numbers]
-    varied += [(CHANCE, f"takes {n}", {"batch": base.batch + n}) for n in numbers]
-    cases = [("estimator", "likelihood", replace(base, models=models))]
-    cases += [
-        ("decomposition", *named) for named in readings(base, task, joints).items()
-    ]
-    cases += [
-        (decision, level, replace(base, **new)) for decision, level, new in varied
-    ]
-    return [(BASE, BASE, base), *(case for case in cases if case[2] != base)]
 
 
 def without_camera(case: Choices, base: Choices) -> bool:
@@ -100,18 +108,16 @@ def cameras(
     Times of ``angles`` are corrected by the estimated ``offsets`` in s of the takes' clocks;
     ``periods`` in s are the periods of a frame and of a step.
     """
-    (frame, step), t = periods, angles["t"]
-    times = (
-        t,
-        t - angles["take"].map(offsets),
-        t + frame,
-        t - frame,
-        np.rint(t / step) * step,
-    )
-    return {
-        clock: camera_of(angles.assign(t=time), joints, window=window)
-        for clock, time in zip(CLOCKS, times, strict=True)
-    }
+    frame, step = periods
+    t = angles["t"]
+    corrected = t - angles["take"].map(offsets)
+    nearest_step = np.rint(t / step) * step
+    times = (t, corrected, t + frame, t - frame, nearest_step)
+    seen = {}
+    for clock, time in zip(CLOCKS, times, strict=True):
+        timed = angles.assign(t=time)
+        seen[clock] = camera_of(timed, joints, window=window)
+    return seen
 
 
 class Condition(NamedTuple):
@@ -149,12 +155,12 @@ def conditions(
     points: list[tuple] = [()]
     for name, levels in factors.items():
         points += [((name, level),) for level in levels]
-    for levels in product(*([1.0, *factors[name]] for name in combined)):
-        changed = [
-            pair for pair in zip(combined, levels, strict=True) if pair[1] != 1.0
-        ]
+    with_base = [[1.0, *factors[name]] for name in combined]
+    for levels in product(*with_base):
+        pairs = zip(combined, levels, strict=True)
+        changed = tuple(pair for pair in pairs if pair[1] != 1.0)
         if len(changed) > 1:
-            points.append(tuple(changed))
+            points.append(changed)
     return [Condition(study, seed, point) for point in points for seed in seeds]
 
 
@@ -248,10 +254,11 @@ def changed_motion(
 
 def wrench_evidence(condition: Condition, study: Wrench) -> pd.DataFrame:
     """Return the evidence of the numerical ``study`` of the wrench with other bounds."""
-    levels, names = dict(condition.levels), ("kappa", "tension_std")
-    scaled = {
-        n: [levels.get(n, 1.0) * value for value in getattr(study, n)] for n in names
-    }
+    factors = dict(condition.levels)
+    scaled = {}
+    for name in ("kappa", "tension_std"):
+        factor = factors.get(name, 1.0)
+        scaled[name] = [factor * value for value in getattr(study, name)]
     stream = rng.stream(condition.seed, "wrench.study")
     _, errors, repeats = run_study(replace(study, **scaled), stream)
     return evidence_of({"wrench_errors": errors, "wrench_spread": repeats})

@@ -200,7 +200,8 @@ def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
     changed = rows[rows["changed"]]
     flipped = {}
     for cause in (*PARTS, grid.CHANCE):
-        flipped[cause] = changed.loc[changed["cause"] == cause, "claim"].unique()
+        of_cause = changed[changed["cause"] == cause]
+        flipped[cause] = of_cause["claim"].unique()
     of_decisions = changed[changed["cause"] == "decisions"].groupby("factor")
     by_decision = of_decisions["claim"].nunique().sort_values(ascending=False)
     claims = rows["claim"].unique()
@@ -273,19 +274,21 @@ def draw_verdicts(axes: Axes, rows: pd.DataFrame, places: Mapping[str, int]) -> 
     """Draw the verdict of the base case and a square for each factor in the line of each claim, at
     the height of ``places``.
     """
-    factors = list(rows["factor"].unique())
     for row in rows.drop_duplicates("claim").itertuples():
-        axes.plot([0], [places[row.claim]], ls="none", ms=4.2, **BASES[row.base])
+        look = BASES[row.base] | {"ls": "none", "ms": 4.2}
+        axes.plot([0], [places[row.claim]], **look)
+    columns = {factor: x for x, factor in enumerate(rows["factor"].unique(), 1)}
     for row in rows.itertuples():
-        look = SQUARES["same verdict"]
-        if row.changed and row.factor == grid.CHANCE:
-            look = SQUARES["changed by chance"]
-        elif row.changed:
-            look = SQUARES["another verdict"]
-        x = 1 + factors.index(row.factor)
-        axes.plot([x], [places[row.claim]], ls="none", **look)
-    labels = [NAMES.get(factor, factor.replace("_", " ")) for factor in factors]
-    axes.set_xticks(range(1 + len(factors)), ["base case", *labels], rotation=90)
-    axes.set(xlim=(-0.7, len(factors) + 0.7), ylim=(len(places) - 0.4, -0.6))
+        word = "same verdict"
+        if row.changed:
+            by_chance = row.factor == grid.CHANCE
+            word = "changed by chance" if by_chance else "another verdict"
+        place = [columns[row.factor]], [places[row.claim]]
+        axes.plot(*place, ls="none", **SQUARES[word])
+    labels = ["base case"]
+    for factor in columns:
+        labels.append(NAMES.get(factor, factor.replace("_", " ")))
+    axes.set_xticks(range(len(labels)), labels, rotation=90)
+    axes.set(xlim=(-0.7, len(columns) + 0.7), ylim=(len(places) - 0.4, -0.6))
     axes.tick_params(length=0)
     axes.spines[:].set_visible(False)

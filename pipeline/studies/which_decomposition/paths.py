@@ -39,11 +39,14 @@ class TimeLaw:
 
     def draw(self, back: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """Return the completed share (P, steps+1) of each path; ``back`` (P,) marks returns."""
-        returns, duration = back[:, None], self.steps / self.rate
-        time = np.arange(self.steps + 1) / self.rate
-        time = np.where(returns, np.minimum(time, duration - time), time)
+        returns = back[:, None]
+        duration = self.steps / self.rate
+        elapsed = np.arange(self.steps + 1) / self.rate
+        from_nearer_end = np.minimum(elapsed, duration - elapsed)
+        time = np.where(returns, from_nearer_end, elapsed)
         rest = rng.uniform(*self.rest, returns.shape)
-        moving = np.where(returns, duration / 2, duration) - 2 * rest
+        one_way = np.where(returns, duration / 2, duration)
+        moving = one_way - 2 * rest
         ramp = rng.uniform(*self.ramp, returns.shape) / moving
         place = np.clip((time - rest) / moving, 0.0, 1.0)
         # the completed share from the nearer end: parabola in the ramp, then a line
@@ -179,7 +182,8 @@ def _random_axes(count: int, rng: np.random.Generator) -> np.ndarray:
     (count, 2, 3).
     """
     along, across = rng.standard_normal((2, count, 3))
-    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    length = np.linalg.norm(along, axis=1, keepdims=True)
+    along /= length
     parallel = np.vecdot(across, along)
     across -= parallel[:, None] * along
     length = np.linalg.norm(across, axis=1)
@@ -202,8 +206,9 @@ def joint_angles(chain: PlanarChain, pose: np.ndarray, elbow: np.ndarray) -> np.
     square = np.vecdot(wrist, wrist)
     cosine = (square - first**2 - second**2) / (2 * first * second)
     with np.errstate(invalid="ignore"):
-        bend = np.arccos(cosine)
-    bend = -np.prod(chain.signs) * elbow * bend
+        angle = np.arccos(cosine)
+    side = -np.prod(chain.signs) * elbow
+    bend = side * angle
     across = second * np.sin(bend)
     along = first + second * np.cos(bend)
     to_wrist = np.arctan2(wrist[..., 0], wrist[..., 1])

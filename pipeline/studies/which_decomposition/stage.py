@@ -209,13 +209,15 @@ def draw(widths: pd.DataFrame, evidence: pd.DataFrame) -> Figure:
 
 def draw_widths(axes: Axes, widths: pd.DataFrame) -> None:
     """Draw median and interval of the widths of each reading, with an arrow beyond WIDEST."""
-    black = {"color": style.BLACK}
-    dot = black | {"marker": "o", "markersize": 4}
+    line = {"color": style.BLACK, "linewidth": 1.2}
+    dot = {"color": style.BLACK, "marker": "o", "markersize": 4}
+    arrow = dot | {"marker": ">", "clip_on": False}
     for height, row in enumerate(widths.itertuples()):
-        axes.hlines(height, row.low, min(row.high, WIDEST), linewidth=1.2, **black)
+        end = min(row.high, WIDEST)
+        axes.hlines(height, row.low, end, **line)
         axes.plot(row.median, height, **dot)
         if row.high > WIDEST:
-            axes.plot(WIDEST, height, **dot | {"marker": ">"}, clip_on=False)
+            axes.plot(WIDEST, height, **arrow)
     axes.plot([], [], **dot, label="median, 90 % of the paths")
     axes.plot([], [], color=style.GREY, label="printed value; pivoted LU")
     axes.set(xlim=(0.02, WIDEST), ylim=(len(widths) - 0.5, -0.6))
