@@ -161,12 +161,15 @@ class Recordings:
 def recorded_takes(robot: Robot, motion: Motion) -> Takes:
     """Return the training and test takes of ``motion`` from the tables of the stage track."""
     joints = contracts.read("joints", Path("data/track"))
-    names, poses = contracts.stacked(joints[joints.part == "training"], "q")
+    training = joints[joints["part"] == "training"]
+    names, poses = contracts.stacked(training, "q")
+    test = joints[joints["part"] == "test"]
     angles = columns("q", robot.joints)
-    test = {}
-    for take, rows in joints[joints.part == "test"].groupby("take"):
-        test[take] = np.array(rows[angles], order="C")
-    return Takes(training_steps(robot, motion), tuple(names), poses, test)
+    test_poses = {}
+    for take, rows in test.groupby("take"):
+        test_poses[take] = np.array(rows[angles], order="C")
+    steps = training_steps(robot, motion)
+    return Takes(steps, tuple(names), poses, test_poses)
 
 
 def camera_of(angles: pd.DataFrame, joints: pd.DataFrame, *, window: int) -> Camera:

@@ -83,8 +83,10 @@ def errors_of_takes(mean: np.ndarray, without: np.ndarray) -> np.ndarray:
     (takes, F, n). The mean without a take that lacks the frame is the mean itself.
     """
     lacking = np.all(without == mean, axis=-1)
-    having = (len(without) - np.count_nonzero(lacking, axis=0))[:, None]
-    errors = having * mean - (having - 1) * without
+    having = np.count_nonzero(~lacking, axis=0)[:, None]
+    sums = having * mean
+    sums_without = (having - 1) * without
+    errors = sums - sums_without
     errors[lacking] = np.nan
     return errors
 

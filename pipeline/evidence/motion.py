@@ -247,13 +247,15 @@ def noise_rows(outcomes: Mapping[str, Outcome], training: Recorded) -> Rows:
 
 def _mean_error_rows(modelled: Mapping[str, ModelledNoise]) -> Rows:
     """Yield the variation over time of the error of each model's mean, and its differences."""
-    std = {name: jackknifed_mean_error(noise.error) for name, noise in modelled.items()}
-    for model, values in std.items():
-        yield evidence_row("mean_error_variation", values[0], model=model)
-    for model, rival in permutations(std, 2):
-        varies_more = jackknife_difference(std[model] - std[rival])
-        keys = {"model": model, "rival": rival}
-        yield difference_row("mean_error_variation", varies_more, **keys)
+    quantity = "mean_error_variation"
+    variations = {}
+    for model, noise in modelled.items():
+        variations[model] = jackknifed_mean_error(noise.error)
+        yield evidence_row(quantity, variations[model][0], model=model)
+    for model, rival in permutations(variations, 2):
+        difference = variations[model] - variations[rival]
+        varies_more = jackknife_difference(difference)
+        yield difference_row(quantity, varies_more, model=model, rival=rival)
 
 
 def dexterity_evidence(
@@ -311,11 +313,14 @@ def total_variances(model: MotionModel, chain: Chain, poses: np.ndarray) -> np.n
     """Return the total variance (N,) in rad² of a step of ``model`` from each of the ``poses`` (N,
     n), mean over the directions of the task.
     """
+    rows = len(chain.task)
+    shape = (len(poses), rows)
     variances = []
-    for v in DEXTERITY_STEP * np.eye(len(chain.task)):
-        commands = np.broadcast_to(v, (len(poses), len(v)))
+    for v in DEXTERITY_STEP * np.eye(rows):
+        commands = np.broadcast_to(v, shape)
         covariance = model.covariance(chain, poses, commands)
-        variances.append(np.trace(covariance, axis1=-2, axis2=-1))
+        total = np.trace(covariance, axis1=-2, axis2=-1)
+        variances.append(total)
     return np.mean(variances, axis=0)
 
 
@@ -324,12 +329,13 @@ def prediction_evidence(predictions: pd.DataFrame, pairs: pd.DataFrame) -> pd.Da
     the tables ``predictions`` and ``prediction_pairs``.
     """
     rows = []
-    scores = predictions[predictions["score"] == "log_score"]
-    for score in scores[scores["steps"] == "all"].itertuples():
-        keys = {"model": score.model, "steps": score.steps}
+    of_all_steps = predictions["steps"] == "all"
+    is_log_score = predictions["score"] == "log_score"
+    for score in predictions[of_all_steps & is_log_score].itertuples():
+        keys = {"model": score.model, "steps": "all"}
         rows.append(evidence_row("step_log_score", score.mean, **keys))
     for pair in pairs[pairs["steps"] == "all"].itertuples():
-        keys = {"model": pair.model, "rival": pair.rival, "steps": pair.steps}
+        keys = {"model": pair.model, "rival": pair.rival, "steps": "all"}
         rows.append(difference_row("step_log_score", pair, **keys))
     return evidence_table(rows)
 

@@ -130,8 +130,9 @@ def _earlier(noise: ndarray, late: ndarray) -> ndarray:
     interpolation, without the last steps.
     """
     steps = np.arange(len(noise))
-    whole = steps[: len(noise) - int(np.ceil(np.max(late, initial=0.0)))]
+    latest = int(np.ceil(np.max(late, initial=0.0)))
+    common = steps[: len(noise) - latest]
     columns = []
-    for joint, samples in enumerate(late):
-        columns.append(np.interp(whole + samples, steps, noise[:, joint]))
+    for samples, of_joint in zip(late, noise.T, strict=True):
+        columns.append(np.interp(common + samples, steps, of_joint))
     return np.stack(columns, axis=1)

@@ -38,11 +38,13 @@ def step_changes(runs: Sequence[JointRun]) -> StepChanges:
     noise, pace = [], []
     for run in runs:
         stride = max(round(STEP * run.rate), 1)
-        error = (run.measured - run.command)[::stride]
+        command = run.command[::stride]
+        error = run.measured[::stride] - command
+        steps = np.diff(command, axis=0)
         noise.append(np.diff(error, axis=0))
-        pace.append(np.abs(np.diff(run.command[::stride], axis=0)))
-    moving = np.flatnonzero(np.concatenate(pace).any(axis=0))
-    return StepChanges(noise, pace, moving)
+        pace.append(np.abs(steps))
+    moves = np.concatenate(pace).any(axis=0)
+    return StepChanges(noise, pace, np.flatnonzero(moves))
 
 
 def step_noise(runs: Sequence[JointRun]) -> pd.DataFrame:

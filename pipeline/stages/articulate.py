@@ -48,11 +48,14 @@ def _view(
     """Return points and nodes of the first take's initial frame or most extended frame."""
     take = angles[angles["take"] == rows["take"].iloc[0]]
     origin = arm.chain.origin
-    reach = np.hypot(take["xe"] - origin[0], take["ze"] - origin[1])
-    shown = take.iloc[0 if name == "initial" else int(reach.argmax())]
+    shown = take.iloc[0]
+    if name != "initial":
+        reach = np.hypot(take["xe"] - origin[0], take["ze"] - origin[1])
+        shown = take.iloc[int(reach.argmax())]
     clouds = depth_takes.arm_points(rows, depth_takes.DEPTH)
-    points = dict(zip(rows["frame"], clouds, strict=True))[int(shown["frame"])]
-    cloud = pd.DataFrame({"view": name, "x": points[:, 0], "z": points[:, 1]})
+    by_frame = dict(zip(rows["frame"], clouds, strict=True))
+    x, z = by_frame[int(shown["frame"])].T[:2]
+    cloud = pd.DataFrame({"view": name, "x": x, "z": z})
     nodes = [origin]
     for node in "23e":
         nodes.append([shown[f"x{node}"], shown[f"z{node}"]])

@@ -114,10 +114,11 @@ def _command(nominal: Chain, dataset) -> pd.DataFrame:
 
 def _in_plane(session: Session, dataset, stream) -> tuple[Arm, np.ndarray, np.ndarray]:
     """Return a planar arm, random places of its markers, and the depth camera's bias."""
-    links = dataset.mocap.markers.values()
-    template = np.array([list(link.values()) for link in links])
-    markers = mocap.place_markers(template, dataset.laboratory["mocap"], stream)
-    bias = draw_bias(dataset.laboratory["kinect"], stream)
+    laboratory = dataset.laboratory
+    links = [[*link.values()] for link in dataset.mocap.markers.values()]
+    template = np.array(links)
+    markers = mocap.place_markers(template, laboratory["mocap"], stream)
+    bias = draw_bias(laboratory["kinect"], stream)
     arm = replace(arm_of(dataset.robot), chain=session.chain)
     return arm, markers, bias
 

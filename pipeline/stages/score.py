@@ -301,7 +301,8 @@ def _true_speeds(takes: Takes, dataset: Dataset) -> dict[str, float]:
         return {}
     recorded, rate = takes.training, dataset.motion.rate
     chain = recorded.chain
-    _, q = contracts.stacked(contracts.read("true_joints", truth), "q")
+    true_joints = contracts.read("true_joints", truth)
+    _, q = contracts.stacked(true_joints, "q")
     nominal = chain.nominal_step(q[:, :-1], recorded.v)
     steps = np.diff(q, axis=1)
     metrics = speed_scores(steps, nominal, chain.max_speed, rate, recorded.joints)
@@ -317,13 +318,15 @@ def _camera_errors(takes: Takes, rate: float) -> tuple[float, pd.DataFrame]:
     the joint speed near a sample.
     """
     joints = contracts.read("joints", TRACK)
-    errors = depth_noise.errors_of(contracts.read("angles", ARTICULATE), joints)
+    angles = contracts.read("angles", ARTICULATE)
+    errors = depth_noise.errors_of(angles, joints)
     mean = values(errors, "e").mean(axis=0)
+    greatest = np.abs(mean).max()
     pose, _ = pose_covariances(takes.training, takes.poses)
     moving = depth_noise.deviations(errors, joints)
     slopes = depth_noise.error_slopes(moving, 1 / rate, pose)
-    near = slopes[slopes["frames"] == depth_noise.NEAR_A_SAMPLE]
-    return float(np.abs(mean).max()), near
+    near_a_sample = slopes["frames"] == depth_noise.NEAR_A_SAMPLE
+    return float(greatest), slopes[near_a_sample]
 
 
 def _recording_tables() -> Tables:

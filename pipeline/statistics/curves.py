@@ -119,21 +119,26 @@ def variation_limits(noise: ndarray, rng: Generator, centred: bool = True) -> nd
     from scipy.ndimage import uniform_filter1d
 
     _, steps, joints = noise.shape
-    ends = ndtri([1 - RECOGNISED ** (1 / joints), RECOGNISED])
+    below, above = ndtri([1 - RECOGNISED ** (1 / joints), RECOGNISED])
     phases = 2 * np.pi * np.arange(steps) / steps
     course = 1 + 2**0.5 * VARYING * np.sin(phases)[:, None]
+
+    def limit(of_joint: ndarray, scale: ndarray | float, end: float) -> float:
+        drawn = _drawn_std(of_joint, scale, rng, centred) * course
+        # no noise at all: no limits
+        with np.errstate(divide="ignore", invalid="ignore"):
+            variations = np.log(drawn.std(axis=0) / drawn.mean(axis=0))
+        return np.exp(variations.mean() + end * variations.std(ddof=1))
+
     limits = []
     for of_joint in np.moveaxis(noise, -1, 0):
         squares = of_joint.var(axis=0) if centred else np.mean(of_joint**2, axis=0)
         running = uniform_filter1d(squares, max(steps // WINDOWS, 1))
-        running = np.maximum(running, 0.0)  # a running sum rounds to less at rest
-        for scale, end in zip((np.sqrt(running), 1.0), ends, strict=True):
-            drawn = _drawn_std(of_joint, scale, rng, centred) * course
-            # no noise at all: no limits
-            with np.errstate(divide="ignore", invalid="ignore"):
-                variations = np.log(drawn.std(axis=0) / drawn.mean(axis=0))
-            limits.append(np.exp(variations.mean() + end * variations.std(ddof=1)))
-    return np.reshape(limits, (-1, 2))
+        # a running sum rounds to less at rest
+        running_std = np.sqrt(np.maximum(running, 0.0))
+        low = limit(of_joint, running_std, below)
+        limits.append((low, limit(of_joint, 1.0, above)))
+    return np.array(limits)
 
 
 def _std(noise: ndarray, axis: int, centred: bool = True) -> ndarray:
@@ -201,12 +206,16 @@ def _autoregression(noise: ndarray, rng: Generator) -> Iterator[ndarray]:
     """Yield standard normals (REPLICATES, takes) of each step with the autocorrelation of ``noise``
     (takes, M); those of one step stay in the processor's cache.
     """
-    share = np.clip(lag_one_correlation(noise), -CLOSE_TO_ONE, CLOSE_TO_ONE)
+    takes, steps = noise.shape
+    correlated = lag_one_correlation(noise)
+    share = np.clip(correlated, -CLOSE_TO_ONE, CLOSE_TO_ONE)
     rest = np.sqrt(1 - share**2)
-    variates = rng.standard_normal((REPLICATES, len(noise)))
+    shape = (REPLICATES, takes)
+    variates = rng.standard_normal(shape)
     yield variates
-    for _ in range(noise.shape[1] - 1):
-        variates = rest * rng.standard_normal(variates.shape) + share * variates
+    for _ in range(steps - 1):
+        fresh = rng.standard_normal(shape)
+        variates = rest * fresh + share * variates
         yield variates
 
 
@@ -237,13 +246,16 @@ def jackknifed_spreads(
     recorded_std = np.sqrt(recorded)
     recorded_size = np.sqrt(recorded.mean(axis=1))
     measurement = next(iter(modelled.values())).measurement
-    total = np.maximum(recorded.mean(axis=1).sum(axis=-1) - measurement.sum(), 0)
+    recorded_norm = np.sqrt(recorded.sum(axis=1))
+    recorded_total = recorded.mean(axis=1).sum(axis=-1)
+    total = np.maximum(recorded_total - measurement.sum(), 0)
     errors, sizes = {}, {}
     for model, moments in modelled.items():
-        level = (total / moments.motion.mean(axis=0).sum())[:, None, None]
+        modelled_total = moments.motion.mean(axis=0).sum()
+        level = (total / modelled_total)[:, None, None]
         variances = level * moments.motion + measurement
         off = np.linalg.norm(np.sqrt(variances) - recorded_std, axis=1)
-        errors[model] = off / np.sqrt(recorded.sum(axis=1))
+        errors[model] = off / recorded_norm
         sizes[model] = np.sqrt(variances.mean(axis=1)) - recorded_size
     return errors, sizes
 
@@ -261,10 +273,13 @@ def jackknifed_mean_error(error: ndarray) -> ndarray:
 
 def _variances(counts: ndarray, noise: ndarray) -> ndarray:
     """Return sample variances (R, M, n) of ``noise`` (takes, M, n) with weights ``counts``."""
-    centred = (noise - noise.mean(axis=0)).reshape(len(noise), -1)
+    count, *shape = noise.shape
+    mean = noise.mean(axis=0)
+    centred = (noise - mean).reshape(count, -1)
     takes = counts.sum(axis=1)[:, None]
     means = counts @ centred / takes
-    squares = np.maximum(counts @ centred**2 / takes - means**2, 0)
+    mean_squares = counts @ centred**2 / takes
+    squares = np.maximum(mean_squares - means**2, 0)
     with np.errstate(divide="ignore", invalid="ignore"):  # one take has no variance
         variances = squares * takes / (takes - 1)
-    return variances.reshape(-1, *noise.shape[1:])
+    return variances.reshape(-1, *shape)

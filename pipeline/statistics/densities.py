@@ -121,7 +121,8 @@ def autocorrelation_time(record: ndarray) -> float:
     component.
     """
     count = len(record)
-    if count < 2 or np.any(np.ptp(record, axis=0) == 0):
+    ranges = np.ptp(record, axis=0)
+    if count < 2 or np.any(ranges == 0):
         message = "a record whose values are all equal has no autocorrelation time"
         raise ModelDomainError(message, samples=count)
     # zero padding to twice the length avoids the wrap-around of circular correlation
@@ -157,10 +158,14 @@ def energy_test(
     pooled = np.concatenate([a, b])
     squares = [np.subtract.outer(x, x) ** 2 for x in pooled.T]
     distances = np.sqrt(sum(squares))
-    weights = np.repeat([1 / len(a), -1 / len(b)], [len(a), len(b)])
+    sizes = np.array([len(a), len(b)])
+    weights = np.repeat([1.0, -1.0] / sizes, sizes)
     observed = -weights @ distances @ weights
 
-    divisions = rng.permuted(np.tile(weights, (PERMUTATIONS, 1)), axis=1)
+    rows = np.tile(weights, (PERMUTATIONS, 1))
+    divisions = rng.permuted(rows, axis=1)
     permuted = -np.einsum("ki,ki->k", divisions @ distances, divisions)
-    as_distant = 1 + np.sum(permuted >= observed)  # with the true division
-    return float(observed), float(as_distant / (1 + PERMUTATIONS))
+    # with the true division
+    as_distant = 1 + np.sum(permuted >= observed)
+    p_value = as_distant / (1 + PERMUTATIONS)
+    return float(observed), float(p_value)

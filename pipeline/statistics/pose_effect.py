@@ -8,7 +8,7 @@ speed, and 0 if it depends on the speed alone. Steps are not independent: interv
 jackknife over motions, or over blocks of a single motion.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -49,20 +49,35 @@ def windows_of(motions: Sequence[tuple[ndarray, ndarray, ndarray]]) -> ndarray:
     speeds = [np.abs(dq).max(axis=0, initial=0.0) for _, dq, _ in motions]
     fastest = np.max(speeds, axis=0)
     rows = []
-    for number, (noise, dq, x) in enumerate(motions):
+    for number, motion in enumerate(motions):
         for j in np.flatnonzero(fastest > 0):
-            moving = np.flatnonzero(np.abs(dq[:, j]) > MOVING * fastest[j])
-            for steps in np.array_split(moving, max(len(moving) // WINDOW, 1)):
-                if len(steps) != WINDOW or not x[steps, j].all():
-                    continue
-                squares = [np.mean(of[steps, j] ** 2) for of in (noise, dq, x)]
-                if not squares[0] > 0:  # exact zeros of quantised angles
-                    continue
+            of_joint = [values[:, j] for values in motion]
+            windows = _moving_windows(*of_joint, MOVING * fastest[j])
+            for start, logs in windows:
                 group = number
                 if len(motions) == 1:
-                    group = BLOCKS * steps[0] // len(noise)
-                rows.append((group, j, *np.log(squares)))
+                    group = BLOCKS * start // len(motion[0])
+                rows.append((group, j, *logs))
     return np.array(rows, dtype=float).reshape(-1, 5).T
+
+
+def _moving_windows(
+    noise: ndarray,
+    steps: ndarray,
+    x: ndarray,
+    least_step: float,
+) -> Iterator[tuple[int, ndarray]]:
+    """Yield the first step of each window of WINDOW moving steps of a joint, and ln of its mean
+    squares of ``noise``, ``steps`` and the pose quantity ``x`` (M,) > 0.
+    """
+    moving = np.flatnonzero(np.abs(steps) > least_step)
+    for window in np.array_split(moving, max(len(moving) // WINDOW, 1)):
+        if len(window) != WINDOW or not x[window].all():
+            continue
+        squares = [np.mean(values[window] ** 2) for values in (noise, steps, x)]
+        # exact zeros of quantised angles
+        if squares[0] > 0:
+            yield window[0], np.log(squares)
 
 
 def pose_effect(windows: ndarray, rng: Generator) -> PoseEffect | None:

@@ -49,10 +49,16 @@ def prediction_scores(steps: Mapping[str, ndarray], joints: Sequence[str]) -> Sc
     :mod:`pipeline.models.prediction`, NaN if a model has no such value.
     """
     scores = {"log_score": steps["log_density"], "nees": steps["nees"]}
-    for joint, z in zip(joints, np.moveaxis(steps["z"], -1, 0), strict=True):
-        inside = np.where(np.isnan(z), np.nan, np.abs(z) <= 1)
-        scores[f"coverage_of_one_sigma_{joint}"] = inside
-    return {name: values.mean(axis=1) for name, values in scores.items()}
+    for j, joint in enumerate(joints):
+        z = steps["z"][..., j]
+        missing = np.isnan(z)
+        inside = np.abs(z) <= 1
+        scores[f"coverage_of_one_sigma_{joint}"] = np.where(missing, np.nan, inside)
+
+    means = {}
+    for name, of_steps in scores.items():
+        means[name] = of_steps.mean(axis=1)
+    return means
 
 
 def posterior_scores(
@@ -93,20 +99,25 @@ def score_comparison(scores: Mapping[str, Scores], rival: str) -> pd.DataFrame:
         for name, values in by_name.items():
             row = {"model": model, "score": name, "mean": values.mean()}
             if model != rival:
-                row |= paired_difference(values, scores[rival][name])._asdict()
+                of_rival = scores[rival][name]
+                difference = paired_difference(values, of_rival)
+                row |= difference._asdict()
             rows.append(row)
-    return pd.DataFrame(rows, columns=["model", "score", "mean", *Difference._fields])
+    columns = ["model", "score", "mean", *Difference._fields]
+    return pd.DataFrame(rows, columns=columns)
 
 
 def log_score_differences(scores: Mapping[str, Scores]) -> pd.DataFrame:
     """Tabulate the paired difference in log score over the takes between any two models, ``model``
     minus ``rival``, in nats, with its 95 % interval.
     """
+    logs = {model: by_name["log_score"] for model, by_name in scores.items()}
     rows = []
-    for model, rival in permutations(scores, 2):
-        log, rival_log = scores[model]["log_score"], scores[rival]["log_score"]
-        rows.append((model, rival, *paired_difference(log, rival_log)))
-    return pd.DataFrame(rows, columns=["model", "rival", *Difference._fields])
+    for model, rival in permutations(logs, 2):
+        difference = paired_difference(logs[model], logs[rival])
+        rows.append((model, rival, *difference))
+    columns = ["model", "rival", *Difference._fields]
+    return pd.DataFrame(rows, columns=columns)
 
 
 @dataclass(frozen=True)
@@ -133,8 +144,10 @@ def training_mean(training: ndarray, measured: ndarray) -> Filtered:
     noise included, as a filter of the test takes ``measured`` (takes, K, n); poses are in rad.
     """
     mean, covariance = takes_moments(training)
-    covariances = np.broadcast_to(covariance, (len(measured), *covariance.shape))
-    return Filtered(mean - measured, covariances, np.zeros(covariance.shape[1:]))
+    shape = (len(measured), *covariance.shape)
+    covariances = np.broadcast_to(covariance, shape)
+    without_noise = np.zeros(covariance.shape[1:])
+    return Filtered(mean - measured, covariances, without_noise)
 
 
 def bound_scores(

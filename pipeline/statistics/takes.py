@@ -50,8 +50,11 @@ def takes_moments(samples: ndarray) -> tuple[ndarray, ndarray]:
 def lag_one_correlation(values: ndarray) -> float:
     """Return the correlation of neighbouring steps of ``values`` (takes, K) minus step means."""
     centred = values - values.mean(axis=0)
-    scale = np.sqrt(np.sum(centred[:, :-1] ** 2) * np.sum(centred[:, 1:] ** 2))
-    return float(np.sum(centred[:, :-1] * centred[:, 1:]) / scale) if scale > 0 else 0.0
+    before, after = centred[:, :-1], centred[:, 1:]
+    scale = np.sqrt(np.sum(before**2) * np.sum(after**2))
+    if not scale > 0:
+        return 0.0
+    return float(np.sum(before * after) / scale)
 
 
 def fast_against_slow(noise: ndarray, steps: ndarray) -> list[Difference]:
@@ -62,11 +65,11 @@ def fast_against_slow(noise: ndarray, steps: ndarray) -> list[Difference]:
     third = len(steps) // 3
     differences = []
     for j, speeds in enumerate(np.abs(steps.T)):
-        of_joint = noise[..., j]
-        order = np.argsort(speeds, kind="stable")
+        ordered = noise[:, np.argsort(speeds, kind="stable"), j]
+        slow_std = ordered[:, :third].std(axis=1)
+        fast_std = ordered[:, -third:].std(axis=1)
         with np.errstate(divide="ignore"):
-            slow = np.log(of_joint[:, order[:third]].std(axis=1))
-            fast = np.log(of_joint[:, order[-third:]].std(axis=1))
+            slow, fast = np.log(slow_std), np.log(fast_std)
         differences.append(paired_difference(fast, slow))
     return differences
 
@@ -78,12 +81,16 @@ def share_between(noise: ndarray, groups: Sequence[str]) -> float:
     names = list(dict.fromkeys(groups))
     if len(names) in (1, len(groups)):
         return 0.0
-    member = np.stack([np.array([*groups]) == name for name in names]).astype(float)
+    is_member = np.array(names)[:, None] == np.array([*groups])
+    member = is_member.astype(float)
     sizes = member.sum(axis=1)
-    centred = (noise - noise.mean(axis=0)).reshape(len(noise), -1)
-    means = member @ centred / sizes[:, None]
-    between = sizes @ np.sum(means**2, axis=1)
-    return float(between / np.sum(centred**2))
+    mean = noise.mean(axis=0)
+    centred = (noise - mean).reshape(len(noise), -1)
+    group_means = member @ centred / sizes[:, None]
+    squares = np.sum(group_means**2, axis=1)
+    between = sizes @ squares
+    total = np.sum(centred**2)
+    return float(between / total)
 
 
 def percentile_interval(values: ndarray) -> tuple[ndarray, ndarray]:
@@ -108,12 +115,13 @@ def paired_difference(scores: ndarray, reference: ndarray) -> Difference:
     """Return the mean of ``scores`` − ``reference`` (takes,), both of the same takes, with
     Student's interval over the takes: no interval for a single take, NaN if a score is not finite.
     """
-    if not (np.isfinite(scores).all() and np.isfinite(reference).all()):
+    both = np.stack([scores, reference])
+    if not np.isfinite(both).all():
         return Difference(np.nan)
     difference = scores - reference
-    takes = len(scores)
-    error = difference.std(ddof=min(1, takes - 1)) / np.sqrt(takes)
-    return _student(difference.mean(), error, takes - 1)
+    takes = len(difference)
+    std = difference.std(ddof=min(1, takes - 1))
+    return _student(difference.mean(), std / np.sqrt(takes), takes - 1)
 
 
 def part_means(values: ndarray) -> ndarray:
@@ -133,12 +141,15 @@ def zero_mean_p_value(values: ndarray) -> float:
     takes, number = values.shape
     if not 0 < number < takes or np.isnan(values).any():
         return np.nan
-    if np.linalg.matrix_rank(values - values.mean(axis=0)) < number:
-        return np.nan
     mean = values.mean(axis=0)
-    squared = takes * mean @ np.linalg.solve(np.cov(values.T), mean)
-    ratio = squared * (takes - number) / ((takes - 1) * number)
-    return float(fdtrc(number, takes - number, ratio))
+    if np.linalg.matrix_rank(values - mean) < number:
+        return np.nan
+    covariance = np.cov(values.T)
+    whitened = np.linalg.solve(covariance, mean)
+    squared = takes * mean @ whitened
+    degrees = takes - number
+    ratio = squared * degrees / ((takes - 1) * number)
+    return float(fdtrc(number, degrees, ratio))
 
 
 def equal_covariances_p_value(
@@ -149,13 +160,17 @@ def equal_covariances_p_value(
     ``counts`` independent normal samples have one covariance (Box 1949, the χ² approximation).
     """
     degrees = np.array(counts) - 1
-    size, groups = len(covariances[0]), len(covariances)
+    covariances = np.array(covariances)
+    groups, size, _ = covariances.shape
     pooled = np.einsum("g,gij->ij", degrees, covariances) / degrees.sum()
-    logarithms = np.linalg.slogdet(np.array(covariances))[1]
-    ratio = degrees.sum() * np.linalg.slogdet(pooled)[1] - degrees @ logarithms
-    bias = np.sum(1 / degrees) - 1 / degrees.sum()
+    logarithms = np.linalg.slogdet(covariances)[1]
+    of_pooled = np.linalg.slogdet(pooled)[1]
+    total = degrees.sum()
+    ratio = total * of_pooled - degrees @ logarithms
+    bias = np.sum(1 / degrees) - 1 / total
     weight = 2 * size**2 + 3 * size - 1
-    factor = 1 - bias * weight / (6 * (size + 1) * (groups - 1))
+    divisor = 6 * (size + 1) * (groups - 1)
+    factor = 1 - bias * weight / divisor
     restrictions = size * (size + 1) * (groups - 1) / 2
     return float(chdtrc(restrictions, factor * ratio))
 
@@ -214,9 +229,10 @@ def wrench_summary(errors: pd.DataFrame, spread: pd.DataFrame) -> pd.DataFrame:
     """Return mean and greatest error by number of cables from the tables ``wrench_errors`` and
     ``wrench_spread``, and the 95 % interval of the greatest error over the repeats.
     """
-    summary = errors.groupby("agents")["error"].agg(["mean", "max"])
+    by_agents = errors.groupby("agents")["error"]
+    summary = by_agents.agg(["mean", "max"])
     maxima = spread.groupby("agents")["maximum"]
     summary["repeats"] = maxima.size()
-    ends = np.array([percentile_interval(values) for _, values in maxima])
-    summary["max_low"], summary["max_high"] = ends.T
-    return summary.reset_index()
+    intervals = [percentile_interval(values) for _, values in maxima]
+    low, high = np.array(intervals).T
+    return summary.assign(max_low=low, max_high=high).reset_index()
