@@ -112,7 +112,8 @@ class Chain(Mechanism):
         start = np.asarray(start, dtype=float)
         end = np.asarray(end, dtype=float)
         start, end = np.broadcast_arrays(start, end)
-        turn = _rotation(end) @ _rotation(start).swapaxes(-1, -2)
+        back = _rotation(start).swapaxes(-1, -2)
+        turn = _rotation(end) @ back
         shift = end[..., :3] - start[..., :3]
         rows = np.concatenate([shift, rotation_vector(turn)], axis=-1)
         return rows[..., self.constants.rows] * self.constants.units
@@ -131,15 +132,18 @@ class Chain(Mechanism):
         LEAST_SINGULAR, or ``q`` is not finite.
         """
         finite = np.isfinite(q).all(axis=-1)
-        jacobian = self.scaled_jacobian(np.where(finite[..., None], q, 0.0))
+        finite_q = np.where(finite[..., None], q, 0.0)
+        jacobian = self.scaled_jacobian(finite_q)
         square = jacobian @ jacobian.swapaxes(-1, -2)
         # det JJᵀ ≤ least squared singular value times a power of the mean of the greater ones
         greater = len(self.task) - 1
         mean = np.trace(square, axis1=-2, axis2=-1) / max(greater, 1)
-        near = ~(np.linalg.det(square) > 4 * LEAST_SINGULAR**2 * mean**greater)
+        bound = 4 * LEAST_SINGULAR**2 * mean**greater
+        near = ~(np.linalg.det(square) > bound)
 
         singular = np.array(~finite)
-        least = np.linalg.svd(jacobian[near], compute_uv=False)[..., -1]
+        values = np.linalg.svd(jacobian[near], compute_uv=False)
+        least = values[..., -1]
         singular[near] |= ~(least >= LEAST_SINGULAR)
         return singular[()]
 
@@ -200,12 +204,15 @@ class PlanarChain(Chain):
     @cached_property
     def placements(self) -> ndarray:
         """(4, 12) frames of the joints and the tip, which has the plane's axes at q = 0."""
-        frames = [joint_axes(sign) for sign in self.signs] + [np.eye(3)]
+        frames = [joint_axes(sign) for sign in self.signs]
+        frames.append(np.eye(3))  # of the tip
         in_plane = np.vstack([self.origin, self.links])
         vectors = np.insert(in_plane, 1, 0.0, axis=1)
-        placements, previous = [], np.eye(3)
+        placements = []
+        previous = np.eye(3)
         for frame, vector in zip(frames, vectors, strict=True):
-            turn, shift = previous.T @ frame, previous.T @ vector
+            turn = previous.T @ frame
+            shift = previous.T @ vector
             placements.append(np.append(turn, shift))
             previous = frame
         return np.array(placements)
@@ -229,8 +236,10 @@ class PlanarChain(Chain):
         """(..., 3) task rows x, z (m) and φ (rad), which is zero at zero angles and keeps whole
         turns, at ``q`` (..., 3).
         """
-        phi = np.cumsum(self.signs * np.asarray(q, dtype=float), axis=-1)[..., -1:]
-        return np.concatenate([self.pose(q)[..., [0, 2]], phi], axis=-1)
+        turns = self.signs * np.asarray(q, dtype=float)
+        phi = np.cumsum(turns, axis=-1)[..., -1:]
+        position = self.pose(q)[..., [0, 2]]
+        return np.concatenate([position, phi], axis=-1)
 
     def segment_headings(self, q: ndarray) -> ndarray:
         """(..., 3) angles ψ_j in rad about y from the z axis to the segments O_jO_{j+1}."""
@@ -257,13 +266,16 @@ def segment_frames(chain: PlanarChain, q: ndarray) -> tuple[ndarray, ndarray]:
     rotation, are z towards O_{j+1}, y along the normal, x = y × z.
     """
     psi = chain.segment_headings(q)
-    sine, cosine = np.sin(psi), np.cos(psi)
+    sine = np.sin(psi)
+    cosine = np.cos(psi)
     rotation = np.zeros((*psi.shape, 3, 3))
-    rotation[..., 0, 0] = rotation[..., 2, 2] = cosine
+    rotation[..., 0, 0] = cosine
+    rotation[..., 2, 2] = cosine
     rotation[..., 0, 2] = sine
     rotation[..., 2, 0] = -sine
     rotation[..., 1, 1] = 1.0
-    return rotation, chain.joint_points(q)[..., :-1, :]
+    origins = chain.joint_points(q)[..., :-1, :]
+    return rotation, origins
 
 
 def _rotation(pose: ndarray) -> ndarray:

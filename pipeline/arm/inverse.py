@@ -15,9 +15,11 @@ def cholesky(block, jacobian, lower, inverse, m, n, shift, count):
     """
     for r in range(m):
         for s in range(r + 1):
-            entry = lower + r * m + s
+            row = lower + r * m  # of L
+            column = lower + s * m  # of Lᵀ
+            entry = row + s
             dot(block, entry, jacobian + r * n, jacobian + s * n, n, count)
-            add_dot(block, entry, -1.0, lower + r * m, lower + s * m, s, count)
+            add_dot(block, entry, -1.0, row, column, s, count)
             if s < r:
                 scale(block, entry, inverse + s, count)
             else:
@@ -73,12 +75,14 @@ def _any_near_singular(block, arm, lower, spare, out, count):
         add_dot(block, spare, 1.0 / _row_size(arm, r) ** 2, row, row, r + 1, count)
     for r in range(m):
         weight = 1.0 / _row_size(arm, r) ** 2
+        diagonal = lower + r * m + r
         for i in range(count):
-            square = weight * block[lower + r * m + r, i] * block[lower + r * m + r, i]
+            square = weight * block[diagonal, i] * block[diagonal, i]
             block[out, i] *= square * ((m - 1) / block[spare, i] if r > 0 else 1.0)
+    bound = 4.0 * least * least
     near = 0
     for i in range(count):
-        near += 0 if block[out, i] > 4.0 * least * least else 1  # NaN too
+        near += 0 if block[out, i] > bound else 1  # NaN too
     return near > 0
 
 

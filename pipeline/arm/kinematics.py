@@ -59,7 +59,8 @@ def link_constants(placements: ndarray) -> tuple[ndarray, ndarray, float]:
         # turn of at most a right angle after which z is tilted only about x
         x, y = rotation[:2, 2]
         before = np.arctan2(-x if y >= 0 else x, abs(y))
-        cosine, sine = np.cos(before), np.sin(before)
+        cosine = np.cos(before)
+        sine = np.sin(before)
         back = np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])
         rotation = back @ rotation
         link[LINK_TURN] = turn + before
@@ -129,17 +130,26 @@ def tip(arm, q, start, count, block):
 @inlined
 def _follow(k, link, flat, count):
     """Rotate row ``k`` (a literal) of the frames about the z axis, then shift and tilt it."""
-    c, s = link[LINK_COSINE], link[LINK_SINE]
-    px, py, pz = link[LINK_SHIFT], link[LINK_SHIFT + 1], link[LINK_SHIFT + 2]
+    tilt_cosine = link[LINK_COSINE]
+    tilt_sine = link[LINK_SINE]
+    shift = link[LINK_SHIFT:]
+    # first poses of the rows in the flat block
+    position = (POSITION + k) * WIDTH
+    x_axis = (ROTATION + 3 * k) * WIDTH
+    y_axis = x_axis + WIDTH
+    z_axis = y_axis + WIDTH
     for i in lanes(count):
-        at = (ROTATION + 3 * k) * WIDTH + i
-        sine, cosine = flat[SINE * WIDTH + i], flat[COSINE * WIDTH + i]
-        x, y, z = flat[at], flat[at + WIDTH], flat[at + 2 * WIDTH]
-        along, across = x * cosine + y * sine, y * cosine - x * sine
-        flat[(POSITION + k) * WIDTH + i] += along * px + across * py + z * pz
-        flat[at] = along
-        flat[at + WIDTH] = across * c + z * s
-        flat[at + 2 * WIDTH] = z * c - across * s
+        sine = flat[SINE * WIDTH + i]
+        cosine = flat[COSINE * WIDTH + i]
+        x = flat[x_axis + i]
+        y = flat[y_axis + i]
+        z = flat[z_axis + i]
+        along = x * cosine + y * sine
+        across = y * cosine - x * sine
+        flat[position + i] += along * shift[0] + across * shift[1] + z * shift[2]
+        flat[x_axis + i] = along
+        flat[y_axis + i] = across * tilt_cosine + z * tilt_sine
+        flat[z_axis + i] = z * tilt_cosine - across * tilt_sine
 
 
 @inner
@@ -147,9 +157,11 @@ def turn_tip(arm, block, count):
     """Turn the last frame of :func:`tip` about its z axis into the tip's frame."""
     sine, cosine = sine_cosine(arm.tip_turn)
     for k in range(3):
-        first, second = ROTATION + 3 * k, ROTATION + 3 * k + 1
+        first = ROTATION + 3 * k
+        second = first + 1
         for i in lanes(count):
-            x, y = block[first, i], block[second, i]
+            x = block[first, i]
+            y = block[second, i]
             block[first, i] = x * cosine + y * sine
             block[second, i] = y * cosine - x * sine
 
@@ -163,7 +175,8 @@ def task_jacobian(arm, block, first, count):
     for r in range(len(arm.rows)):
         row = arm.rows[r]
         unit = arm.units[r]
-        y, z = (row + 1) % 3, (row + 2) % 3
+        y = (row + 1) % 3
+        z = (row + 2) % 3
         for j in range(n):
             entry = first + r * n + j
             axis = JOINTS + 6 * j
@@ -173,8 +186,9 @@ def task_jacobian(arm, block, first, count):
                 for i in lanes(count):
                     lever_y = block[POSITION + y, i] - block[point + y, i]
                     lever_z = block[POSITION + z, i] - block[point + z, i]
-                    moment = block[axis + y, i] * lever_z - block[axis + z, i] * lever_y
-                    block[entry, i] = moment
+                    axis_y = block[axis + y, i]
+                    axis_z = block[axis + z, i]
+                    block[entry, i] = axis_y * lever_z - axis_z * lever_y
             else:
                 factor = unit if row < 3 or not sliding else 0.0
                 for i in lanes(count):
@@ -210,12 +224,20 @@ def rotation_vectors(target, flat, count):
     """Fill the rows TURN with the rotation vector in rad of R_target·Rᵀ, by the unit quaternion,
     half angles and a series. The error is 1e-15/(π − angle).
     """
-    ax, ay, az = target[3:6], target[6:9], target[9:12]
+    ax = target[3:6]
+    ay = target[6:9]
+    az = target[9:12]
     for i in range(count):
         at = ROTATION * WIDTH + i
-        bxx, bxy, bxz = flat[at], flat[at + WIDTH], flat[at + 2 * WIDTH]
-        byx, byy, byz = flat[at + 3 * WIDTH], flat[at + 4 * WIDTH], flat[at + 5 * WIDTH]
-        bzx, bzy, bzz = flat[at + 6 * WIDTH], flat[at + 7 * WIDTH], flat[at + 8 * WIDTH]
+        bxx = flat[at]
+        bxy = flat[at + WIDTH]
+        bxz = flat[at + 2 * WIDTH]
+        byx = flat[at + 3 * WIDTH]
+        byy = flat[at + 4 * WIDTH]
+        byz = flat[at + 5 * WIDTH]
+        bzx = flat[at + 6 * WIDTH]
+        bzy = flat[at + 7 * WIDTH]
+        bzz = flat[at + 8 * WIDTH]
         xx = _product(ax, bxx, bxy, bxz)
         yy = _product(ay, byx, byy, byz)
         zz = _product(az, bzx, bzy, bzz)
@@ -225,7 +247,10 @@ def rotation_vectors(target, flat, count):
         y = _product(ax, bzx, bzy, bzz) - _product(az, bxx, bxy, bxz)
         z = _product(ay, bxx, bxy, bxz) - _product(ax, byx, byy, byz)
         over = 1.0 / np.sqrt(w * w + x * x + y * y + z * z)
-        w, x, y, z = over * w, over * x, over * y, over * z
+        w = over * w
+        x = over * x
+        y = over * y
+        z = over * z
         # tan of a quarter, an eighth and a sixteenth of the angle, divided by sin of its half
         quarter = 1.0 / (1.0 + w)
         square = x * x + y * y + z * z

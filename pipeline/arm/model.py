@@ -69,8 +69,9 @@ def _require_movable(chain: Chain, file: Path) -> None:
     q = low + (high - low) * shares
     if not chain.singular(q).all():
         return
-    still = np.abs(chain.scaled_jacobian(q)).max(axis=(0, 2)) <= 1e-9
-    rows = ", ".join(np.array(chain.task)[still])
+    greatest = np.abs(chain.scaled_jacobian(q)).max(axis=(0, 2))
+    still = np.array(chain.task)[greatest <= 1e-9]
+    rows = ", ".join(still)
     if not rows:
         rows = f"{', '.join(chain.task)} independently of each other"
     message = f"robot.task: the arm cannot move {rows}; remove task rows"
@@ -165,7 +166,8 @@ class Layout:
         placements, previous, origin = [], np.eye(3), np.zeros(3)
         points = [*self.points, self.position]
         for frame, point in zip([*frames, self.rotation], points, strict=True):
-            turn, shift = previous.T @ frame, (point - origin) @ previous
+            turn = previous.T @ frame
+            shift = (point - origin) @ previous
             placements.append(np.append(turn, shift))
             previous, origin = frame, point
         return SerialChain(
@@ -254,9 +256,11 @@ def _plane_of(layout: Layout) -> tuple[ndarray, ndarray]:
     the frame's z axis (y axis in a horizontal plane). Raises ConfigError without a common plane.
     """
     first = int(np.argmin(layout.sliding))
-    normal = layout.axes[first] / np.linalg.norm(layout.axes[first])
+    axis = layout.axes[first]
+    normal = axis / np.linalg.norm(axis)
     out_of_line = np.linalg.norm(np.cross(normal, layout.axes), axis=1)
-    sines = np.where(layout.sliding, np.abs(layout.axes @ normal), out_of_line)
+    along = np.abs(layout.axes @ normal)
+    sines = np.where(layout.sliding, along, out_of_line)
     leaning = np.array(layout.names)[sines > PLANAR_TOLERANCE]
     if leaning.size:
         raise ConfigError(
@@ -265,8 +269,9 @@ def _plane_of(layout: Layout) -> tuple[ndarray, ndarray]:
             file=layout.file,
             axes=layout.axes.round(4).tolist(),
         )
-    horizontal = abs(normal[2]) >= 0.99
-    up = np.array([0.0, 1.0, 0.0] if horizontal else [0.0, 0.0, 1.0])
+    up = np.array([0.0, 0.0, 1.0])
+    if abs(normal[2]) >= 0.99:  # of a horizontal plane
+        up = np.array([0.0, 1.0, 0.0])
     up = up - normal * (up @ normal)
     up /= np.linalg.norm(up)
     rotation = np.stack([np.cross(normal, up), normal, up], axis=1)
@@ -275,7 +280,8 @@ def _plane_of(layout: Layout) -> tuple[ndarray, ndarray]:
 
 def _planar(layout: Layout) -> PlanarChain:
     """Planar chain of a ``layout`` in the frame of its plane."""
-    places = np.vstack([layout.points, layout.position])[:, [0, 2]]
+    points = np.vstack([layout.points, layout.position])
+    places = points[:, [0, 2]]
     links = np.diff(places, axis=0)
     lengths = np.hypot(*links.T)
     if lengths.min() < SHORTEST_LINK:

@@ -89,14 +89,15 @@ def add_product(block, out, sign, x, y, count):
 def add_dot(block, out, sign, x, y, n, count, by=1):
     """Add ``sign``·Σ_j row (``x`` + ``by``·j)·row (``y`` + j), j < ``n``, to row ``out``."""
     for j in range(0, n - 2, 3):
-        x0, y0 = x + by * j, y + j
-        x1, x2, y1, y2 = x0 + by, x0 + 2 * by, y0 + 1, y0 + 2
+        first = x + by * j
+        second = first + by
+        third = first + 2 * by
+        at = y + j
         for i in lanes(count):
-            block[out, i] += sign * (
-                block[x0, i] * block[y0, i]
-                + block[x1, i] * block[y1, i]
-                + block[x2, i] * block[y2, i]
-            )
+            product = block[first, i] * block[at, i]
+            product += block[second, i] * block[at + 1, i]
+            product += block[third, i] * block[at + 2, i]
+            block[out, i] += sign * product
     for j in range(n - n % 3, n):
         add_product(block, out, sign, x + by * j, y + j, count)
 
@@ -109,9 +110,10 @@ def dot(block, out, x, y, n, count):
         add_dot(block, out, 1.0, x, y, n, count)
         return
     for i in lanes(count):
-        first = block[x, i] * block[y, i]
-        second = block[x + 1, i] * block[y + 1, i]
-        block[out, i] = first + second + block[x + 2, i] * block[y + 2, i]
+        product = block[x, i] * block[y, i]
+        product += block[x + 1, i] * block[y + 1, i]
+        product += block[x + 2, i] * block[y + 2, i]
+        block[out, i] = product
     add_dot(block, out, 1.0, x + 3, y + 3, n - 3, count)
 
 

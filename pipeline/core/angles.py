@@ -48,14 +48,16 @@ def unwrap(
     spikes = _spikes(motion, seconds, circular if signal == "actual" else False)
     if not turns.any() and not spikes.any():
         return angles, 0
-    faulty = spikes | ((turns != 0) & _unlike_turns(angles, turns, motion, seconds))
+    unlike = _unlike_turns(angles, turns, motion, seconds)
+    faulty = spikes | ((turns != 0) & unlike)
     if faulty.any():
         row, joint = np.argwhere(faulty)[0].tolist()
         name = names[joint] if len(names) == angles.shape[1] else f"joint {joint + 1}"
         if len(lines):
             # after a step to the second row only, the first row is damaged
             first_row_only = row == 0 and not faulty[1:2, joint].any()
-            evidence = {"line": lines[row if first_row_only else row + 1]} | evidence
+            damaged = row if first_row_only else row + 1
+            evidence = {"line": lines[damaged]} | evidence
         raise RecordingError(
             f"{name} ({signal}) jumps by {steps[row, joint]:.4g} rad at "
             f"{time[row + 1] - time[0]:.6g} s from the start, which is neither a motion nor whole "
@@ -80,7 +82,8 @@ def _unlike_turns(
     from outside a wrapped angle's window.
     """
     reach = min(BESIDE, len(motion) - 1)
-    size, count = np.abs(motion), np.abs(turns)
+    size = np.abs(motion)
+    count = np.abs(turns)
     speed = size / seconds
     without_turns = np.where(turns, 0.0, speed)
     both = np.stack([speed, without_turns])

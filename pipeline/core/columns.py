@@ -41,7 +41,8 @@ def members(table: "pd.DataFrame", family: str) -> tuple[str, ...]:
     for label in table.columns:
         first, *escaped = str(label).split(":")
         if first == family and len(escaped) == 1:
-            names.append(escaped[0].replace("%3A", ":").replace("%25", "%"))
+            name = escaped[0].replace("%3A", ":")
+            names.append(name.replace("%25", "%"))
     return tuple(names)
 
 
@@ -52,9 +53,10 @@ def values(table: "pd.DataFrame", family: str) -> np.ndarray:
 
 def matrices(table: "pd.DataFrame", family: str, names: Sequence[str]) -> np.ndarray:
     """Symmetric matrices (rows, n, n) over ``names``, from the columns of ``family``."""
-    first, second = np.triu_indices(len(names))
+    n = len(names)
+    first, second = np.triu_indices(n)
     entries = table[pairs(family, names)].to_numpy()
-    full = np.empty((len(table), len(names), len(names)))
+    full = np.empty((len(table), n, n))
     full[:, first, second] = entries
     full[:, second, first] = entries
     return full
@@ -79,4 +81,5 @@ def triangle(
     first, second = np.triu_indices(len(names))
     flat = np.reshape(array, (-1, len(names), len(names)))
     entries = flat[:, first, second]
-    return dict(zip(pairs(family, names), entries.T, strict=True))
+    labels = pairs(family, names)
+    return dict(zip(labels, entries.T, strict=True))

@@ -87,9 +87,10 @@ def read_declarations(file: Path = TABLES) -> dict[str, dict[str, Column]]:
     """Return the columns by name of every table of ``file``; ``*`` names a family."""
     tables = {}
     for name, lines in read_yaml(file).items():
-        if not name.startswith("."):
-            columns = {column: Column.parse(text) for column, text in lines.items()}
-            tables[name] = columns
+        if name.startswith("."):
+            continue
+        columns = {column: Column.parse(text) for column, text in lines.items()}
+        tables[name] = columns
     return tables
 
 
@@ -115,10 +116,13 @@ def _require_fit(
     file: Path,
 ) -> None:
     """Raise ContractError with the file and the column of the first fault."""
-    faults = {column: "is missing" for column in columns if column not in table.columns}
-    faults |= {
-        column: "is not declared" for column in table.columns if column not in columns
-    }
+    faults: dict[str, str | None] = {}
+    for column in columns:
+        if column not in table.columns:
+            faults[column] = "is missing"
+    for column in table.columns:
+        if column not in columns:
+            faults[column] = "is not declared"
     if not faults:
         faults = {column: rule.fault(table[column]) for column, rule in columns.items()}
     for column, fault in faults.items():
@@ -262,4 +266,5 @@ def stacked(
         lengths = table["take"].value_counts().to_dict()
         message = "every take must have the same number of consecutive rows"
         raise ContractError(message, lengths=lengths)
-    return list(names), table[columns].to_numpy().reshape(count, -1, len(columns))
+    rows = table[columns].to_numpy()
+    return list(names), rows.reshape(count, -1, len(columns))

@@ -9,19 +9,21 @@ def delayed_angles(angles: np.ndarray, rows: np.ndarray) -> np.ndarray:
     continues.
     """
     result = np.empty_like(angles, dtype=float)
-    nodes, last = (-1, 0, 1, 2), len(angles) - 1
+    nodes = (-1, 0, 1, 2)
+    last = len(angles) - 1
     for joint, delay in enumerate(rows):
         column = angles[:, joint]
-        place = np.arange(len(angles)) - delay
-        row = np.floor(place).astype(int)
-        share = place - row  # of the way to the next row
+        exact = np.arange(len(angles)) - delay
+        row = np.floor(exact).astype(int)
+        share = exact - row  # of the way to the next row
         final_step = column[last] - column[max(last - 1, 0)]
         delayed = np.zeros(len(angles))
         for node in nodes:
-            further = [k for k in nodes if k != node]
-            weight = np.prod([(share - k) / (node - k) for k in further], axis=0)
-            beyond = np.maximum(row + node - last, 0)
-            value = column[np.clip(row + node, 0, last)] + beyond * final_step
+            factors = [(share - k) / (node - k) for k in nodes if k != node]
+            weight = np.prod(factors, axis=0)
+            place = row + node
+            beyond = np.maximum(place - last, 0)
+            value = column[np.clip(place, 0, last)] + beyond * final_step
             delayed += weight * value
         result[:, joint] = delayed
     return result

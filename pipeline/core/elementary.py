@@ -52,20 +52,23 @@ LANES = 8  # partial sums
 def sine_cosine(angle: float) -> tuple[float, float]:
     """Return sin and cos of ``angle`` in rad, to within 2e-16 up to a thousand turns."""
     shifted = angle * (2 / pi) + MAGIC
-    turns, quadrant = shifted - MAGIC, np.float64(shifted).view(np.int64)
+    turns = shifted - MAGIC
+    quadrant = np.float64(shifted).view(np.int64)
     x = ((angle - turns * QUARTER[0]) - turns * QUARTER[1]) - turns * QUARTER[2]
     square = x * x
-    sine, cosine = SINE[5], COSINE[5]
+    sine = SINE[5]
+    cosine = COSINE[5]
     for k in range(4, -1, -1):
         sine = sine * square + SINE[k]
         cosine = cosine * square + COSINE[k]
-    sine, cosine = (
-        x + x * square * sine,
-        1.0 - (0.5 * square - square * square * cosine),
-    )
+    sine = x + x * square * sine
+    cosine = 1.0 - (0.5 * square - square * square * cosine)
+    # the angle is x and a number of quadrants, of which the last two bits count
     odd = (quadrant & 1) != 0
-    s, c = choose(odd, cosine, sine), choose(odd, sine, cosine)
-    s_negative, c_negative = (quadrant & 2) != 0, ((quadrant + 1) & 2) != 0
+    s = choose(odd, cosine, sine)
+    c = choose(odd, sine, cosine)
+    s_negative = (quadrant & 2) != 0
+    c_negative = ((quadrant + 1) & 2) != 0
     return choose(s_negative, -s, s), choose(c_negative, -c, c)
 
 
@@ -79,7 +82,8 @@ def exponential_parts(x: float) -> tuple[float, float]:
     for i in range(10, -1, -1):
         series = series * y + EXPONENTIAL[i]
     # the exponent bits of 1, raised by k
-    power = np.int64((np.float64(shifted).view(np.int64) + 1023) << 52).view(np.float64)
+    exponent = np.float64(shifted).view(np.int64) + 1023
+    power = np.int64(exponent << 52).view(np.float64)
     return power, y + y * y * series
 
 

@@ -6,11 +6,13 @@ class PipelineError(Exception):
 
     def __init__(self, message: str, **evidence: object) -> None:
         self.message = message
-        self.evidence = {
-            name: value for name, value in evidence.items() if value is not None
-        }
-        where = ", ".join(f"{name} {value}" for name, value in self.evidence.items())
-        super().__init__(f"{message} [{where}]" if where else message)
+        self.evidence = {}
+        for name, value in evidence.items():
+            if value is not None:
+                self.evidence[name] = value
+        where = [f"{name} {value}" for name, value in self.evidence.items()]
+        text = f"{message} [{', '.join(where)}]" if where else message
+        super().__init__(text)
 
 
 class ConfigError(PipelineError):

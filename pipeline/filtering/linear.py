@@ -97,11 +97,13 @@ def _innovations(
     after = np.repeat(np.arange(grid), np.diff(frames.first))
     before = np.maximum(after - 1, 0)
     share = frames.share[:, None]
-    residual = frames.unbiased - ((1 - share) * path[before] + share * path[after])
+    expected = (1 - share) * path[before] + share * path[after]
+    residual = frames.unbiased - expected
 
     share = share[:, :, None, None]
     across = (1 - share) * covariance[before] + share * covariance[after]
-    across = (observation @ across.reshape(-1, n, grid * n)).reshape(-1, n, grid, n)
+    observed = observation @ across.reshape(-1, n, grid * n)
+    across = observed.reshape(-1, n, grid, n)
 
     among = np.moveaxis(across, 2, 0)
     among = (1 - share) * among[before] + share * among[after]
@@ -128,12 +130,15 @@ def baseline_predictions(
     measured = roots @ roots + measurement  # S_k + Σ
     lag_one = autocorrelation(training, measurement)[1]
     across = lag_one * (roots[1:] @ roots[:-1])
-    gain = np.linalg.solve(measured[:-1], across.swapaxes(1, 2)).swapaxes(1, 2)
+    transposed = across.swapaxes(1, 2)
+    gain = np.linalg.solve(measured[:-1], transposed).swapaxes(1, 2)
 
-    errors = deviation[..., 1:, :] - np.matvec(gain, deviation[..., :-1, :])
-    left = measured[1:] - gain @ across.swapaxes(1, 2)
+    before = deviation[..., :-1, :]
+    after = deviation[..., 1:, :]
+    errors = after - np.matvec(gain, before)
+    left = measured[1:] - gain @ transposed
     symmetric = (left + left.swapaxes(1, 2)) / 2
-    return {NONE: (deviation[..., 1:, :], covariance[1:]), MEMORY: (errors, symmetric)}
+    return {NONE: (after, covariance[1:]), MEMORY: (errors, symmetric)}
 
 
 def autocorrelated_filter(
@@ -158,10 +163,12 @@ def white_steps(start: ndarray, variances: ndarray) -> ndarray:
     """Return the covariance P (M+1, n, M+1, n) in rad² of poses whose first has the covariance
     ``start`` (n, n) and whose steps have independent noise of the ``variances`` (M, n).
     """
-    summed = np.vstack([np.zeros_like(variances[:1]), np.cumsum(variances, axis=0)])
+    before_first = np.zeros_like(variances[:1])
+    summed = np.vstack([before_first, np.cumsum(variances, axis=0)])
     grid = np.arange(len(summed))
     # a pose and a later one share the noise of the steps before the earlier
-    shared = summed[np.minimum.outer(grid, grid)]
+    earlier = np.minimum.outer(grid, grid)
+    shared = summed[earlier]
     covariance = start + shared[..., None] * np.eye(len(start))
     return np.ascontiguousarray(covariance.transpose(0, 2, 1, 3))
 
@@ -188,7 +195,8 @@ def autocorrelation(poses: ndarray, measurement: ndarray) -> ndarray:
     spectrum = np.fft.rfft(deviation, 2 * steps, axis=1)
     power = np.sum(np.abs(spectrum) ** 2, axis=(0, 2))
     noise = (takes - 1) * steps * np.trace(measurement)
-    products = np.fft.irfft(np.maximum(power - noise, 0.0), 2 * steps)[:steps]
+    power_of_motion = np.maximum(power - noise, 0.0)
+    products = np.fft.irfft(power_of_motion, 2 * steps)[:steps]
     if not products[0] > 0:
         return np.eye(1, steps)[0]
     return products / products[0]

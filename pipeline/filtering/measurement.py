@@ -55,10 +55,12 @@ class Measurements:
         frame at the start of the motion has share 1 of k = 0.
         """
         position = np.round(self.t / dt, SHARE_DIGITS)
-        frame = np.flatnonzero((position >= 0) & (position <= steps))
-        frame = frame[np.argsort(np.ceil(position[frame]), kind="stable")]
-        step = np.ceil(position[frame]).astype(int)
-        return frame, step, position[frame] - step + 1
+        inside = np.flatnonzero((position >= 0) & (position <= steps))
+        order = np.argsort(np.ceil(position[inside]), kind="stable")
+        frame = inside[order]
+        place = position[frame]
+        step = np.ceil(place).astype(int)
+        return frame, step, place - step + 1
 
     def frames(self, steps: int, dt: float) -> Frames:
         """Return the frames of :meth:`schedule`; raises ModelDomainError as :attr:`whitening`."""
@@ -126,7 +128,8 @@ def _encoder_rows(joints: pd.DataFrame, part: str) -> list[tuple]:
     if absent:
         message = f"there are no measurements of the takes {', '.join(absent)}"
         raise ConfigError(message, key="dataset.encoders")
-    return list(table[table["take"].isin(takes)].groupby("take"))
+    rows = table[table["take"].isin(takes)]
+    return list(rows.groupby("take"))
 
 
 class EncoderNoise(NamedTuple):
@@ -145,11 +148,15 @@ class EncoderNoise(NamedTuple):
         """
         steps = np.arange(len(self.bias))
         place = np.clip(t / self.dt, 0, steps[-1])
-        bias = np.stack([np.interp(place, steps, b) for b in self.bias.T], axis=-1)
+        bias = np.empty((len(t), self.bias.shape[1]))
+        for encoder, bias_at_steps in enumerate(self.bias.T):
+            bias[:, encoder] = np.interp(place, steps, bias_at_steps)
         correlated = 1.0  # readings within ``lasts``
         if len(t) > 1:
-            correlated = max(1.0, self.lasts / float(np.median(np.diff(t))))
-        return bias, correlated * self.covariance[np.round(place).astype(int)]
+            period = float(np.median(np.diff(t)))
+            correlated = max(1.0, self.lasts / period)
+        nearest = np.round(place).astype(int)
+        return bias, correlated * self.covariance[nearest]
 
 
 def encoder_noise(errors: ndarray, dt: float) -> EncoderNoise:
@@ -169,8 +176,9 @@ def encoder_noise(errors: ndarray, dt: float) -> EncoderNoise:
     total = np.zeros((steps + 1, n, n))
     total[1:] = np.cumsum(products, axis=0)
     window = round(lasting)
-    first = np.maximum(np.arange(steps) - window, 0)
-    last = np.minimum(np.arange(steps) + window + 1, steps)
+    step = np.arange(steps)
+    first = np.maximum(step - window, 0)
+    last = np.minimum(step + window + 1, steps)
     freedom = (takes - 1) * (last - first)[:, None, None]
     covariance = (total[last] - total[first]) / freedom
     return EncoderNoise(bias, covariance, lasting * dt, dt)

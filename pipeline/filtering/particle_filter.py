@@ -139,11 +139,13 @@ def particle_filter(
 
 
 def _setting(chain: Chain, frames: Frames, options: Filter) -> sampling.Setting:
-    limits = np.array(chain.lower, dtype=float), np.array(chain.upper, dtype=float)
-    # no effective sample size is below 0
-    threshold = float(options.threshold) if options.scheme != "none" else 0.0
+    lower = np.array(chain.lower, dtype=float)
+    upper = np.array(chain.upper, dtype=float)
+    threshold = float(options.threshold)
+    if options.scheme == "none":
+        threshold = 0.0  # no effective sample size is below 0
     scheme = sampling.SCHEMES.index(options.scheme)
-    return sampling.Setting(limits, frames, scheme, threshold)
+    return sampling.Setting((lower, upper), frames, scheme, threshold)
 
 
 def _filter_by_draws(

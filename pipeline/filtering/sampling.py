@@ -37,7 +37,9 @@ def repeat(below, chosen):
     """Set ``chosen`` (P,) to i from ``below``[i − 1] to ``below``[i]. No branch depends on the
     weights: i is written where its copies begin, then copied up to the next particle.
     """
-    count, first, last = len(chosen), 0, 0
+    count = len(chosen)
+    first = 0
+    last = 0
     chosen[:] = 0
     for i in range(count):
         if first < count:
@@ -63,8 +65,10 @@ def systematic(weights, chosen, scratch, rng):
 @inner
 def multinomial(weights, chosen, scratch, rng):
     """Draw sorted independent indices, probabilities ∝ ``weights`` (P,) (Gordon et al. 1993)."""
-    points, cumulative = scratch[0], scratch[1]
-    count, arrival = len(chosen), 0.0
+    points = scratch[0]
+    cumulative = scratch[1]
+    count = len(chosen)
+    arrival = 0.0
     # sorted uniforms: arrivals of a Poisson process divided by the next arrival
     for j in range(count):
         arrival += rng.standard_exponential()
@@ -72,7 +76,8 @@ def multinomial(weights, chosen, scratch, rng):
     end = arrival + rng.standard_exponential()
     cumulate(weights, cumulative)
     # the last particle with weight, as rounding may raise a point to 1
-    last, i = len(weights) - 1, 0
+    last = len(weights) - 1
+    i = 0
     while last > 0 and not cumulative[last - 1] < 1.0:
         last -= 1
     for j in range(count):
@@ -96,19 +101,24 @@ def weigh(frames, frame, before, q, log_weights, scratch):
     """Add to ``log_weights`` (P,) the log-likelihood of ``frame``, up to a constant, at its share
     of the step from ``before`` to ``q`` (n, P); ``scratch`` has at least (n + 2, WIDTH) floats.
     """
-    n, share = len(q), frames.share[frame]
+    n = len(q)
+    share = frames.share[frame]
     white = frames.whitening[frame]
     measured = frames.unbiased[frame]
-    whitened, square = scratch[n], scratch[n + 1]
+    whitened = scratch[n]
+    square = scratch[n + 1]
     for start in range(0, len(log_weights), WIDTH):
         count = min(WIDTH, len(log_weights) - start)
         # slices: the compiler knows that none of their indices is negative
         stop = start + count
         for j in range(n):
-            here, there = before[j, start:stop], q[j, start:stop]
-            y, rest = measured[j], scratch[j]
+            here = before[j, start:stop]
+            there = q[j, start:stop]
+            y = measured[j]
+            rest = scratch[j]
             for i in range(count):
-                rest[i] = y - (here[i] + share * (there[i] - here[i]))
+                expected = here[i] + share * (there[i] - here[i])
+                rest[i] = y - expected
         square[:count] = 0.0
         for j in range(n):
             whitened[:count] = 0.0
@@ -134,7 +144,8 @@ def normalise(log_weights, weights):
         return 0.0
     for i in range(len(weights)):
         weights[i] = exponential(log_weights[i] - peak)
-    scale, squares = total(weights), inner_product(weights, weights)
+    scale = total(weights)
+    squares = inner_product(weights, weights)
     log_total = peak + np.log(scale)
     share = 1 / scale
     for i in range(len(weights)):
@@ -177,10 +188,13 @@ def keep_inside(limits, before, q, log_weights, outside):
     them back to ``before``, and return the number of them that had weight. ``outside`` (P,) is
     scratch. A step from a singular pose is NaN, which is beyond every limit.
     """
-    (lower, upper), lost = limits, 0
+    lower, upper = limits
+    lost = 0
     outside[: len(log_weights)] = 0.0
     for j in range(len(q)):
-        angle, low, high = q[j], lower[j], upper[j]
+        angle = q[j]
+        low = lower[j]
+        high = upper[j]
         for i in range(len(angle)):
             within = (low <= angle[i]) & (angle[i] <= high)
             outside[i] = outside[i] if within else 1.0
@@ -252,7 +266,9 @@ def update(k, setting, before, q, particles, record, rng):
     that continue, else KEPT.
     """
     weights, log_weights, chosen, size, scratch = particles
-    frames, n, count = setting.frames, len(q), len(weights)
+    frames = setting.frames
+    n = len(q)
+    count = len(weights)
     if k > 0:
         record.outside[k] = keep_inside(
             setting.limits,
@@ -273,7 +289,8 @@ def update(k, setting, before, q, particles, record, rng):
         return KEPT
     resample(setting.scheme, weights, chosen, scratch, rng)
     for j in range(n):
-        here, there = q[j], before[j]
+        here = q[j]
+        there = before[j]
         for i in range(count):
             there[i] = here[np.uint64(chosen[i])]  # unsigned: no index is negative
     weights[:] = 1.0 / count
