@@ -83,47 +83,55 @@ def require_dataset(name: object) -> None:
 def compose_config(params_file: Path) -> Config:
     """Return the validated configuration of ``params_file``; ConfigError with all faults."""
     params = validated(Params, read_yaml(params_file), file=params_file)
-    options_by_group = [(group, getattr(params, group)) for group in GROUPS]
-    faults = []
-    for group, option in options_by_group + [
-        ("model", model) for model in params.models
-    ]:
-        if option not in (names := option_names(group)):
-            message = f"{group}: no option {option!r}; there are {', '.join(names)}"
-            faults.append(
-                ConfigError(message, key="models" if group == "model" else group),
-            )
-    if twice := sorted(
-        {name for name in params.models if params.models.count(name) > 1},
-    ):
-        faults.append(
-            ConfigError(f"models: {', '.join(twice)} occurs twice", key="models"),
-        )
+    faults = _option_faults(params)
     if faults:
         raise joined_faults(faults, params_file)
     sheet = datasheet.read(datasheet.path_of(params.dataset))
     option_file = CONF / "dataset" / f"{params.dataset}.yaml"
-    overrides = [f"{group}={option}" for group, option in options_by_group]
+    overrides = [f"{group}={getattr(params, group)}" for group in GROUPS]
     overrides += [f"+model@models.{model}={model}" for model in params.models]
     changes = {"seed": params.seed}, params.overrides or {}
     try:
         values = _compose(overrides, sheet, option_file, *changes)
     except ConfigError as error:
-        raise ConfigError(
-            error.message,
-            **({"file": params_file} | error.evidence),
-        ) from None
+        evidence = {"file": params_file} | error.evidence
+        raise ConfigError(error.message, **evidence) from None
     open_keys = [*datasheet.unfilled_keys(values["dataset"])]
-    config, faults = (
-        (None, datasheet.to_fill_in(open_keys)) if open_keys else _validate(values)
-    )
-    if unknown := sorted(set(values["models"] or {}) - set(params.models)):
+    if open_keys:
+        config, faults = None, datasheet.to_fill_in(open_keys)
+    else:
+        config, faults = _validate(values)
+    unknown = sorted(set(values["models"] or {}) - set(params.models))
+    if unknown:
         message = f"no model {', '.join(unknown)} is chosen; there are {', '.join(params.models)}"
         faults.append(ConfigError(message, key="overrides.models"))
     if faults:
         key = str(faults[0].evidence.get("key"))
         raise joined_faults(faults, _stating(key, params, params_file, sheet))
     return config
+
+
+def _option_faults(params: Params) -> list[ConfigError]:
+    """Return the faults of options and models without a file, and of repeated models."""
+    faults = []
+    for group in GROUPS:
+        faults += _unknown_option(group, getattr(params, group), key=group)
+    for model in params.models:
+        faults += _unknown_option("model", model, key="models")
+    repeated = {name for name in params.models if params.models.count(name) > 1}
+    if repeated:
+        message = f"models: {', '.join(sorted(repeated))} occurs twice"
+        faults.append(ConfigError(message, key="models"))
+    return faults
+
+
+def _unknown_option(group: str, option: str, key: str) -> list[ConfigError]:
+    """Return the fault of an ``option`` without a file in its ``group``; [] if it has one."""
+    names = option_names(group)
+    if option in names:
+        return []
+    message = f"{group}: no option {option!r}; there are {', '.join(names)}"
+    return [ConfigError(message, key=key)]
 
 
 def _stating(

@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -37,19 +38,8 @@ def run(folder: Path) -> None:
         # DVC's state of files between runs, by default outside the project
         "DVC_SITE_CACHE_DIR": str(project / ".dvc/tmp/site"),
     }
-    stages = []  # entries of the lock files, without removed stages
-    for file in project.rglob("dvc.yaml"):
-        lock = file.with_name("dvc.lock")
-        entries = read_yaml(lock).get("stages", {}) if lock.is_file() else {}
-        names = stage_names(file, project / "params.yaml") if entries else []
-        stages += [entries[name] for name in names if name in entries]
-    for stage in stages:
-        for entry in stage.get("outs", []):
-            out = project / entry["path"]
-            if out.is_dir():
-                shutil.rmtree(out)
-            else:
-                out.unlink(missing_ok=True)
+    stages = _locked_stages(project)
+    _remove_outputs(stages, project)
     repro = [sys.executable, "-m", "dvc", "repro", "--all-pipelines", "--force"]
     ran = subprocess.run(repro, cwd=project, env=environment, stdout=sys.stderr)
     if ran.returncode or not stages:
@@ -72,6 +62,30 @@ def run(folder: Path) -> None:
             folder=project,
         )
     print(f"audit: {len(stages)} stages run again, every file {equal}")
+
+
+def _locked_stages(project: Path) -> list[dict[str, Any]]:
+    """Return the entries of the lock files of a ``project``, without removed stages."""
+    stages = []
+    for file in project.rglob("dvc.yaml"):
+        lock = file.with_name("dvc.lock")
+        entries = read_yaml(lock).get("stages", {}) if lock.is_file() else {}
+        if not entries:
+            continue
+        for name in stage_names(file, project / "params.yaml"):
+            if name in entries:
+                stages.append(entries[name])
+    return stages
+
+
+def _remove_outputs(stages: list[dict[str, Any]], project: Path) -> None:
+    for stage in stages:
+        for entry in stage.get("outs", []):
+            out = project / entry["path"]
+            if out.is_dir():
+                shutil.rmtree(out)
+            else:
+                out.unlink(missing_ok=True)
 
 
 def _rounded(project: Path, line: str) -> bool:

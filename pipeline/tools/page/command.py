@@ -166,13 +166,20 @@ def _address(href: str, file: Path, files: Sequence[Path], folder: Path) -> str:
     if re.match(r"[a-z]+:", href):
         return href
     path, mark, slug = href.partition("#")
-    target = Path(os.path.normpath(file.parent / path)) if path else file
+    target = file
+    if path:
+        target = Path(os.path.normpath(file.parent / path))
+    anchor = _anchor(target, slug)
     if target in files:
-        return f"#{_anchor(target, slug)}"
+        return f"#{anchor}"
     if target.suffix == ".md" and target.parent.name == STUDIES.name:
-        studies = os.path.relpath(target.parent.with_suffix(".html"), folder)
-        return f"{Path(studies).as_posix()}#{_anchor(target, slug)}"
-    return Path(os.path.relpath(target, folder)).as_posix() + mark + slug
+        studies = target.parent.with_suffix(".html")
+        return f"{_relative(studies, folder)}#{anchor}"
+    return f"{_relative(target, folder)}{mark}{slug}"
+
+
+def _relative(file: Path, folder: Path) -> str:
+    return Path(os.path.relpath(file, folder)).as_posix()
 
 
 def _figure_attributes(file: Path) -> dict[str, str]:
