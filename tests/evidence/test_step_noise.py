@@ -16,8 +16,6 @@ from pipeline.verdicts.run import ArmNames
 JOINTS = ("a", "b")
 
 NOISE = [[4e-6, 1e-6], [1e-6, 1e-6]]  # rad²
-
-
 COUNT = 20_000  # steps of 10 ms
 
 

@@ -319,10 +319,15 @@ def test_short_gaps_are_filled_linearly_counted_and_have_no_residual():
 
 
 def test_gaps_of_turning_joints_are_filled_the_short_way_round_and_of_sliding_ones_as_they_are():
-    q = np.array([[3.1, 0.0], [np.nan, np.nan], [-3.1, 3.8]])
-    solved, sliding = np.array([True, False, True]), np.array([False, True])
-    filled, counts = fill_gaps(q, solved, sliding, 1, "t")
-    assert_allclose(filled, [[3.1, 0.0], [np.pi, 1.9], [2 * np.pi - 3.1, 3.8]])
+    turning, sliding = [3.1, np.nan, -3.1], [0.0, np.nan, 3.8]
+    q = np.stack([turning, sliding], axis=1)
+    solved = np.array([True, False, True])
+    is_sliding = np.array([False, True])
+
+    filled, counts = fill_gaps(q, solved, is_sliding, 1, "t")
+
+    assert_allclose(filled[:, 0], [3.1, np.pi, 2 * np.pi - 3.1])
+    assert_allclose(filled[:, 1], [0.0, 1.9, 3.8])
     assert counts == {"interpolated": 1, "held": 0}
 
 
