@@ -96,32 +96,49 @@ def track(
 
 def _heading_angles(positions: np.ndarray, points: MarkedArm) -> np.ndarray:
     """Return the joint angles (N, n) in rad of a planar arm from the headings of its links."""
-    frames = np.arange(len(positions))
     psi = []
     for on_link in points.link_masks():
         measured = positions[:, on_link]
-        template = points.places[on_link]
         present = np.isfinite(measured).all(axis=-1)
-        number = present.sum(axis=-1)
-        weight = (present / np.maximum(number, 1)[..., None])[..., None]
-        is_present = present[..., None]
-        measured = np.where(is_present, points.arm.to_plane(measured), 0.0)
-        centre = (weight * measured).sum(axis=-2, keepdims=True)
-        measured = (measured - centre) * is_present
-
-        turn = np.swapaxes(measured, -1, -2) @ template
-        sine = turn[..., 0, 2] - turn[..., 2, 0]
-        cosine = turn[..., 0, 0] + turn[..., 2, 2]
-        heading = np.arctan2(sine, cosine)
-
-        seen = number >= 2
-        filled = 0.0
-        if seen.any():
-            turned = np.unwrap(heading[seen])
-            filled = np.interp(frames[~seen], frames[seen], turned)
-        heading[~seen] = filled
-        psi.append(heading)
+        in_plane = points.arm.to_plane(measured)
+        heading = _headings(in_plane, present, points.places[on_link])
+        determined = present.sum(axis=-1) >= 2
+        psi.append(_interpolated(heading, determined))
     return points.arm.chain.joints_from_segments(np.stack(psi, axis=-1))
+
+
+def _headings(
+    measured: np.ndarray,
+    present: np.ndarray,
+    template: np.ndarray,
+) -> np.ndarray:
+    """Return the headings (N,) in rad that turn the ``template`` (P, 3) m of a link onto its
+    ``measured`` markers (N, P, 3) m in the arm's plane, by least squares over the ``present`` ones
+    (N, P).
+    """
+    is_present = present[..., None]
+    number = np.maximum(present.sum(axis=-1), 1)
+    weight = is_present / number[:, None, None]
+    measured = np.where(is_present, measured, 0.0)
+    centre = (weight * measured).sum(axis=-2, keepdims=True)
+    centred = (measured - centre) * is_present
+
+    turn = np.swapaxes(centred, -1, -2) @ template
+    sine = turn[..., 0, 2] - turn[..., 2, 0]
+    cosine = turn[..., 0, 0] + turn[..., 2, 2]
+    return np.arctan2(sine, cosine)
+
+
+def _interpolated(heading: np.ndarray, determined: np.ndarray) -> np.ndarray:
+    """Return the ``heading`` (N,) in rad, interpolated where it is not ``determined`` (N,); 0 where
+    no frame determines it.
+    """
+    if not determined.any():
+        return np.zeros_like(heading)
+    frames = np.arange(len(heading))
+    unwrapped = np.unwrap(heading[determined])
+    between = np.interp(frames, frames[determined], unwrapped)
+    return np.where(determined, heading, between)
 
 
 def _solve_blocks(

@@ -93,22 +93,7 @@ def _motion(dataset: Dataset, raw: Path, folder: Path, errors: list) -> list[dic
     takes = []
     encoders = []
     if dataset.joint_log is not None:
-        with collecting(errors):
-            movements = joint_logs.read_movements(dataset, partial(collecting, errors))
-            angles = {name: log.actual for name, log in movements.items()}
-            exported = {name: rounding(measured) for name, measured in angles.items()}
-            require_distinct("movements", angles, tolerances=exported)
-        if not errors and dataset.robot is None:
-            for name, movement in movements.items():
-                quality += joint_logs.count_rows(name, movement.counts)
-            movement_rows = joint_logs.movement_paths(movements, dataset.motion.rate)
-            contracts.write(movement_rows, "take_paths", folder)
-        elif not errors:
-            with collecting(errors):
-                tables = joint_logs.joint_log_rows(movements, dataset)
-                for name in ("trajectory", "joint_log", "disturbed_log"):
-                    contracts.write(getattr(tables, name), name, folder)
-                quality += tables.quality
+        quality += _joint_log(dataset, folder, errors)
     if dataset.trajectory is not None:
         with collecting(errors):
             table = motion_capture.trajectory_rows(raw / dataset.trajectory, dataset)
@@ -123,6 +108,32 @@ def _motion(dataset: Dataset, raw: Path, folder: Path, errors: list) -> list[dic
             encoders = joint_logs.encoder_rows(raw, dataset)
     quality += _write(takes, "markers", folder, errors)
     return quality + _write(encoders, "encoders", folder, errors)
+
+
+def _joint_log(dataset: Dataset, folder: Path, errors: list) -> list[dict]:
+    """Write the tables of the controller's logs, for a dataset without robot only their paths."""
+    from pipeline.recordings import joint_logs
+
+    quality = []
+    with collecting(errors):
+        movements = joint_logs.read_movements(dataset, partial(collecting, errors))
+        angles = {name: log.actual for name, log in movements.items()}
+        exported = {name: rounding(measured) for name, measured in angles.items()}
+        require_distinct("movements", angles, tolerances=exported)
+    if errors:
+        return quality
+    if dataset.robot is None:
+        for name, movement in movements.items():
+            quality += joint_logs.count_rows(name, movement.counts)
+        movement_rows = joint_logs.movement_paths(movements, dataset.motion.rate)
+        contracts.write(movement_rows, "take_paths", folder)
+        return quality
+    with collecting(errors):
+        tables = joint_logs.joint_log_rows(movements, dataset)
+        for name in ("trajectory", "joint_log", "disturbed_log"):
+            contracts.write(getattr(tables, name), name, folder)
+        quality += tables.quality
+    return quality
 
 
 def _depth(
