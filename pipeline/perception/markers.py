@@ -208,14 +208,12 @@ def _correct_labels(
     and ``residual``. The assignment of labels to positions minimises the sum of squared distances
     from the positions that the nearest solved frames predict.
     """
-    from scipy.optimize import linear_sum_assignment
-
     labels = len(points.owner)
     moved = {"relabelled": 0, "adopted": 0, "rejected": 0}
-    there = np.isfinite(positions).all(axis=-1)
+    present = np.isfinite(positions).all(axis=-1)
     markers = positions[:, :labels].copy()
-    complete = there[:, :labels].all(axis=-1)
-    has_unlabelled = there[:, labels:].any(axis=-1)
+    complete = present[:, :labels].all(axis=-1)
+    has_unlabelled = present[:, labels:].any(axis=-1)
     incomplete = has_unlabelled & ~complete
     doubtful = np.isnan(residual) | incomplete
     if not doubtful.any():
@@ -230,26 +228,38 @@ def _correct_labels(
     start = int(np.argmax(np.isfinite(residual)))
     after = np.flatnonzero(doubtful[start:]) + start
     before = np.flatnonzero(doubtful[:start])[::-1]
-    most = points.gate**2
     for k in (*after, *before):
-        expected = _predict(q, np.flatnonzero(np.isfinite(residual)), k)[None]
-        modelled = points.carry(expected)[0][:, None]
-        square = ((modelled - positions[k]) ** 2).sum(axis=-1)
-        square[np.isnan(square)] = np.inf
-        label, sample = linear_sum_assignment(np.minimum(square, most))
-        close = square[label, sample] <= most
-        label = label[close]
-        sample = sample[close]
-
+        solved = np.flatnonzero(np.isfinite(residual))
+        expected = _predict(q, solved, k)[None]
+        (modelled,) = points.carry(expected)
+        label, sample = _assignment(modelled, positions[k], points.gate)
         labelled = sample < labels
         markers[k] = np.nan
         markers[k, label] = positions[k, sample]
         q[[k]], residual[[k]], *_ = points.solve(markers[[k]], expected)
         moved["relabelled"] += int((labelled & (sample != label)).sum())
         moved["adopted"] += int((~labelled).sum())
-        recorded = int(there[k, :labels].sum())
+        recorded = int(present[k, :labels].sum())
         moved["rejected"] += recorded - int(labelled.sum())
     return markers, moved
+
+
+def _assignment(
+    modelled: np.ndarray,
+    measured: np.ndarray,
+    gate: float,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the indices (pairs,) of ``modelled`` points (P, 3) m and of their ``measured`` samples
+    (S, 3) m, at most the ``gate`` in m apart, with the least sum of squared distances.
+    """
+    from scipy.optimize import linear_sum_assignment
+
+    most = gate**2
+    square = ((modelled[:, None] - measured) ** 2).sum(axis=-1)
+    square[np.isnan(square)] = np.inf
+    label, sample = linear_sum_assignment(np.minimum(square, most))
+    close = square[label, sample] <= most
+    return label[close], sample[close]
 
 
 def _predict(q: np.ndarray, solved: np.ndarray, k: int) -> np.ndarray:

@@ -247,8 +247,8 @@ def _full_names(
         else:
             missing.append(name)
     if missing:
-        there = ", ".join(sorted(recorded)) or "none"
-        message = f"no {kind} named {', '.join(missing)} in the take; it has {there}"
+        present = ", ".join(sorted(recorded)) or "none"
+        message = f"no {kind} named {', '.join(missing)} in the take; it has {present}"
         raise RecordingError(message, **where)
     if ambiguous:
         raise RecordingError("; ".join(ambiguous), **where)
