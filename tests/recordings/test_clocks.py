@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from pipeline.core.errors import RecordingError
 from pipeline.formats.joints.log import JointLog, LogOptions
 from pipeline.recordings import commands, movement
-from pipeline.recordings.depth_takes import find_offset
+from pipeline.recordings.clocks import find_offset
 
 cases = cases_beside(__file__)
 OFFSET = 0.0837  # s
