@@ -121,35 +121,35 @@ def marker_rows(
         )
     tracks, stray = _tracks(take, mocap, file)
     _require_size(tracks, mocap, take.unit, file)
-    positions = np.stack([*tracks.values(), *stray], axis=1)
-    frozen = _frozen_frames(positions[:, : len(tracks)])
+    labelled = len(tracks)
+    for number, track in enumerate(stray, start=1):
+        tracks[0, number] = track
+    positions = np.stack([*tracks.values()], axis=1)
+    frozen = _frozen_frames(positions[:, :labelled])
     positions[frozen] = np.nan
 
     rotation = Rotation.from_euler("xyz", mocap.base.rpy).as_matrix()
     origin = np.array(mocap.base.position)
     k = np.arange(motion.steps + 1)
     tables = []
-    missing = 0
-    identities = [*tracks]
-    identities += [(0, number) for number in range(1, len(stray) + 1)]
-    for (link, marker), track in zip(identities, positions.swapaxes(0, 1), strict=True):
+    for (link, marker), track in zip(tracks, positions.swapaxes(0, 1), strict=True):
         xyz = np.full((len(k), 3), np.nan)
         xyz[frames] = (np.ascontiguousarray(track) - origin) @ rotation
-        if link:
-            missing += int(np.isnan(xyz[:, 0]).sum())
         columns_of_marker = {"take": name, "part": part_name, "k": k}
         columns_of_marker |= {"t": k / motion.rate, "link": link, "marker": marker}
         columns_of_marker |= zip("xyz", xyz.T, strict=True)
         tables.append(pd.DataFrame(columns_of_marker))
 
+    table = pd.concat(tables, ignore_index=True)
+    missing = table.loc[table["link"] > 0, "x"].isna()
     counts = dict(take.counts)
-    counts["missing_samples"] = missing
+    counts["missing_samples"] = int(missing.sum())
     counts["unlabelled_markers"] = len(stray)
     counts["frozen_frames"] = int(frozen.sum())
     if not _is_named_by(take.name, file):
         counts["named_otherwise"] = 1
     quality = quality_rows(name, part_name, "motion capture", counts.items())
-    return pd.concat(tables, ignore_index=True), quality
+    return table, quality
 
 
 def _frozen_frames(positions: np.ndarray) -> np.ndarray:
