@@ -128,11 +128,13 @@ def _plain_cells(
     """
     sampled = [line.text for line in lines[-SAMPLED:]]
     quoted = detected and mark == "," and delimited.has_quoted_decimals(sampled)
+    if mark != delimited.SPACE and not quoted:
+        return lines, mark
     separated = []
     for number, text in lines:
         if mark == delimited.SPACE:
             text = mark.join(text.lstrip("#%").split())
-        elif quoted:
+        else:
             text = ";".join(split_line(text, mark))
         separated.append(Line(number, text))
     return separated, ";" if quoted else mark
