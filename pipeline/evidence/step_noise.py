@@ -58,19 +58,19 @@ def step_noise(runs: Sequence[JointRun]) -> pd.DataFrame:
     after = np.concatenate([changes[1:] for changes in noise])
     joints = runs[0].joints
     rows = []
+
+    def add(j: int, k: int, group: str, first: ndarray, second: ndarray) -> None:
+        rows.append((joints[j], joints[k], group, *_covariance(first, second)))
+
     for place, j in enumerate(moving):
+        of_joint = steps[:, j]
         fast = speeds[:, j] > np.median(speeds[:, j])
-        slow_steps, fast_steps = steps[~fast, j], steps[fast, j]
-        pairs = {
-            "slow": (slow_steps, slow_steps),
-            "fast": (fast_steps, fast_steps),
-            "successive": (before[:, j], after[:, j]),
-        }
-        for group, pair in pairs.items():
-            rows.append((joints[j], joints[j], group, *_covariance(*pair)))
+        slow_steps, fast_steps = of_joint[~fast], of_joint[fast]
+        add(j, j, "slow", slow_steps, slow_steps)
+        add(j, j, "fast", fast_steps, fast_steps)
+        add(j, j, "successive", before[:, j], after[:, j])
         for k in moving[place:]:
-            shared = _covariance(steps[:, j], steps[:, k])
-            rows.append((joints[j], joints[k], "all", *shared))
+            add(j, k, "all", of_joint, steps[:, k])
     columns = ["joint", "other", "steps", "covariance", "correlation"]
     return pd.DataFrame(rows, columns=columns)
 

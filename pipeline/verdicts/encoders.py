@@ -10,7 +10,8 @@ import numpy as np
 import pandas as pd
 from numpy import ndarray
 
-from pipeline.verdicts.decision import Case, Verdict
+from pipeline.verdicts.claims import Claim
+from pipeline.verdicts.decision import NO_EVIDENCE, Case, Verdict
 from pipeline.verdicts.run import Run
 from pipeline.verdicts.tally import Group
 from pipeline.verdicts.wording import join_names, number, say
@@ -132,8 +133,20 @@ def within_run(verdict: Verdict) -> bool:
 
 def undecided_text(verdict: Verdict) -> str:
     """Return the number of cases that hold and the range of the powers of undecided cases."""
-    holding = [case for case in verdict.cases if case.holds]
+    holding = sum(case.holds is True for case in verdict.cases)
     powers = [case.power for case in verdict.cases if case.holds is None]
     low, high = number(min(powers), 2), number(max(powers), 2)
-    holds = f"{len(holding)} of {len(verdict.cases)} hold"
-    return f"no verdict: {holds}, power of the others {low}–{high}"
+    count = f"{holding} of {len(verdict.cases)} hold"
+    return f"no verdict: {count}, power of the others {low}–{high}"
+
+
+def undecided_in_run(group: Group, claim: Claim) -> str:
+    """Return the text of a ``claim`` that a single run of the ``group`` tests and does not decide,
+    "" for any other claim.
+    """
+    for verdicts in group.verdicts.values():
+        for verdict in verdicts:
+            undecided = verdict.verdict == NO_EVIDENCE and within_run(verdict)
+            if verdict.claim.id == claim.id and undecided:
+                return undecided_text(verdict)
+    return ""

@@ -13,7 +13,12 @@ from pipeline.core.options.dataset import UNSEEN
 from pipeline.verdicts import scores, wording
 from pipeline.verdicts.claims import PROJECT, Claim
 from pipeline.verdicts.decision import Decided
-from pipeline.verdicts.encoders import undecided_text, within_run, within_run_sentences
+from pipeline.verdicts.encoders import (
+    undecided_in_run,
+    undecided_text,
+    within_run,
+    within_run_sentences,
+)
 from pipeline.verdicts.estimates import published_and_ours
 from pipeline.verdicts.finding import finding
 from pipeline.verdicts.paper import Erratum, Item, Source
@@ -246,7 +251,7 @@ def claim_lines(groups: Sequence[Group]) -> dict[str, list[tuple[Claim, str]]]:
         claim = of_claim[0].claim
         cells = []
         for group, verdict in zip(groups, of_claim, strict=True):
-            text = joined_text(group, verdict)
+            text = joined_text(group, verdict) or undecided_in_run(group, claim)
             if text:
                 cells.append(f"{group.robot} {text}")
         label = FIGURE.search(claim.where)[1] or ""

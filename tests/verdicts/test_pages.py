@@ -452,8 +452,11 @@ def test_a_claim_that_a_single_run_does_not_decide_has_its_cases_and_power_on_th
     tables = {"evidence": evidence_table(rows)}
     run = Run("logs", "paper", False, ["a", "b", "c"], [], {}, {}, tables)
 
-    page = datasets_page(groups(run, claims=claims), [])
+    grouped = groups(run, claims=claims)
+    page = datasets_page(grouped, [])
+    (line,) = report_page.claim_lines(grouped)[""]
 
+    assert line[1] == "logs no verdict: 1 of 3 hold, power of the others 0–0.42"
     assert "| no verdict: 1 of 3 hold, power of the others 0–0.42 |" in page
     assert "`logs` is a single run: varies is tested by the noise" in page
     assert "0.5 [0.3, 0.7] in a (holds); 0.5 [-0.5, 1.5] in b (power" in page

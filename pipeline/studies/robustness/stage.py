@@ -14,7 +14,13 @@ from matplotlib.lines import Line2D
 from pipeline.core import contracts
 from pipeline.core.compute.trials import run_trials
 from pipeline.evidence import outcomes
-from pipeline.evidence.case import Choices, Recordings, Takes, recorded_takes
+from pipeline.evidence.case import (
+    Camera,
+    Choices,
+    Recordings,
+    Takes,
+    recorded_takes,
+)
 from pipeline.figures import style
 from pipeline.studies.frame import MISSING, Tables, trials
 from pipeline.studies.robustness import grid
@@ -59,28 +65,31 @@ def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
     takes = recorded_takes(settings.dataset.robot, settings.dataset.motion)
     common = settings, options, read_claims(HERE / "conclusions.yaml"), takes
     parts = list(decision_verdicts(*common))
-    if settings.dataset.laboratory is None or not contracts.exists(
-        "kinect_noise",
-        ARTICULATE,
-    ):
+    has_camera = contracts.exists("kinect_noise", ARTICULATE)
+    if settings.dataset.laboratory is not None and has_camera:
+        parts += laboratory_verdicts(*common)
+    else:
         print(
             "robustness: no laboratory with a depth camera; its physics is not varied",
         )
-    else:
-        parts += laboratory_verdicts(*common)
-    rows = pd.concat(cases.drop_duplicates("claim") for cases in parts)
+    by_case = [cases.drop_duplicates("claim") for cases in parts]
+    return {"robustness": counted_verdicts(pd.concat(by_case))}
+
+
+def counted_verdicts(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return the number of cases, and of those that hold and fail, by grid, factor, level and
+    claim, without claims that no case of a grid decides.
+    """
     # the rule holds where it holds for the speed law too
-    rows = rows.assign(
-        cases=1,
-        holds=rows["verdict"].isin([HOLDS, SPEED_LAW]),
-        fails=rows["verdict"] == FAILS,
-    )
+    holds = rows["verdict"].isin([HOLDS, SPEED_LAW])
+    fails = rows["verdict"] == FAILS
+    rows = rows.assign(cases=1, holds=holds, fails=fails)
     keys = ["grid", "factor", "level", "claim", "about"]
     counts = ["cases", "holds", "fails"]
     counted = rows.groupby(keys, sort=False)[counts].sum().reset_index()
     decided = counted.groupby(["grid", "claim"])[["holds", "fails"]]
     evident = decided.transform("sum").any(axis=1)
-    return {"robustness": counted[evident].reset_index(drop=True)}
+    return counted[evident].reset_index(drop=True)
 
 
 def decision_verdicts(
@@ -94,25 +103,8 @@ def decision_verdicts(
     chain, joints = takes.training.chain, takes.training.joints
     arm = ArmNames(tuple(joints), tuple(chain.task))
     cases = grid.decision_cases(base, chain.task, joints, options.others)
-    seen = {}
-    if contracts.exists("angles", ARTICULATE):
-        quality = contracts.read("quality", TRACK)
-        offsets = quality[quality["quantity"] == "clock_offset"].set_index("take")[
-            "value"
-        ]
-        angles, q = (
-            contracts.read("angles", ARTICULATE),
-            contracts.read("joints", TRACK),
-        )
-        periods = (1 / dataset.depth.rate, 1 / dataset.motion.rate)
-        seen = grid.cameras(
-            angles,
-            q,
-            offsets,
-            periods,
-            settings.articulation.noise_window,
-        )
-    else:
+    seen = cameras_by_clock(settings)
+    if not seen:
         print(
             "robustness: no depth camera; decisions on camera and filter are not varied",
         )
@@ -126,6 +118,21 @@ def decision_verdicts(
             print(f"robustness: {factor} {level}: {refusal}")
         rows = claim_verdicts(claims, result.evidence, arm)
         yield rows.assign(grid="decisions", factor=factor, level=level)
+
+
+def cameras_by_clock(settings: SimpleNamespace) -> Mapping[str, Camera]:
+    """Return the depth camera of the run with the times by each clock, {} without a camera."""
+    if not contracts.exists("angles", ARTICULATE):
+        return {}
+    dataset = settings.dataset
+    quality = contracts.read("quality", TRACK)
+    is_offset = quality["quantity"] == "clock_offset"
+    offsets = quality[is_offset].set_index("take")["value"]
+    angles = contracts.read("angles", ARTICULATE)
+    joints = contracts.read("joints", TRACK)
+    periods = (1 / dataset.depth.rate, 1 / dataset.motion.rate)
+    window = settings.articulation.noise_window
+    return grid.cameras(angles, joints, offsets, periods, window)
 
 
 def laboratory_verdicts(
