@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from case_tables import cases_beside
 from marker_takes import PLACES, marker_places
 from motive_files import START
 from numpy.testing import assert_allclose
@@ -24,6 +25,7 @@ from pipeline.perception.markers import JointTrack, track
 from pipeline.perception.posture import points_in_plane
 from pipeline.recordings.motion_capture import find_takes, marker_rows, trajectory_rows
 
+cases = cases_beside(__file__)
 STEPS = 40
 ARM, JOINTS = arm_of(YOUBOT), np.linspace([1.6, -4.8, 2.0], [2.2, -4.2, 2.6], STEPS + 1)
 TEMPLATE = {
@@ -48,16 +50,18 @@ def dataset(**mocap) -> Dataset:
 def carried(template: np.ndarray) -> np.ndarray:
     """(N, 3, K, 3) m in the world, where the arm carries the points at ``template`` (3, K, 3)."""
     turn = Rotation.from_euler("xyz", BASE.rpy).as_matrix()
-    return (
-        ARM.to_base(marker_places(JOINTS, template, ARM.chain)) @ turn.T + BASE.position
-    )
+    in_base = ARM.to_base(marker_places(JOINTS, template, ARM.chain))
+    return in_base @ turn.T + BASE.position
 
 
 def markers_of() -> dict[str, np.ndarray]:
-    names = (name for link in TEMPLATE.values() for name in link)
-    return dict(
-        zip(names, carried(PLACES).reshape(-1, 9, 3).swapaxes(0, 1), strict=True),
-    )
+    """Positions (N, 3) in m of the markers of TEMPLATE by their names."""
+    positions = carried(PLACES)
+    markers = {}
+    for number, link in enumerate(TEMPLATE.values()):
+        for k, name in enumerate(link):
+            markers[name] = positions[:, number, k]
+    return markers
 
 
 def bodies_of() -> dict[str, RigidBody]:
@@ -157,9 +161,8 @@ def test_names_stand_without_their_asset_unless_two_assets_share_them(tmp_path):
     with pytest.raises(RecordingError, match="'a1' may be Arm:a1 or Leg:a1"):
         read(file)
 
-    first = {
-        "Arm:a1" if name == "a1" else name: at for name, at in TEMPLATE["link1"].items()
-    }
+    first = {"Arm:a1": TEMPLATE["link1"]["a1"]} | TEMPLATE["link1"]
+    del first["a1"]
     rows, count = read(file, markers=TEMPLATE | {"link1": first})
 
     require_angles(rows)
@@ -174,67 +177,73 @@ def test_a_body_that_the_take_lacks_or_that_has_no_link_is_named(tmp_path):
         read(file, bodies={"link1": Body("X", MOUNT)})
     with pytest.raises(ConfigError, match="no link arm; there are link1, link2, link3"):
         read(file, bodies={"arm": Body("B1", MOUNT)})
-    with pytest.raises(
-        RecordingError,
-        match="no marker named x8, x9 in the take; it has a1, a2",
-    ):
-        read(file, markers=TEMPLATE | {"link1": {n: [0.0] * 3 for n in ("x8", "x9")}})
+    absent = {"x8": [0.0, 0.0, 0.0], "x9": [0.0, 0.0, 0.0]}
+    words = "no marker named x8, x9 in the take; it has a1, a2"
+    with pytest.raises(RecordingError, match=words):
+        read(file, markers=TEMPLATE | {"link1": absent})
+
+
+# cm for m, m for cm, inches for cm
+@pytest.mark.parametrize("size", [100, 0.01, 1 / 2.54])
+def test_takes_in_another_unit_are_refused(tmp_path, size):
+    markers = {name: size * xyz for name, xyz in markers_of().items()}
+    words = f"{size:.3g} times as far apart as in the"
+    with pytest.raises(RecordingError, match=words):
+        read(written(tmp_path, markers))
 
 
 def test_takes_of_another_rate_or_length_are_refused(tmp_path):
-    markers = markers_of()
     with pytest.raises(RecordingError, match="at 120"):
-        read(written(tmp_path, markers, rate=120.0))
-    for size in (100, 0.01, 1 / 2.54):  # cm for m, m for cm, inches for cm
-        with pytest.raises(
-            RecordingError,
-            match=f"{size:.3g} times as far apart as in the",
-        ):
-            read(written(tmp_path, {name: size * xyz for name, xyz in markers.items()}))
-    (tmp_path / "walk.own").write_text("OWN\n1 2 3\n4 5 6\n")
-    with pytest.raises(
-        RecordingError,
-        match="no take of motion capture in C3D or Motive CSV",
-    ):
-        read(tmp_path / "walk.own")
+        read(written(tmp_path, markers_of(), rate=120.0))
 
-    file = written(tmp_path, markers)
-    file.write_bytes(b"".join(file.read_bytes().splitlines(keepends=True)[:-1]))
+    file = written(tmp_path, markers_of())
+    *lines, _ = file.read_bytes().splitlines(keepends=True)
+    file.write_bytes(b"".join(lines))
     with pytest.raises(RecordingError, match=r"spans 40 frames .* the motion has 41"):
         read(file)
 
 
-def test_takes_are_found_by_part_and_two_of_one_name_are_refused(tmp_path):
+def test_a_file_of_no_format_is_refused(tmp_path):
+    file = tmp_path / "walk.own"
+    file.write_text("OWN\n1 2 3\n4 5 6\n")
+    words = "no take of motion capture in C3D or Motive CSV"
+    with pytest.raises(RecordingError, match=words):
+        read(file)
+
+
+@pytest.fixture
+def takes(tmp_path) -> Path:
+    """A folder of empty takes."""
     for name in ("train_1.csv", "train_2.c3d", "test_1.csv"):
         (tmp_path / name).touch()
-    result = find_takes(tmp_path, dataset(training="train_*", test="test_*").mocap)
+    return tmp_path
+
+
+def test_takes_are_found_by_part(takes):
+    result = find_takes(takes, dataset(training="train_*", test="test_*").mocap)
     assert [(name, file.name, part) for name, file, part in result] == [
         ("train_1", "train_1.csv", "training"),
         ("train_2", "train_2.c3d", "training"),
         ("test_1", "test_1.csv", "test"),
     ]
-    (tmp_path / "train_1.c3d").touch()
-    for error, patterns, words in (
-        (RecordingError, {"training": "train_*"}, "two recordings are named 'train_1'"),
-        (
-            RecordingError,
-            {"training": "train_2*", "test": "none_*"},
-            "no test take matches",
-        ),
-        (
-            RecordingError,
-            {"training": "train_2*", "test": "*_2*"},
-            "has the same name 'train_2'",
-        ),
-        (ConfigError, {"training": "/takes/*"}, "must be a relative path"),
-    ):
-        with pytest.raises(error, match=words):
-            find_takes(tmp_path, dataset(**patterns).mocap)
-    (tmp_path / "test_1.csv").rename(tmp_path / "t\udce9.csv")
+
+
+@cases("refused patterns")
+def test_patterns_that_name_no_take_or_one_twice_are_refused(takes, patterns, words):
+    (takes / "train_1.c3d").touch()
+    with pytest.raises((ConfigError, RecordingError), match=words):
+        find_takes(takes, dataset(**patterns).mocap)
+
+
+def test_a_name_that_is_not_utf_8_is_refused(takes):
+    (takes / "test_1.csv").rename(takes / "t\udce9.csv")
     with pytest.raises(RecordingError, match="is not UTF-8"):
-        find_takes(tmp_path, dataset(training="t*.csv").mocap)
-    (tmp_path / "link_1.csv").symlink_to("nowhere")  # its reader names it
-    assert len(find_takes(tmp_path, dataset(training="link_*").mocap)) == 1
+        find_takes(takes, dataset(training="t*.csv").mocap)
+
+
+def test_a_link_to_nowhere_is_a_take_that_its_reader_names(takes):
+    (takes / "link_1.csv").symlink_to("nowhere")
+    assert len(find_takes(takes, dataset(training="link_*").mocap)) == 1
 
 
 GRID = 30
