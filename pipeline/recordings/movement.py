@@ -30,7 +30,11 @@ UNITS = {"clock_jitter": "s", "command_delay": "s"}
 CLOCK_TOLERANCE = 0.1  # greatest deviation of an even row, in steps
 JITTER = 0.5  # greatest deviation of a step; beyond, and if it lasts, rows are missing or too close
 LASTING = 41  # rows of the medians before and after a deviation that lasts
+MOST_APART = 5.0  # greatest interpolated distance of two rows, in steps of the rate
 RATE_TOLERANCE = 0.01  # greatest relative error of the mean rate of the rows
+OTHER_RATE = (
+    2.0  # greatest factor between the rate and the median rate of resampled rows
+)
 UNWRAPPED = "unwrapped_jumps"  # count of removed jumps of whole turns
 DAMAGED = 5  # rows of the median that omits damaged cells
 # s; share of the greatest pace; greatest share of held rows
@@ -45,18 +49,19 @@ def read_movement(
     """Return the signals (N, joints) of the logs ``files`` of one movement, with the number of rows
     of the shortest log, and the counts.
 
-    If times deviate from even rows by CLOCK_TOLERANCE to JITTER, ``clock`` "rows" ignores the times
-    and "times" interpolates by a cubic spline; None raises RecordingError. Raises RecordingError
-    also where the clocks of two logs differ, or the rate is not ``rate`` (Hz).
+    If the times deviate from even rows, ``clock`` "rows" ignores the times and "times" resamples by
+    :func:`_resampled`; None raises RecordingError. Raises RecordingError also where the clocks of
+    two logs differ, rows are missing, or the rate is not ``rate`` (Hz).
     """
-    from scipy.interpolate import CubicSpline
-
     logs = {file: read_log(file, options) for file, options in files.items()}
     length = min(len(log.time) for log in logs.values())
     first = next(iter(logs))
     time = logs[first].time[:length]
     counts, signals = Counter(), {}
-    uneven = _uneven_rows(time, rate, first)
+    if clock == "times":
+        uneven = _rows_to_resample(time, rate, first)
+    else:
+        uneven = _uneven_rows(time, rate, first)
     for file, log in logs.items():
         if (np.abs(log.time[:length] - time) * rate > CLOCK_TOLERANCE).any():
             message = f"the times differ from the times of {first.name}; use logs of one recording"
@@ -78,12 +83,33 @@ def read_movement(
         )
     counts.update({"uneven_rows": uneven, "clock_jitter": jitter})
     if clock == "times":
-        steps = int((time[-1] - time[0]) * rate + CLOCK_TOLERANCE)
-        grid = time[0] + np.arange(steps + 1) / rate
-        for name, rows in signals.items():
-            signals[name] = CubicSpline(time, rows)(grid)
-        counts["resampled_rows"] = len(grid)
+        signals = _resampled(time, signals, rate)
+        counts["resampled_rows"] = len(signals["actual"])
     return signals, dict(counts)
+
+
+def _resampled(
+    time: np.ndarray,
+    signals: Mapping[str, np.ndarray],
+    rate: float,
+) -> dict[str, np.ndarray]:
+    """Return the ``signals`` (N, joints) at ``time`` (N,) s interpolated on even times at ``rate``
+    (Hz): by a cubic spline, or linearly if :func:`lasting_deviations` show that rows are far apart
+    or close, where a spline amplifies the noise of the angles.
+    """
+    from scipy.interpolate import CubicSpline
+
+    steps = int((time[-1] - time[0]) * rate + CLOCK_TOLERANCE)
+    grid = time[0] + np.arange(steps + 1) / rate
+    linear = lasting_deviations(time, rate).any()
+    resampled = {}
+    for name, rows in signals.items():
+        if linear:
+            columns = [np.interp(grid, time, column) for column in rows.T]
+            resampled[name] = np.column_stack(columns)
+        else:
+            resampled[name] = CubicSpline(time, rows)(grid)
+    return resampled
 
 
 def smoothness_by_rows(time: np.ndarray, angles: np.ndarray, rate: float) -> float:
@@ -106,13 +132,7 @@ def _uneven_rows(time: np.ndarray, rate: float, file: Path) -> int:
     off = np.abs(steps * rate - 1)
     mean = (time[-1] - time[0]) / len(steps)
     is_other_rate = abs(mean * rate - 1) > RATE_TOLERANCE
-
-    # a loaded computer's clock is late, and then on time again; missing rows shift it for good
-    shift = median_filter(time * rate - np.arange(len(time)), LASTING, mode="nearest")
-    rows, half = np.arange(len(steps)), LASTING // 2
-    after, before = np.minimum(rows + half + 1, len(steps)), np.maximum(rows - half, 0)
-    lasts = np.abs(shift[after] - shift[before]) > JITTER
-    beyond = (off > JITTER) & lasts
+    beyond = lasting_deviations(time, rate)
 
     if beyond.any() and not (is_other_rate and np.median(off) > JITTER):
         row = int(np.argmax(beyond))
@@ -128,6 +148,43 @@ def _uneven_rows(time: np.ndarray, rate: float, file: Path) -> int:
         return int((off > CLOCK_TOLERANCE).sum())
     message = f"the time step of the log is {stated}, not 1/{rate:g} s: {cause}"
     raise RecordingError(message, file=file, key=key)
+
+
+def lasting_deviations(time: np.ndarray, rate: float) -> np.ndarray:
+    """Return the mask (N − 1,) of the steps of ``time`` (N,) s that deviate by more than JITTER and
+    shift the later rows for good: a loaded computer's clock is late, and then on time again.
+    """
+    steps = np.diff(time)
+    shift = median_filter(time * rate - np.arange(len(time)), LASTING, mode="nearest")
+    rows, half = np.arange(len(steps)), LASTING // 2
+    after, before = np.minimum(rows + half + 1, len(steps)), np.maximum(rows - half, 0)
+    lasts = np.abs(shift[after] - shift[before]) > JITTER
+    return (np.abs(steps * rate - 1) > JITTER) & lasts
+
+
+def _rows_to_resample(time: np.ndarray, rate: float, file: Path) -> int:
+    """Return the number of uneven steps of ``time`` (N,) s; RecordingError for rows that are more
+    than MOST_APART steps of the ``rate`` (Hz) apart, and for a rate beyond OTHER_RATE.
+    """
+    steps = np.diff(time) * rate
+    usual = float(np.median(steps)) if len(steps) else 1.0
+    if not 1 / OTHER_RATE <= usual <= OTHER_RATE:
+        raise RecordingError(
+            f"the median time step of the log is {usual / rate:.6g} s, not 1/{rate:g} s: set the "
+            f"rate to {rate / usual:.6g}, or correct time_unit",
+            file=file,
+            key="dataset.motion.rate",
+        )
+    far = steps > MOST_APART * max(usual, 1.0)
+    if far.any():
+        row = int(np.argmax(far))
+        raise RecordingError(
+            f"rows are missing: two are {steps[row] / rate:.6g} s apart at "
+            f"{time[row] - time[0]:.6g} s from the start, more than {MOST_APART:g} steps of "
+            f"1/{rate:g} s; write the parts of the log before and after to a file of their own",
+            file=file,
+        )
+    return int((np.abs(steps - 1) > CLOCK_TOLERANCE).sum())
 
 
 def read_log(file: Path, options: LogOptions) -> JointLog:

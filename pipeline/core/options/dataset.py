@@ -18,7 +18,7 @@ Triple = Annotated[list[float], Field(min_length=3, max_length=3)]
 Signal = Literal["actual", "target", "speed"]
 ForceSignal = Literal["t", "fx", "fy", "fz", "tx", "ty", "tz"]
 SIGNALS = ("actual", "target", "speed")
-AngleUnit = StrEnum("AngleUnit", ["rad", "deg"])
+AngleUnit = StrEnum("AngleUnit", ["rad", "deg", "turn/1024", "turn/4096"])
 TimeUnit = StrEnum("TimeUnit", ["s", "ms", "us", "ns"])
 
 

@@ -17,6 +17,7 @@ from pipeline.formats.delimited import UNITS, unit_in_name
 from pipeline.formats.format import Format, Head, Kind, begins, read_alone
 from pipeline.formats.joints import names as meanings
 from pipeline.formats.joints.log import OPTION, JointLog, LogOptions, increasing
+from pipeline.formats.joints.values import signals_by_values
 
 HDF5 = (b"MATLAB 7.3", b"\x89HDF")  # HDF5 files, which may also have the suffix .mat
 WANTED = {"actual": "measured angles", "target": "commanded angles"}
@@ -125,15 +126,22 @@ class _Content:
         self,
         time: np.ndarray | None,
     ) -> tuple[dict[str, list[str]], dict[str, str]]:
-        """Return :func:`names.signals_of_groups` of the arrays (N, joints)."""
+        """Return :func:`names.signals_of_groups` of the arrays (N, joints), or of the vectors of a
+        single joint; of a single array without a name, the columns by their values.
+        """
         tables = {}
         for name, array in self.arrays.items():
             if array.ndim == 2:
                 tables[name] = array.astype(float)
+        if not tables:
+            return meanings.signals_of([*self.vectors])
         groups = {name: [name] for name in tables}
         # damaged numbers may be huge or NaN
         with np.errstate(over="ignore", invalid="ignore"):
-            return meanings.signals_of_groups(groups, tables, time)
+            signals, guessed = meanings.signals_of_groups(groups, tables, time)
+            if signals or len(tables) > 1:
+                return signals, guessed
+            return _signals_in_array(*tables.popitem(), time)
 
     def numbers(
         self,
@@ -204,6 +212,19 @@ class _Content:
             if meanings.is_names(name) and {len(names)} == numbers:
                 return tuple(names)
         return ()
+
+
+def _signals_in_array(
+    name: str,
+    array: np.ndarray,
+    time: np.ndarray | None,
+) -> tuple[dict[str, list[str]], dict[str, str]]:
+    """Return :func:`signals_by_values` of the columns of the ``array`` (N, columns) ``name``."""
+    places, reasons = signals_by_values(dict(enumerate(array.T)), time)
+    signals = {}
+    for signal, columns in places.items():
+        signals[signal] = [f"{name}:{column}" for column in columns]
+    return signals, reasons
 
 
 def _content(file: Path) -> _Content:

@@ -3,7 +3,7 @@ names of its arrays and columns, and by their values where the words are ambiguo
 """
 
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import NamedTuple
@@ -17,6 +17,7 @@ from pipeline.formats.joints.values import follows, is_derivative, is_quaternion
 _STATED = read_yaml(Path(__file__).with_suffix(".yaml"))
 SHORT: dict[str, str] = _STATED.pop("short")  # word → the words that it joins
 WORDS = {kind: frozenset(words.split()) for kind, words in _STATED.items()}
+JOINED = {"feed back": "feedback", "set point": "setpoint"}
 TIME, COUNTERS, JOINT = (WORDS[kind] for kind in ("time", "counters", "joint"))
 _QUANTITIES = WORDS["position"] | WORDS["velocity"] | COUNTERS
 for _role in WORDS["measured"] | WORDS["commanded"]:
@@ -105,7 +106,10 @@ def _named_like_time(names: Iterable[str]) -> list[str]:
 def words_of(name: str) -> list[str]:
     """Return the words and numbers in a ``name``, in lower case and without its unit."""
     text = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", bare(name))
-    return [word.lower() for word in re.findall(r"[A-Za-z]+|\d+", text)]
+    words = " ".join(re.findall(r"[A-Za-z]+|\d+", text)).lower()
+    for parts, word in JOINED.items():
+        words = words.replace(parts, word)
+    return words.split()
 
 
 def clocks_of(columns: Mapping[str, np.ndarray]) -> list[str]:
@@ -301,6 +305,20 @@ def other_content(labels: Sequence[str], units: Sequence[str | None]) -> str | N
     return None
 
 
+def paired_columns(labels: Sequence[str]) -> Iterator[tuple[list[str], list[str]]]:
+    """Yield measured and commanded columns of groups whose names differ only in the role, such as
+    the joints of each of two arms.
+    """
+    groups = columns_by_name(labels)
+    for target in named_like("target", groups):
+        command = meaning(target)
+        for name in groups:
+            parsed = meaning(name)
+            alike = parsed.is_angle and parsed.rest == command.rest
+            if alike and parsed.role != "target" and parsed.quantity == "position":
+                yield groups[name], groups[target]
+
+
 def signals_of(
     labels: Sequence[str],
     time: np.ndarray | None = None,
@@ -309,8 +327,14 @@ def signals_of(
     """Return signal → column labels of the joints, and signal → reason of a guess, by column names.
     Without a name for the command, the command is the only group whose values follow the measured
     angles, except derivatives and quaternions; ``load(label)`` returns (N,) at ``time`` (N,).
+    Columns without groups may be the signals of a single joint, if the names of both are certain.
     """
     groups = columns_by_name(labels)
+    if not any(len(group) > 1 for group in groups.values()):
+        columns = {label: [label] for label in labels if label not in TIME}
+        signals, guessed = signals_of_groups(columns, {}, time)
+        if len(signals) > 1 and not guessed:
+            return signals, {}
     few = len(groups) < 4
     groups = {name: group for name, group in groups.items() if few or len(group) > 1}
     values = {}

@@ -35,9 +35,42 @@ def signals_by_values(
         alternating = [places[k::count] for k in range(count)]
         for groups in (beside, alternating):
             pairs = _following_pairs(groups, columns)
+            if time is not None:
+                pairs = _without_speeds(pairs, groups, columns, time)
             if len(pairs) == 1:
                 return _measured_and_commanded(pairs[0], columns)
     return {}, {}
+
+
+def _without_speeds(
+    pairs: list[tuple[list[int], list[int]]],
+    groups: list[list[int]],
+    columns: Mapping[int, np.ndarray],
+    time: np.ndarray,
+) -> list[tuple[list[int], list[int]]]:
+    """Return the ``pairs`` without speeds: neither the derivative of another of the ``groups``, nor
+    groups of angles in the first half and of their derivatives in the second half.
+    """
+    angles = []
+    for pair in pairs:
+        first = _values(pair[0], columns)
+        half = first.shape[1] // 2
+        rest = [_values(group, columns) for group in groups if group not in pair]
+        halves = first[:, :half], first[:, -half:]
+        joined = half > 0 and _is_speed(halves[1], halves[0], time)
+        if not joined and not any(_is_speed(first, other, time) for other in rest):
+            angles.append(pair)
+    return angles
+
+
+def _is_speed(speed: np.ndarray, angles: np.ndarray, time: np.ndarray) -> bool:
+    """Return whether ``speed`` (N, joints) is not zero and :func:`is_derivative` of ``angles``."""
+    return bool(speed.any()) and is_derivative(speed, angles, time)
+
+
+def _values(group: list[int], columns: Mapping[int, np.ndarray]) -> np.ndarray:
+    """Return the ``columns`` (N,) of a ``group`` as (N, joints)."""
+    return np.column_stack([columns[column] for column in group])
 
 
 def _following_pairs(
@@ -45,9 +78,7 @@ def _following_pairs(
     columns: Mapping[int, np.ndarray],
 ) -> list[tuple[list[int], list[int]]]:
     """Return the pairs of ``groups`` of which one follows the other in every column."""
-    angles = []
-    for group in groups:
-        angles.append(np.column_stack([columns[n] for n in group]))
+    angles = [_values(group, columns) for group in groups]
     pairs = []
     for n, k in combinations(range(len(groups)), 2):
         if follows(angles[n], angles[k]) and follows(angles[k], angles[n]):
@@ -60,7 +91,7 @@ def _measured_and_commanded(
     columns: Mapping[int, np.ndarray],
 ) -> tuple[dict[str, list[int]], dict[str, str]]:
     """Return the signals and the reasons of :func:`signals_by_values` for a ``pair`` of groups."""
-    angles = [np.column_stack([columns[column] for column in group]) for group in pair]
+    angles = [_values(group, columns) for group in pair]
     noise = [_noise(values) for values in angles]
     cause = "are smoother"
     if noise[0] > SMOOTHER * noise[1]:
@@ -87,13 +118,17 @@ def _noise(angles: np.ndarray) -> float:
 
 def follows(angles: np.ndarray, moved: np.ndarray) -> bool:
     """Return whether ``angles`` (N, joints) are within FOLLOWS of the range of the angles ``moved``
-    (N, joints) in the share ROWS of the rows; False without a motion.
+    (N, joints) in the share ROWS of the rows, with or without a common lag; False without a motion.
     """
     limit = FOLLOWS * np.ptp(moved, axis=0).max(initial=0.0)
     if not limit:
         return False
-    distance = np.quantile(np.abs(angles - moved), ROWS)
-    return bool(distance < limit)
+    difference = angles - moved
+    if np.quantile(np.abs(difference), ROWS) < limit:
+        return True
+    velocity = np.gradient(moved, axis=0)
+    lag = float((difference * velocity).sum() / (velocity**2).sum())  # rows
+    return bool(np.quantile(np.abs(difference - lag * velocity), ROWS) < limit)
 
 
 def is_quaternion(rows: np.ndarray) -> bool:

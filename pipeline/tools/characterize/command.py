@@ -30,8 +30,9 @@ from pipeline.models.exported.writer import error_record, write_export
 from pipeline.models.joint_error.choice import chosen_law
 from pipeline.models.joint_error.fit import FAMILY
 from pipeline.models.joint_error.held_out import joint_tables
+from pipeline.models.joint_error.samples import JointRun
 from pipeline.recordings import quality
-from pipeline.recordings.runs import RunsOfLogs, joint_runs
+from pipeline.recordings.runs import joint_runs
 from pipeline.stages import fit, ingest, predict, track
 from pipeline.tools.characterize.logs import FolderLogs, folder_logs
 from pipeline.tools.export.command import EXPORTS, exported_record
@@ -91,7 +92,7 @@ def run(
         _write_dataset(name, folder, assigned, ask, motion)
         with _project(name, folder.resolve(), scale) as source:
             result = _result_of_stages(logged, name, scale, model)
-    _write_card(result.card, source)
+    _write_card(result.card, source, logged.resampled if logged else {})
     if result.record is not None:
         file = EXPORTS / f"{name}_{result.exported}.json"
         write_export(result.record, file)
@@ -104,6 +105,14 @@ def run(
         print(f"characterize: `{command}` compares another recording with these")
 
 
+class RunsOfFolder(NamedTuple):
+    """Runs in the logs of a folder, name → reason of what is not used, and log → its resampling."""
+
+    runs: list[JointRun]
+    unused: dict[str, str]
+    resampled: dict[str, str]
+
+
 class Result(NamedTuple):
     """Contents of the card, and name and record of the exported model; None without a model."""
 
@@ -113,7 +122,7 @@ class Result(NamedTuple):
 
 
 def _result_of_logs(
-    logged: RunsOfLogs,
+    logged: RunsOfFolder,
     name: str,
     scale: str,
     model: str | None,
@@ -137,7 +146,7 @@ def _result_of_logs(
 
 
 def _result_of_stages(
-    logged: RunsOfLogs | None,
+    logged: RunsOfFolder | None,
     name: str,
     scale: str,
     model: str | None,
@@ -164,18 +173,23 @@ def _result_of_stages(
     return Result(card, exported, exported_record(exported, settings))
 
 
-def _record_of_runs(model: str, logged: RunsOfLogs, card: Run) -> dict:
+def _record_of_runs(model: str, logged: RunsOfFolder, card: Run) -> dict:
     """Return the record of a joint error law, fitted to all ``logged`` runs."""
     options = config.model_options([model])[model]
     scores = card.tables["joint_scores"]
     return error_record(model, options, logged.runs, card.dataset, scores)
 
 
-def _write_card(card: Run, source: Path) -> None:
-    """Write the card and its figures; print its first paragraphs."""
+def _write_card(card: Run, source: Path, resampled: Mapping[str, str]) -> None:
+    """Write the card, with the ``resampled`` logs (name → its rows), and its figures; print its
+    first paragraphs.
+    """
     report = REPORTS / card.dataset
     _draw_figures(card.tables, report / "figures")
     text = model_card(with_plain_names(card), [])
+    if resampled:
+        logs = [f"{name} ({rows})" for name, rows in resampled.items()]
+        text = f"{text.rstrip()}\n\n**Resampled logs of uneven rows:** {'; '.join(logs)}.\n"
     # drop the card's export command, which would export a model of params.yaml's dataset
     contracts.write_text(TO_EXPORT.sub("", text), report / "model_card.md")
     print(f"\n{TO_EXPORT.sub('', answer(card)).rstrip()}\n")
@@ -192,7 +206,7 @@ def _draw_figures(tables: Mapping[str, pd.DataFrame], folder: Path) -> None:
         save(drawn, folder, name)
 
 
-def _logged_runs(folder: Path, assigned: dict[str, str]) -> RunsOfLogs | None:
+def _logged_runs(folder: Path, assigned: dict[str, str]) -> RunsOfFolder | None:
     """Return the runs in the joint logs of ``folder``, None without a log; print the runs, what is
     suggested and what is not used.
     """
@@ -207,7 +221,7 @@ def _logged_runs(folder: Path, assigned: dict[str, str]) -> RunsOfLogs | None:
     logged = joint_runs(logs.movements, logs.rate, pose_noise=stated)
     unused = logs.unused | logged.unused
     print(LOGGED.render(**logs._asdict() | {"runs": logged.runs, "unused": unused}))
-    return RunsOfLogs(logged.runs, unused)
+    return RunsOfFolder(logged.runs, unused, logs.resampled)
 
 
 def _report_no_log(logs: FolderLogs, folder: Path, assigned: Mapping[str, str]) -> None:
@@ -317,7 +331,7 @@ def _project(name: str, recordings: Path, scale: str) -> Iterator[Path]:
 
 def _stage_tables(
     settings: config.Config,
-    logged: RunsOfLogs | None,
+    logged: RunsOfFolder | None,
 ) -> tuple[dict[str, pd.DataFrame], dict]:
     """Return tables and metrics; of the joint error laws only, if a stage fails."""
     try:

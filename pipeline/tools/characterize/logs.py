@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -11,12 +12,13 @@ from pipeline.core.typed_yaml import parse_yaml
 from pipeline.core.validation import validated
 from pipeline.formats import joints as joint_formats
 from pipeline.formats.format import Kind, format_of, formats_in
+from pipeline.formats.joints import names as meanings
 from pipeline.formats.joints.log import LogOptions
 from pipeline.recordings.movement import LoggedMovement, read_logged_movement
 from pipeline.tools.inspect.command import inspect
-from pipeline.tools.inspect.finding import Finding, printable_path
+from pipeline.tools.inspect.finding import UNKNOWN, Finding, printable_path
 from pipeline.tools.new_dataset.layout import PlacedTake, RecordingLayout, layout
-from pipeline.tools.new_dataset.template import text_of
+from pipeline.tools.new_dataset.template import list_of_names, text_of
 from pipeline.tools.new_dataset.values import entries
 
 SECTION = "joint_log."
@@ -31,6 +33,9 @@ class FolderLogs(NamedTuple):
     unused: dict[str, str]  # recording → reason
     suggested: dict[str, list[str]]  # suggestion that was taken → recordings
     clocks: list[str]  # columns, arrays or files of the times, or "even rows"
+    resampled: dict[
+        str, str
+    ]  # recording of uneven rows → their distances and their number
     missing: dict[str, str]  # without a log: key that no file states → value to correct
 
 
@@ -54,9 +59,22 @@ def folder_logs(
     for finding in recorded.unplaced:
         if finding.kind in (Kind.JOINTS, Kind.TABLE):
             unused[printable_path(finding.file, folder)] = _reason_unplaced(finding)
+    if not read and not unused:
+        unknown = [log for log in recorded.unplaced if log.kind == UNKNOWN]
+        for finding in unknown:
+            unused[printable_path(finding.file, folder)] = _reason_unplaced(finding)
     if not read:
-        return FolderLogs({}, 0.0, unused, {}, [], missing_values(recorded, assigned))
+        missing = missing_values(recorded, assigned)
+        return FolderLogs({}, 0.0, unused, {}, [], {}, missing)
     joints, rate = _usual_arm(read)
+    for take in recorded.of("joint_log"):
+        name = take.name
+        if name not in read or read[name].rate == rate:
+            continue
+        # a clock that jitters has another median rate in each log
+        with suppress(PipelineError):
+            at_rate = assigned | {"motion.rate": f"{rate!r}"}
+            read[name] = _read_log(recorded, take, folder, at_rate)
     for name, log in read.items():
         if log.joints != joints:
             arms = f"{', '.join(log.joints)}, not {', '.join(joints)}"
@@ -71,6 +89,7 @@ def folder_logs(
         unused=unused,
         suggested=_recordings_by_suggestion(used),
         clocks=list(dict.fromkeys(log.clock for log in used.values())),
+        resampled={name: log.resampled for name, log in used.items() if log.resampled},
         missing={},
     )
 
@@ -82,6 +101,9 @@ class ReadLog(NamedTuple):
     rate: float  # Hz
     suggested: dict[str, str]  # suggestion that was taken → its reason
     clock: str  # column, array or file of the times, in words
+    resampled: (
+        str  # distances of uneven rows and number of resampled rows; "" for even rows
+    )
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -106,7 +128,20 @@ def _read_log(
     section = _log_values(values) | UNSTATED | {"movements": take.path.name}
     options = validated(JointLogSection, section, "joint_log")
     movement = read_logged_movement(take.name, take.path, options, float(rate))
-    return ReadLog(movement, float(rate), suggested, _clock_of(take, values))
+    clock = _clock_of(take, values)
+    resampled = _resampling_of(take, movement, float(rate))
+    return ReadLog(movement, float(rate), suggested, clock, resampled)
+
+
+def _resampling_of(take: PlacedTake, movement: LoggedMovement, rate: float) -> str:
+    """Return the distances of the uneven rows of a ``take`` and the number of resampled rows at
+    ``rate`` (Hz), as text; "" for rows that were not resampled.
+    """
+    rows = movement.counts.get("resampled_rows")
+    if not rows:
+        return ""
+    distances = take.finding.facts.get("row_distance", "unevenly")
+    return f"rows {distances} apart, resampled to {1e3 / rate:.4g} ms; {rows} rows"
 
 
 def _usual_arm(read: Mapping[str, ReadLog]) -> tuple[tuple[str, ...], float]:
@@ -144,6 +179,8 @@ def _reason_unplaced(finding: Finding) -> str:
     """Return why a table or file of arrays is no log of measured and commanded angles."""
     if finding.stops:
         return finding.stops[0]
+    if "reason" in finding.facts:
+        return str(finding.facts["reason"])
     if "role" in finding.facts:
         return "a table beside another log of the same angles"
     measured = finding.facts.get("signals", {})
@@ -185,13 +222,23 @@ def _missing_of(log: Finding) -> dict[str, str]:
             missing["joint_log.time"] = "null" if clock is None else str(clock)
     if log.kind == Kind.TABLE and clock is None:
         missing["motion.rate"] = "HZ"
+    if "counts_per_turn" in log.facts:
+        missing["joint_log.angle_unit"] = (
+            f"turn/{max(log.facts['counts_per_turn'], 1024)}"
+        )
     return missing
 
 
 def _proposed_signals(log: Finding, clock: int | str | None) -> str:
-    """Return the signals of a ``log`` as YAML: suggested ones, halves, or words to replace."""
+    """Return the signals of a ``log`` as YAML: suggested ones, the first pair of groups with equal
+    names but for the role, halves, or words to replace.
+    """
     if "signals" in log.suggested:
         return log.suggested["signals"]
+    for actual, target in meanings.paired_columns(log.facts.get("labels", ())):
+        return (
+            f"{{actual: [{list_of_names(actual)}], target: [{list_of_names(target)}]}}"
+        )
     labels = log.facts.get("labels") or range(log.facts.get("columns", 0))
     beside = [clock, *log.facts.get("row_numbers", ())]
     columns = [text_of(label) for label in labels if label not in beside]

@@ -54,7 +54,7 @@ def add_joint_log(
     angle_is_known = in_bag or record.angle_unit
     log = in_units(finding, record, time_is_known, angle_is_known)
     finding.timed(log.time)
-    _ask_clock(finding, log.time, signals)
+    _ask_clock(finding, log.time, signals, finding.rate)
     if {*ANGLES} <= {*signals}:
         add_tracking(finding, log)
 
@@ -63,16 +63,22 @@ def _ask_clock(
     finding: Finding,
     time: np.ndarray,
     signals: Mapping[str, np.ndarray],
+    rate: float,
 ) -> None:
-    """Ask whether rows are even or were measured at their ``time`` (N,) s, if the steps differ."""
+    """Ask whether rows are even at ``rate`` (Hz) or were measured at their ``time`` (N,) s, if the
+    steps differ. Rows that are not even at any rate are resampled at their times.
+    """
     steps = np.diff(time)
-    jitters = np.abs(steps * finding.rate - 1) > movement.CLOCK_TOLERANCE
+    jitters = np.abs(steps * rate - 1) > movement.CLOCK_TOLERANCE
     if len(steps) <= 3 or not jitters.any():
         return
     angles = np.hstack([*signals.values()])
-    smoother = movement.smoothness_by_rows(time, angles, finding.rate)
-    likely = "rows" if smoother > 1 else "times"
+    smoother = movement.smoothness_by_rows(time, angles, rate)
+    drifts = movement.lasting_deviations(time, rate).any()
+    likely = "rows" if smoother > 1 and not drifts else "times"
     jitter = 1e3 * float(steps.std())
+    least, greatest = 1e3 * steps.min(), 1e3 * steps.max()
+    finding.facts["row_distance"] = f"{least:.3g} to {greatest:.3g} ms"
     finding.ask("clock", likely, jitter=jitter, smoother=smoother)
 
 
@@ -298,6 +304,7 @@ def _add_signals(
     step = round(float(np.median(np.diff(log.time))), 9)
     finding.facts |= {"time": time, "step_of_time": step}
     log = in_units(finding, log, "time_unit" in units, "angle_unit" in units)
+    _ask_clock(finding, log.time, log.signals, 1 / float(np.median(np.diff(log.time))))
     add_tracking(finding, log, signals if labels else None)
 
 

@@ -72,6 +72,7 @@ def _likely_radian(finding: Finding, signals: Mapping[str, np.ndarray]) -> float
         return ANGLE_UNITS["deg"]
     counts = 2 ** ceil(log2(greatest + 1))
     ends = {"least": angles.min(), "greatest": angles.max()}
+    finding.facts["counts_per_turn"] = counts
     finding.ask("encoder_counts", counts=counts, angle=TURN / counts, **ends)
     return TURN / counts
 
