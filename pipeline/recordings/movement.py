@@ -360,9 +360,10 @@ def read_logged_movement(
     options: JointLogSection,
     rate: float,
     urdf: str = commands.UNFILLED,
+    recording: int | None = None,
 ) -> LoggedMovement:
     """Return the ``movement``, a folder of logs or one file, at ``rate`` (Hz); its ``name`` selects
-    the delay.
+    the delay, ``recording`` one of several in a file.
 
     Raises RecordingError for an uneven clock, angles that do not follow the command and steps
     beyond the velocity limits in ``urdf``; ConfigError where options name no columns or delay.
@@ -379,6 +380,7 @@ def read_logged_movement(
         "joints": len(joints),
         "names": joints,
         "factors": dict.fromkeys(SIGNALS[1:], options.target_factor),
+        "recording": recording,
     }
     files = _files_of_signals(movement, options, common)
     signals, counts = {}, {}

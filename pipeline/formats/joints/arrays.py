@@ -6,6 +6,7 @@ file, since a damaged file can crash the library and a small file can decompress
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -32,6 +33,14 @@ def read_arrays(file: Path, options: LogOptions) -> JointLog:
     finite or a time that does not increase; with the option, for a missing or ambiguous array.
     """
     content = _content(file)
+    recordings = content.recordings()
+    if len(recordings) > 1:
+        if options.recording is None and not options.guess:
+            raise RecordingError(
+                f"the file holds {len(recordings)} recordings: write each to a file of its own",
+                file=file,
+            )
+        content.choose_rows(recordings[options.recording or 0])
     clocks = meanings.clocks_of(content.vectors)
     content.stand_upright({len(content.arrays[name]) for name in clocks})
     named = clocks if isinstance(options.time, int) else [options.time]
@@ -79,6 +88,7 @@ def read_arrays(file: Path, options: LogOptions) -> JointLog:
         clock=clock or "",
         time_unit="s" if time_unit else "",
         angle_unit="rad" if all(angle_units) else "",
+        recordings=len(recordings),
     )
     return increasing(log, lambda row: {"file": file, "array": clock, "row": row})
 
@@ -97,6 +107,32 @@ class _Content:
     def vectors(self) -> Arrays:
         """Arrays (N,)."""
         return {name: array for name, array in self.arrays.items() if array.ndim == 1}
+
+    def recordings(self) -> list[slice]:
+        """Return the rows of each recording in the file, by a vector that numbers them: whole
+        numbers that grow where the only clock starts again; one for other files.
+        """
+        clocks = meanings.named_like("time", self.vectors)
+        if len(clocks) != 1:
+            return [slice(None)]
+        time = self.vectors[clocks[0]]
+        starts = np.flatnonzero(np.diff(time) < 0) + 1
+        for name, numbers in self.vectors.items():
+            is_index = meanings.RECORDING & {*meanings.words_of(name)}
+            if not is_index or len(numbers) != len(time) or not len(starts):
+                continue
+            if np.array_equal(np.flatnonzero(np.diff(numbers) > 0) + 1, starts):
+                ends = [0, *starts.tolist(), len(time)]
+                return [slice(first, end) for first, end in pairwise(ends)]
+        return [slice(None)]
+
+    def choose_rows(self, rows: slice) -> None:
+        """Keep only the ``rows`` of one recording of all arrays with a row per time."""
+        clock = meanings.named_like("time", self.vectors)[0]
+        length = len(self.arrays[clock])
+        for name, array in self.arrays.items():
+            if array.ndim and len(array) == length:
+                self.arrays[name] = array[rows]
 
     def join_vectors(self) -> None:
         """Add an array (N, joints) of vectors whose names differ in a number or a joint's name."""

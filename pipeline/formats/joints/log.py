@@ -26,6 +26,7 @@ class JointLog:
     clock: str = ""  # name of the array of the times, if the file has one
     time_unit: str = ""  # unit of the times, if the file states it
     angle_unit: str = ""  # unit of the angles, if the file states it
+    recordings: int = 1  # number of recordings in the file
 
 
 @dataclass(frozen=True)
@@ -49,6 +50,8 @@ class LogOptions:
     guess: bool = False  # whether signals may be found by their values (arrays)
     # signal → columns of its joints (labels, or numbers from 0); None: all columns behind the time
     signals: Mapping[str, Sequence[str | int] | None] = field(default_factory=dict)
+    # number (from 0) of the recording, of a file of several
+    recording: int | None = None
     # (joints,) whether a joint revolves, else it is linear
     circular: np.ndarray | bool = True
 

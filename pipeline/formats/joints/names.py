@@ -19,6 +19,7 @@ SHORT: dict[str, str] = _STATED.pop("short")  # word → the words that it joins
 WORDS = {kind: frozenset(words.split()) for kind, words in _STATED.items()}
 JOINED = {"feed back": "feedback", "set point": "setpoint"}
 TIME, COUNTERS, JOINT = (WORDS[kind] for kind in ("time", "counters", "joint"))
+RECORDING = WORDS["recording"]
 _QUANTITIES = WORDS["position"] | WORDS["velocity"] | COUNTERS
 for _role in WORDS["measured"] | WORDS["commanded"]:
     if len(_role) > 2:

@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Mapping
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -51,7 +52,7 @@ def folder_logs(
     recorded = _recorded_logs(folder, assigned, only)
     read: dict[str, ReadLog] = {}
     unused: dict[str, str] = {}
-    for take in recorded.of("joint_log"):
+    for take in _takes_of_recordings(recorded):
         try:
             read[take.name] = _read_log(recorded, take, folder, assigned)
         except PipelineError as error:
@@ -67,7 +68,7 @@ def folder_logs(
         missing = missing_values(recorded, assigned)
         return FolderLogs({}, 0.0, unused, {}, [], {}, missing)
     joints, rate = _usual_arm(read)
-    for take in recorded.of("joint_log"):
+    for take in _takes_of_recordings(recorded):
         name = take.name
         if name not in read or read[name].rate == rate:
             continue
@@ -92,6 +93,24 @@ def folder_logs(
         resampled={name: log.resampled for name, log in used.items() if log.resampled},
         missing={},
     )
+
+
+def _takes_of_recordings(recorded: RecordingLayout) -> list[PlacedTake]:
+    """Return the joint logs of the layout, a file of several recordings once for each, with the
+    number of the recording (from 1) behind the name.
+    """
+    takes = []
+    for take in recorded.of("joint_log"):
+        count = take.finding.facts.get("recordings", 1)
+        if count == 1:
+            takes.append(take)
+            continue
+        for number in range(count):
+            facts = take.finding.facts | {"recording": number}
+            finding = replace(take.finding, facts=facts)
+            name = f"{take.name}_{number + 1}"
+            takes.append(take._replace(name=name, finding=finding))
+    return takes
 
 
 class ReadLog(NamedTuple):
@@ -127,7 +146,14 @@ def _read_log(
         raise ConfigError(questions)
     section = _log_values(values) | UNSTATED | {"movements": take.path.name}
     options = validated(JointLogSection, section, "joint_log")
-    movement = read_logged_movement(take.name, take.path, options, float(rate))
+    recording = take.finding.facts.get("recording")
+    movement = read_logged_movement(
+        take.name,
+        take.path,
+        options,
+        float(rate),
+        recording=recording,
+    )
     clock = _clock_of(take, values)
     resampled = _resampling_of(take, movement, float(rate))
     return ReadLog(movement, float(rate), suggested, clock, resampled)
@@ -329,7 +355,7 @@ def _count_joints(take: PlacedTake, log: Mapping[str, Any]) -> int:
         return int(facts["joints"])
     form = format_of(take.path, formats_in(joint_formats, Kind.JOINTS))
     time = log.get("time", LogOptions.time)
-    options = LogOptions(time=time, rate=1.0, signals=signals)
+    options = LogOptions(time=time, rate=1.0, signals=signals, guess=True)
     read = form.read(take.path, options)
     return int(read.signals["actual"].shape[1])
 

@@ -23,7 +23,8 @@ NUMBER = re.compile(r"\d+")
 WIDTH = 100  # greatest number of characters in a line of facts
 LISTED = 4  # number of printed names of a longer list
 PRINTED_FACTS = """bodies markers columns rows columns_without_numbers width height
-    points organised share_without_position viewpoint share_not_above_zero samples steps
+    points organised share_without_position viewpoint share_not_above_zero recordings samples
+    steps
     first_frame rate_from times row_distance commanded_joints commanded_rows robot joints
     time row_numbers signals joint_names command
     wrong_command joints_that_stand_still motions topics passed_over fx separator decimal

@@ -40,6 +40,8 @@ def add_joint_log(
     finding.count(record.counts)
     facts, signals = finding.facts, record.signals
     facts["samples"] = len(record.time)
+    if record.recordings > 1:
+        facts["recordings"] = record.recordings
     facts["signals"] = list(signals)
     facts["joints"] = max(values.shape[1] for values in signals.values())
     if record.joints:
