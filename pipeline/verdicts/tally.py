@@ -107,8 +107,9 @@ def groups_of(runs: Sequence[Run], decided: Sequence[Decided]) -> list[Group]:
     verdicts = {column.dataset: column.verdicts for column in decided}
     name = d.WITHOUT_RECORDING
     groups = [Group(name, (), {name: verdicts[name]})]
-    first, *further = _components(runs)
-    for component in [first, *sorted(further, key=_place)]:
+    components = _components(runs)  # none if the only run is a trial
+    further = sorted(components[1:], key=_place)
+    for component in [*components[:1], *further]:
         name = robot_name(component)
         by_dataset = {run.dataset: verdicts[run.dataset] for run in component}
         groups.append(Group(name, tuple(component), by_dataset))

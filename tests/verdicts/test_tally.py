@@ -239,3 +239,8 @@ def test_the_finding_states_real_robots_by_the_sign_of_the_interval(wishart, wor
     assert real.endswith("is above both on user.")
     assert "all 1 claims that need no recording hold" in sentences[0]
     assert not any("printed problem" in text for text in sentences)
+
+
+def test_without_a_counted_run_there_is_one_group_of_the_claims_without_recording():
+    (group,) = groups_of([], decide_each(CLAIMS, [], []))
+    assert group.runs == ()
