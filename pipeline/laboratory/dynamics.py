@@ -88,7 +88,8 @@ def desired_joints(t: np.ndarray, motion: Commanded) -> tuple[np.ndarray, np.nda
     progress, rate = _out_and_back(np.asarray(t, dtype=float), motion)
     folded = np.asarray(motion.folded)
     stroke = np.asarray(motion.extended) - folded
-    return folded + progress[..., None] * stroke, rate[..., None] * stroke
+    angles = folded + progress[..., None] * stroke
+    return angles, rate[..., None] * stroke
 
 
 def _out_and_back(

@@ -156,7 +156,9 @@ def _solve_blocks(
         for begin in range(0, len(way), BLOCK):
             block = way[begin : begin + BLOCK]
             starts = np.broadcast_to(last, (len(block), len(start)))
-            q[block], residual[block], *_ = points.solve(positions[block], starts)
+            solution = points.solve(positions[block], starts)
+            q[block] = solution.q
+            residual[block] = solution.residual
             solved = block[np.isfinite(residual[block])]
             if len(solved):
                 last = q[solved[-1]]
@@ -236,7 +238,9 @@ def _correct_labels(
         labelled = sample < labels
         markers[k] = np.nan
         markers[k, label] = positions[k, sample]
-        q[[k]], residual[[k]], *_ = points.solve(markers[[k]], expected)
+        solution = points.solve(markers[[k]], expected)
+        q[[k]] = solution.q
+        residual[[k]] = solution.residual
         moved["relabelled"] += int((labelled & (sample != label)).sum())
         moved["adopted"] += int((~labelled).sum())
         recorded = int(present[k, :labels].sum())

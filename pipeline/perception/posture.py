@@ -173,7 +173,8 @@ class MarkedArm:
         reach = np.where(finite, self.upper - middle, np.pi)
         sequence = qmc.Sobol(len(middle), scramble=False).fast_forward(1)
         shares = sequence.random(STARTS)
-        return middle, middle + (2 * shares - 1) * np.minimum(reach, np.pi)
+        starts = middle + (2 * shares - 1) * np.minimum(reach, np.pi)
+        return middle, starts
 
 
 def _damped_steps(

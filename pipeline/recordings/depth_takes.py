@@ -56,8 +56,9 @@ def with_markers(
         if take not in by_take:
             message = "no motion-capture take has this name, so that the clock offset is unknown"
             raise RecordingError(message, file=rows["file"].iloc[0], take=take)
-        following = [*names[names.index(take) :], *names][: OTHERS + 1]
-        compared = [tracked[name] for name in following]
+        place = names.index(take)
+        in_turn = names[place:] + names
+        compared = [tracked[name] for name in in_turn[: OTHERS + 1]]
         takes.append(CameraTake(rows, by_take[take], compared))
     return takes
 

@@ -268,8 +268,9 @@ def _require_size(
     for number, (link, places) in enumerate(mocap.markers.items(), 1):
         if link in mocap.bodies or len(places) < 2:
             continue
-        seen = np.stack([tracks[number, n] for n in range(1, len(places) + 1)])
-        sizes = np.sort(np.linalg.norm(seen.std(axis=0), axis=1))
+        markers = range(1, len(places) + 1)
+        positions = np.stack([tracks[number, marker] for marker in markers])
+        sizes = np.sort(np.linalg.norm(positions.std(axis=0), axis=1))
         middle = sizes[np.isfinite(sizes).sum() // 2]  # NaN if no row has all
         planned = np.std([*places.values()], axis=0)
         size = middle / np.linalg.norm(planned)

@@ -188,7 +188,8 @@ def logged_motions(dataset: Dataset) -> list[MotionSteps]:
         if not takes:
             continue
         length = min(take.shape[1] for take in takes)
-        actual, target = np.stack([take[:, :length] for take in takes], axis=1)
+        equally_long = [take[:, :length] for take in takes]
+        actual, target = np.stack(equally_long, axis=1)
         commanded = np.diff(target, axis=1)
         noise = np.diff(actual, axis=1) - commanded
         number = str(len(steps_of_motions) + 1)

@@ -119,8 +119,10 @@ def _find_passes(
     runs = []
     overlapping = []
     number = max(len(angles) - steps, 0)
-    passing = np.stack([angles[:number], angles[steps:][:number]], axis=1)
-    away = np.abs(apart(passing, np.array(ends), circular)).max(axis=(1, 2))
+    later = angles[steps:][:number]
+    passing = np.stack([angles[:number], later], axis=1)
+    distances = np.abs(apart(passing, np.array(ends), circular))
+    away = distances.max(axis=(1, 2))
     for begin, stop in _runs(away <= REACH):
         first = begin + int(away[begin:stop].argmin())
         if runs and first < runs[-1].last:

@@ -268,8 +268,9 @@ def median_step(time: np.ndarray) -> float:
 
 def write_index(file: Path, time: np.ndarray, files: tuple[str, ...]) -> None:
     """Write the index of N frames in the layout of TUM RGB-D, ``time`` (N,) s with six decimals."""
-    rows = [f"{stamp:.6f} {name}" for stamp, name in zip(time, files, strict=True)]
-    lines = ["# depth maps", "# timestamp filename", *rows]
+    lines = ["# depth maps", "# timestamp filename"]
+    for stamp, name in zip(time, files, strict=True):
+        lines.append(f"{stamp:.6f} {name}")
     Path(file).write_bytes(("\n".join(lines) + "\n").encode())
 
 

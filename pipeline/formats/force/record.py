@@ -315,8 +315,11 @@ def axis_factors(
     for axis, column in columns.items():
         units[axis] = stated[KINDS[axis]] if stated else sheet.unit(column)
         factors.append(si_factor(axis, units[axis], options, **where))
-    kinds = {KINDS[axis]: units[axis] for axis in ("fx", "tx") if units.get(axis)}
-    return [*columns.values()], np.array(factors), kinds
+    unit_of_kind = {}
+    for axis in ("fx", "tx"):
+        if units.get(axis):
+            unit_of_kind[KINDS[axis]] = units[axis]
+    return [*columns.values()], np.array(factors), unit_of_kind
 
 
 def sheet_record(
