@@ -83,7 +83,8 @@ def reproduced(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """
     base = tmp_path_factory.getbasetemp()
     base = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
-    folder, whole = base / "Prüfstand 1" / "reproduced", base / "reproduced.whole"
+    folder = base / "Prüfstand 1" / "reproduced"
+    whole = base / "reproduced.whole"
     # the first worker makes it, others wait
     with (base / "reproduced.lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)

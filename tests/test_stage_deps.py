@@ -101,7 +101,8 @@ def uncovered(files: set[str], deps: list[str]) -> set[str]:
 @every_stage
 def test_a_stage_depends_on_the_code_that_it_runs_and_on_no_other(stage):
     definition = STAGES[stage]
-    module, deps = stage_module(definition), code(definition)
+    module = stage_module(definition)
+    deps = code(definition)
     read = sources(module)
     assert any(covers(path, "pipeline/core") for path in deps)
     assert uncovered(read, deps) == set()
@@ -143,7 +144,8 @@ def test_the_folders_that_a_stage_names_are_its_deps_and_outs(stage):
 
 def texts_of(module: ast.Module) -> set[str]:
     """Return every text of a module, with * for what an f-string fills in."""
-    texts, inside = set(), set()
+    texts = set()
+    inside = set()
     for node in ast.walk(module):
         if isinstance(node, ast.JoinedStr):
             inside |= {id(value) for value in node.values}

@@ -94,7 +94,8 @@ class Chain(Mechanism):
         through p gives the tip the velocity e × (tip − p) and angular velocity e, a prismatic joint
         e.
         """
-        n, m = len(self.lower), len(self.task)
+        n = len(self.lower)
+        m = len(self.task)
         first = block_rows(n, m).jacobian
         rows = self._evaluate(q, first, first + m * n)
         return rows.reshape(*rows.shape[:-1], m, n)

@@ -26,7 +26,10 @@ from pipeline.core.elementary import sine_cosine
 
 # columns of a link: turn about z (rad), cosine and sine of the tilt about x, shift before the
 # tilt (3, m)
-LINK_TURN, LINK_COSINE, LINK_SINE, LINK_SHIFT = 0, 1, 2, 3
+LINK_TURN = 0
+LINK_COSINE = 1
+LINK_SINE = 2
+LINK_SHIFT = 3
 # coefficients of atan(t)/t in t²; up to t = tan(π/16) the first omitted term is below rounding
 ARC = tuple((-1.0) ** k / (2 * k + 1) for k in range(12))
 

@@ -83,7 +83,8 @@ def link_chains(robot: Robot, links: Iterable[str], key: str) -> dict[str, Seria
     The task is the whole pose of the link in the base frame, in m and rad. Raises ConfigError for a
     link that the arm does not move, and as :func:`describe`.
     """
-    tree, chains = read_urdf(Path(robot.urdf)), {}
+    tree = read_urdf(Path(robot.urdf))
+    chains = {}
     for link in links:
         above = tree.above(tree.link(link, key))
         joints = [name for name in robot.joints if name in above]
@@ -113,7 +114,8 @@ def planar_tools(tree: Tree, joints: list[str]) -> list[str]:
     """Return the last links that can be the tool of a planar chain of three ``joints``; raises
     ConfigError as :func:`arm_of` where none can.
     """
-    tools, fault = [], ConfigError("robot.joints: not one chain", file=tree.file)
+    tools = []
+    fault = ConfigError("robot.joints: not one chain", file=tree.file)
     for end in tree.ends:
         if [name for name in tree.above(end) if name in joints] != joints:
             continue
@@ -154,7 +156,8 @@ class Layout:
 
     def serial(self, task: tuple[str, ...], length: float) -> SerialChain:
         """Chain for ``task``: z of a joint's frame is the axis, x the previous x projected."""
-        frames, previous = [], np.eye(3)
+        frames = []
+        previous = np.eye(3)
         for axis in self.axes:
             slanted = abs(previous[:, 0] @ axis) < 0.9
             across = previous[:, 0] if slanted else previous[:, 1]
@@ -163,13 +166,16 @@ class Layout:
             previous = np.stack([x, np.cross(axis, x), axis], axis=1)
             frames.append(previous)
 
-        placements, previous, origin = [], np.eye(3), np.zeros(3)
+        placements = []
+        previous = np.eye(3)
+        origin = np.zeros(3)
         points = [*self.points, self.position]
         for frame, point in zip([*frames, self.rotation], points, strict=True):
             turn = previous.T @ frame
             shift = (point - origin) @ previous
             placements.append(np.append(turn, shift))
-            previous, origin = frame, point
+            previous = frame
+            origin = point
         return SerialChain(
             task,
             length,

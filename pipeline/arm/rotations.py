@@ -3,7 +3,9 @@
 import numpy as np
 from numpy import ndarray
 
-NEXT, LAST = [1, 2, 0], [2, 0, 1]  # entries of a cross product
+# entries of a cross product
+NEXT = [1, 2, 0]
+LAST = [2, 0, 1]
 
 
 def rotation_vector(rotation: ndarray) -> ndarray:

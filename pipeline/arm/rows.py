@@ -10,7 +10,12 @@ WIDTH = 256  # poses of a block: a smaller block needs more calls, a larger exce
 # rows of the kinematics of a pose: position (3, m) and rotation (9, row by row) of the tip; sine
 # and cosine of one frame's angle, or the rotation vector (3) of a displacement; from JOINTS on for
 # each joint its axis (3) and a point of the axis (3, m)
-POSITION, ROTATION, SINE, COSINE, TURN, JOINTS = 0, 3, 12, 13, 12, 15
+POSITION = 0
+ROTATION = 3
+SINE = 12
+COSINE = 13
+TURN = 12
+JOINTS = 15
 
 
 class Rows(NamedTuple):

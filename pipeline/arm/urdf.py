@@ -137,14 +137,17 @@ def read_urdf(file: Path) -> Tree:
     try:
         return _tree(file, _root(file))
     except OSError as error:
-        reason, line = error.strerror, None
+        reason = error.strerror
+        line = None
         message = f"cannot be read ({reason}); state its path from the project's root"
     except ElementTree.ParseError as error:
-        message, line = f"this is not a URDF file ({error.msg})", error.position[0]
+        message = f"this is not a URDF file ({error.msg})"
+        line = error.position[0]
         if "unbound prefix" in error.msg:
             message = XACRO.format(file.name)
     except (LookupError, ValueError) as error:  # of an encoding or the content
-        message, line = f"this is not a URDF file ({error})", None
+        message = f"this is not a URDF file ({error})"
+        line = None
     raise ConfigError(f"robot.urdf: {message}", file=file, line=line) from None
 
 
@@ -275,7 +278,8 @@ def _tip(tree: Tree, robot: Robot) -> str:
 
 def _arm_faults(tree: Tree, robot: Robot, base: str | None, tip: str) -> Iterator[str]:
     """Yield the faults of the joints between the base and the tip."""
-    joints, above = robot.joints, tree.above(tip)
+    joints = robot.joints
+    above = tree.above(tip)
     below_base = tree.above(base) if base else []
     both = sorted({*joints} & {*robot.locked})
     if both:

@@ -98,7 +98,8 @@ def compose_config(params_file: Path) -> Config:
         raise ConfigError(error.message, **evidence) from None
     open_keys = [*datasheet.unfilled_keys(values["dataset"])]
     if open_keys:
-        config, faults = None, datasheet.to_fill_in(open_keys)
+        config = None
+        faults = datasheet.to_fill_in(open_keys)
     else:
         config, faults = _validate(values)
     unknown = sorted(set(values["models"] or {}) - set(params.models))
@@ -342,7 +343,8 @@ def sections(
     Raises ConfigError where a study or tool (``dvc_file`` in the pipeline's folder) declares the
     robot and the dataset has none. The paper's stages accept such a dataset.
     """
-    config, stages = composed_config(), read_yaml(dvc_file).get("stages", {})
+    config = composed_config()
+    stages = read_yaml(dvc_file).get("stages", {})
     if stage not in stages:
         raise ConfigError(
             f"no stage {stage!r}; there are {', '.join(stages)}",
@@ -360,9 +362,11 @@ def sections(
     for section in declared:
         name = re.sub(r"\$\{item\.\w+\}", str(item), section)
         *above, last = name.split(".")
-        place, value = settings, vars(config)
+        place = settings
+        value = vars(config)
         for key in above:
-            place, value = vars(place).setdefault(key, SimpleNamespace()), value[key]
+            place = vars(place).setdefault(key, SimpleNamespace())
+            value = value[key]
             value = value if isinstance(value, dict) else vars(value)
         if last not in value:
             raise ConfigError(
@@ -375,7 +379,8 @@ def sections(
 
 def study_options(folder: Path, structure: type) -> Any:
     """Return the options of the study in ``folder`` for the run's scale, of type ``structure``."""
-    file, scale = folder / "params.yaml", read_yaml(COMPOSED)["scale"]["name"]
+    file = folder / "params.yaml"
+    scale = read_yaml(COMPOSED)["scale"]["name"]
     if scale not in (values := read_yaml(file)):
         raise ConfigError(f"no section for the scale {scale}", key=scale, file=file)
     return validated(structure, values[scale], scale, file)
@@ -383,7 +388,8 @@ def study_options(folder: Path, structure: type) -> Any:
 
 def model_options(names: Iterable[str]) -> dict[str, Any]:
     """Return the typed options of models by the ``names`` of their option files."""
-    result, model_names = {}, option_names("model")
+    result = {}
+    model_names = option_names("model")
     for name in names:
         file = CONF / "model" / f"{name}.yaml"
         if name not in model_names:

@@ -79,7 +79,8 @@ def common_keys(
 ) -> Iterator[str]:
     """Yield the nested keys that are in both files."""
     for key in sheet:
-        fact, choice = sheet[key], option.get(key)
+        fact = sheet[key]
+        choice = option.get(key)
         if isinstance(fact, dict) and isinstance(choice, dict):
             yield from common_keys(choice, fact, f"{prefix}{key}.")
         elif key in option:
@@ -126,7 +127,8 @@ def check_values(
     """
     dataset, faults = all_faults(DescribedDataset, _without_open(values), "dataset")
     unfilled = {key.partition("[")[0] for key in unfilled_keys(values)}
-    absent, wrong = set(), []
+    absent = set()
+    wrong = []
     for fault in faults:
         if fault.message.startswith(MISSING):
             absent.add(str(fault.evidence["key"]).removeprefix("dataset."))

@@ -20,7 +20,9 @@ SIDES = np.array([(0, 0), (1, 1), (0, 0)])  # sides of the rows, behind another 
 FASTEST = 3.0  # greatest speed during a jump over the speed beside it
 TURN_NOISE = 0.02  # rad, greatest noise of a measured angle at a jump
 # least step to a damaged row: rad, and over the steps beside it, or over all but the FEW greatest
-SPIKE, SHARPER, FEW = 0.2, 20.0, 3
+SPIKE = 0.2
+SHARPER = 20.0
+FEW = 3
 
 
 def unwrap(

@@ -16,7 +16,8 @@ if TYPE_CHECKING:  # an exported model is loaded with NumPy alone
     import pandas as pd
 
 # possible rows of a task, in m and rad: in the plane of parallel joints, and in space
-PLANE, SPACE = ("x", "z", "phi"), ("x", "y", "z", "rx", "ry", "rz")
+PLANE = ("x", "z", "phi")
+SPACE = ("x", "y", "z", "rx", "ry", "rz")
 
 
 def column(family: str, *names: str) -> str:

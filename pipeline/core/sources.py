@@ -34,7 +34,8 @@ def imported_sources(
     top of a module or ANYWHERE, sorted.
     """
     files = module_files()
-    visited, waiting = set(), [*modules]
+    visited = set()
+    waiting = [*modules]
     while waiting:
         name = waiting.pop()
         visited.add(name)

@@ -100,7 +100,8 @@ def joined_faults(faults: list[ConfigError], file: Path | None = None) -> Config
 
 def _fault(error: Any, structure: type, section: str) -> ConfigError:
     """Return pydantic's ``error`` with key, value, allowed values and the nearest of them."""
-    kind, value = error["type"], error["input"]
+    kind = error["type"]
+    value = error["input"]
     place = _names_of(error, structure)
     context = error.get("ctx", {})
     cause = context.get("error")
@@ -111,7 +112,8 @@ def _fault(error: Any, structure: type, section: str) -> ConfigError:
     if isinstance(cause, Fault):
         message = str(cause)
     elif kind in ("unexpected_keyword_argument", "extra_forbidden"):
-        value, allowed = place[-1], _keys_at(structure, place[:-1])
+        value = place[-1]
+        allowed = _keys_at(structure, place[:-1])
         message = f"unknown key '{value}'; there are {', '.join(allowed)}"
     elif kind == "missing":
         return ConfigError(f"{MISSING}{key}", key=key)

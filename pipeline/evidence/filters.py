@@ -46,7 +46,8 @@ def filter_evidence(
     of the correlation (:func:`following_tests`) and of the variation over time of its error, so
     that no model changes the numbers of another.
     """
-    laws, refusals = {}, []
+    laws = {}
+    refusals = []
     for name, filtered in filters.items():
         laws[name], refused = posterior_scores(
             filtered.error,

@@ -24,7 +24,9 @@ from pipeline.statistics.takes import paired_difference
 
 REALIZATIONS = 100  # of which a bound is the standard deviation, as in the paper
 REPEATS = 20  # pairs of bounds
-INVERSE, JACOBIAN = "inverse", "jacobian"  # forms
+# forms
+INVERSE = "inverse"
+JACOBIAN = "jacobian"
 RIVAL = "{}_jacobian"  # name of the Jacobian form of a model
 
 
@@ -38,7 +40,8 @@ def smoothness_evidence(
     for an arm whose Jacobian is not square, and without noise or through a singular pose.
     """
     training = takes.training
-    q, v = training.q.mean(axis=0), training.v
+    q = training.q.mean(axis=0)
+    v = training.v
     square = q.shape == v.shape
     rows = []
     for name, outcome in outcomes.items():

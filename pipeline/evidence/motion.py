@@ -50,7 +50,9 @@ NOISE = {
     "correlation_omega": "correlation_omega_{}",
 }
 PAPERS = ("sigma_b", "u", "alpha")
-DEXTERITY_POSES, LEAST_POSES = 2000, 20  # drawn, and least that remain
+# drawn, and least that remain
+DEXTERITY_POSES = 2000
+LEAST_POSES = 20
 DEXTERITY_STEP = 1e-3  # m or rad, of a task row
 Rows = Iterator[Row]
 
@@ -80,7 +82,8 @@ def noise_tests(
     """Return the noise of ``model`` at the recorded total variance, and the :func:`following_tests`
     of the recorded standard deviations of the training takes, the speed law being the rival.
     """
-    training, speed_noise = takes.training, takes.speed_noise
+    training = takes.training
+    speed_noise = takes.speed_noise
     noise = modelled_noise(model, training)
     rival = None if speed_noise is None else speed_noise.std
     steady = constant_speed(takes.poses)

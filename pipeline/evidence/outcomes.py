@@ -149,11 +149,9 @@ def _posterior_moments(
     recordings: Recordings,
 ) -> PosteriorMoments | str:
     """Return the posterior's moments of one take, or the reason why there are none."""
-    chain, rate, seed = (
-        recordings.takes.training.chain,
-        recordings.rate,
-        recordings.seed,
-    )
+    chain = recordings.takes.training.chain
+    rate = recordings.rate
+    seed = recordings.seed
     try:
         posterior = take_posterior(trial, chain, rate, seed)
     except (DegenerateFilterError, ModelDomainError, SingularJacobianError) as error:
@@ -165,7 +163,8 @@ def outcome(case: Choices, recordings: Recordings) -> Outcome:
     """Fit the only model of ``case``, realise it, and score it. The random numbers are the stages'
     in all cases, so that only the choices differ.
     """
-    result, takes = Outcome(), recordings.takes
+    result = Outcome()
+    takes = recordings.takes
     training = takes.training
     try:
         fit = kinds.estimate(training, case.options)
@@ -262,7 +261,8 @@ def _log_density(
     factor: float,
 ) -> np.ndarray:
     """(takes, M) nats of the steps between ``poses`` (takes, M+1, n); NaN at rest without noise."""
-    q, q_next = poses[:, :-1], poses[:, 1:]
+    q = poses[:, :-1]
+    q_next = poses[:, 1:]
     v = np.broadcast_to(training.v, (*q.shape[:-1], training.v.shape[-1]))
     if factor:
         return model.log_density(
@@ -292,7 +292,8 @@ def case_evidence(
     """Return all evidence of ``case`` from the ``outcomes`` by model and the ``posteriors``. A
     filter without a posterior on one take has no evidence.
     """
-    takes, limits = recordings.takes, recordings.variation_limits
+    takes = recordings.takes
+    limits = recordings.variation_limits
     outcomes = {**outcomes, **_speed_control(case, recordings, outcomes)}
     parts = [motion_evidence(outcomes, takes, case.mode, limits)]
     parts.append(dexterity_evidence(outcomes, takes, recordings.generator("dexterity")))
@@ -309,7 +310,8 @@ def case_evidence(
         if by_take and not reasons:
             complete[name] = by_take
     camera = recordings.cameras.get(case.clock)
-    filters, against_mean = {}, None
+    filters = {}
+    against_mean = None
     if camera is not None and names.models_of(complete):
         filters = _compared_filters(case, recordings, complete)
         evidence, against_mean, unscored = filter_evidence(
@@ -364,7 +366,8 @@ def _compared_filters(
     measured = None
     if case.closed:
         measured = [recordings.cameras[case.clock].takes[take] for take in tested]
-    rate, factor = recordings.rate, case.measurement
+    rate = recordings.rate
+    factor = case.measurement
     return all_filters(recordings.takes, truth, stacked, measured, rate, factor)
 
 

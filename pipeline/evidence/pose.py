@@ -75,11 +75,13 @@ class RunSteps:
         chain: Chain,
         models: Mapping[str, MotionModel],
     ) -> None:
-        q, dq = run.measured[:-1], np.diff(run.command, axis=0)
+        q = run.measured[:-1]
+        dq = np.diff(run.command, axis=0)
         self.regular = ~chain.singular(q)
         self.steps = dq
         self.noise = np.diff(run.measured, axis=0) - dq
-        q, dq = q[self.regular], dq[self.regular]
+        q = q[self.regular]
+        dq = dq[self.regular]
         norms = frobenius(chain.inverse_jacobian(q))[:, None]
         self.shapes = {NORM: np.repeat(norms, q.shape[1], axis=1)}
         v = np.matvec(chain.jacobian(q), dq)

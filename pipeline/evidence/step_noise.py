@@ -35,7 +35,8 @@ def step_changes(runs: Sequence[JointRun]) -> StepChanges:
     """Return the changes of the tracking errors, which are measured minus commanded angles without
     the lag of each joint.
     """
-    noise, pace = [], []
+    noise = []
+    pace = []
     for run in runs:
         stride = max(round(STEP * run.rate), 1)
         command = run.command[::stride]
@@ -53,7 +54,8 @@ def step_noise(runs: Sequence[JointRun]) -> pd.DataFrame:
     and of successive changes. Joints whose command rests are left out.
     """
     noise, pace, moving = step_changes(runs)
-    steps, speeds = np.concatenate(noise), np.concatenate(pace)
+    steps = np.concatenate(noise)
+    speeds = np.concatenate(pace)
     before = np.concatenate([changes[:-1] for changes in noise])
     after = np.concatenate([changes[1:] for changes in noise])
     joints = runs[0].joints
@@ -65,7 +67,8 @@ def step_noise(runs: Sequence[JointRun]) -> pd.DataFrame:
     for place, j in enumerate(moving):
         of_joint = steps[:, j]
         fast = speeds[:, j] > np.median(speeds[:, j])
-        slow_steps, fast_steps = of_joint[~fast], of_joint[fast]
+        slow_steps = of_joint[~fast]
+        fast_steps = of_joint[fast]
         add(j, j, "slow", slow_steps, slow_steps)
         add(j, j, "fast", fast_steps, fast_steps)
         add(j, j, "successive", before[:, j], after[:, j])
@@ -80,7 +83,8 @@ def noise_by_speed(runs: Sequence[JointRun]) -> pd.DataFrame:
     of a step within the ``runs`` one after another (:mod:`pipeline.statistics.single_run`).
     """
     noise, pace, moving = step_changes(runs)
-    steps, speeds = np.concatenate(noise), np.concatenate(pace)
+    steps = np.concatenate(noise)
+    speeds = np.concatenate(pace)
     rows = []
     for j in moving:
         effect = speed_effect(steps[:, j], speeds[:, j], MARGIN)

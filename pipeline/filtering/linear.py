@@ -45,7 +45,8 @@ def linear_filter(
     Raises ModelDomainError where P or R has a negative eigenvalue.
     """
     observation = np.eye(path.shape[1]) if response is None else response
-    means, covariances = [], []
+    means = []
+    covariances = []
     for take in takes:
         mean, posterior = _posterior(path, covariance, take, dt, observation)
         means.append(mean)

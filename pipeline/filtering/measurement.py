@@ -90,7 +90,8 @@ def measurements(angles: pd.DataFrame, noise: pd.DataFrame) -> list[Measurements
     """Return the depth camera's measurements of every take from the tables ``angles`` and
     ``kinect_noise``; the noise of a take is estimated from the other takes.
     """
-    joints, takes = members(angles, "q"), []
+    joints = members(angles, "q")
+    takes = []
     for take, rows in angles.groupby("take"):
         noise_of_take = noise[noise["take"] == take].set_index("frame")
         # no noise is estimated at a frame that no other take has
@@ -191,7 +192,8 @@ def _encoder_takes(dataset: Dataset, joints: pd.DataFrame) -> list[Measurements]
     if dataset.encoders is None:
         message = "the filter needs measurements that the dataset does not have"
         raise ConfigError(message, key="dataset.encoders")
-    rate, errors = dataset.motion.rate, []
+    rate = dataset.motion.rate
+    errors = []
     for take, readings in _encoder_rows(joints, "training"):
         tracked = joints[joints["take"] == take]
         at_steps = [

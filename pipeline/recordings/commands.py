@@ -34,7 +34,8 @@ STANDING = 1e-3  # rad, greatest motion of a standing joint
 STILL = 0.1  # rad, least scale of an error, above the noise of encoders at rest
 SMOOTHING = 0.02  # s, over which the speed of the arm is averaged
 # number of delays tried, and their least correlation over the highest
-PEAKS, NEAR = 8, 0.8
+PEAKS = 8
+NEAR = 0.8
 SAME = 0.02  # greatest relative difference of a factor from a unit conversion
 ORDER_GAIN = 0.5  # another order or sign must reduce the error below this share
 MOST = 0.25  # greatest difference of two records over the motion, far above any uncertainty
@@ -112,7 +113,8 @@ def tracking_errors(actual: np.ndarray, target: np.ndarray) -> np.ndarray:
 
 def standing_joints(actual: np.ndarray, target: np.ndarray) -> np.ndarray:
     """Return the mask (n,) of joints that stand still while ``target`` (N, n) rad moves them."""
-    moved, commanded = np.ptp(actual, axis=0), np.ptp(target, axis=0)
+    moved = np.ptp(actual, axis=0)
+    commanded = np.ptp(target, axis=0)
     return (commanded > REACH) & (moved < STANDING)
 
 
@@ -139,7 +141,8 @@ def wrong_commands(actual: np.ndarray, target: np.ndarray) -> list[WrongCommand]
     if len(target) < 5:
         return []
     inner = target[2:-2]
-    before, after = target[1:-3], target[3:-1]
+    before = target[1:-3]
+    after = target[3:-1]
     size = inner - (before + after) / 2
     around = [after - before, before - target[:-4], target[4:] - after]
     usual = np.max(np.abs(around), axis=0)
@@ -173,7 +176,8 @@ def standing_arm(actual: np.ndarray, target: np.ndarray) -> str:
 
 def find_pairing(actual: np.ndarray, target: np.ndarray, rate: float) -> Pairing:
     """Return the pairing of angles (N, n) in rad; the identity unless another halves the error."""
-    best, standing = _plain(actual.shape[1]), standing_joints(actual, target)
+    best = _plain(actual.shape[1])
+    standing = standing_joints(actual, target)
     if standing.any() and not standing.all():
         follows = np.flatnonzero(~standing)
         of_following = find_pairing(actual[:, follows], target[:, follows], rate)
@@ -189,7 +193,8 @@ def find_pairing(actual: np.ndarray, target: np.ndarray, rate: float) -> Pairing
         tried = _unit_and_order(*shift_rows(actual, target, delay), delay)
         error = tried.error(actual, target)
         if error < ORDER_GAIN * least:
-            best, least = tried, error
+            best = tried
+            least = error
 
     # round the delay to a row; a delay up to LATEST is the controller's lag, not a clock offset
     measured, command = best.apply(actual, target)
@@ -259,7 +264,8 @@ def suspects(
     rate: float,
 ) -> Iterator[tuple[str, str, str, float]]:
     """Yield name, option and value of each change of a ``pairing``, and the error without it."""
-    plain, (factor, order, delay) = _plain(len(pairing.order)), pairing
+    plain = _plain(len(pairing.order))
+    factor, order, delay = pairing
     scale = "sign"
     if np.any(np.abs(factor) != 1):
         units = [
@@ -286,7 +292,8 @@ def _delays(actual: np.ndarray, target: np.ndarray, rate: float) -> list[int]:
     width = max(1, round(SMOOTHING * rate))
     measured = np.linalg.norm(actual[width:] - actual[:-width], axis=1)
     commanded = np.linalg.norm(target[width:] - target[:-width], axis=1)
-    measured, commanded = measured - measured.mean(), commanded - commanded.mean()
+    measured = measured - measured.mean()
+    commanded = commanded - commanded.mean()
 
     rows = correlation_lags(len(measured), len(commanded))
     near = np.abs(rows) <= min(SEARCH * rate, len(measured) // 2)
@@ -303,7 +310,8 @@ def _unit_and_order(actual: np.ndarray, target: np.ndarray, delay: int) -> Pairi
     """Return the pairing with the best unit, order and signs for rows paired by ``delay``."""
     from scipy.optimize import linear_sum_assignment
 
-    n, motion = actual.shape[1], np.ptp(target, axis=0).sum()
+    n = actual.shape[1]
+    motion = np.ptp(target, axis=0).sum()
     if not motion:
         return _plain(n, delay=delay)
     size = _unit_near(np.ptp(actual, axis=0).sum() / motion)
@@ -325,7 +333,8 @@ def _unit_and_order(actual: np.ndarray, target: np.ndarray, delay: int) -> Pairi
     stay = in_place <= cost[joints, order] / ORDER_GAIN
     nearer_order = np.where(stay, joints, order)
     if len({*nearer_order.tolist()}) == n:
-        order, sign = nearer_order, np.where(stay, 1.0, sign)
+        order = nearer_order
+        sign = np.where(stay, 1.0, sign)
     return Pairing(size * sign, order, delay)
 
 
@@ -351,7 +360,8 @@ def circular_joints(urdf: str, names: Sequence[str]) -> np.ndarray:
 
 def require_velocities(trajectory: pd.DataFrame, rate: float, file: Path) -> None:
     """Raise RecordingError where the integral of the velocities differs from the positions."""
-    x, v = values(trajectory, "x"), values(trajectory, "v")
+    x = values(trajectory, "x")
+    v = values(trajectory, "v")
     # a velocity may be instantaneous, or the mean over the step before or after it
     integral = np.cumsum((v[:-1] + v[1:]) / 2, axis=0) / rate
     fault = (
@@ -369,7 +379,8 @@ def require_commanded(
     take: str,
 ) -> None:
     """Raise RecordingError where the tip at ``q`` (M+1, n) rad is far from the commanded path."""
-    tip, path = chain.coordinates(q), values(trajectory, "x")
+    tip = chain.coordinates(q)
+    path = values(trajectory, "x")
     fault = (
         "the tip that the motion capture tracked is not on the commanded path; suspected are "
         "the path's unit, columns and start, and the arm's base (dataset.mocap.base)"
@@ -388,7 +399,8 @@ def require_encoders(
     tracked angles ``q`` (rows of the table ``joints``) at the same times.
     """
     during = readings[readings["t"].between(q["t"].min(), q["t"].max())]
-    where, names = {"take": take, "key": "dataset.encoders"}, columns("q", joints)
+    where = {"take": take, "key": "dataset.encoders"}
+    names = columns("q", joints)
     if len(during) < LEAST_TIMES:
         raise RecordingError(
             f"{len(during)} of {len(readings)} readings of the encoders are within the take: "
@@ -450,7 +462,8 @@ def speed_scores(
         "true_moving_steps_beyond_a_speed_limit_share": float(beyond[moving].mean()),
     }
     for j, joint in enumerate(joints):
-        step, command = steps[..., j], nominal[..., j]
+        step = steps[..., j]
+        command = nominal[..., j]
         fast = np.abs(command) >= FAST * np.abs(command).max()
         backwards = float((step * command < 0)[fast].mean())
         greatest = float(np.abs(step).max())

@@ -52,7 +52,8 @@ class LoggedTake(NamedTuple):
 
 def read_dataset_movement(name: str, place: Path, dataset: Dataset) -> LoggedMovement:
     """Return the movement ``name`` in ``place``; see :func:`movement.read_logged_movement`."""
-    log, rate = dataset.joint_log, dataset.motion.rate
+    log = dataset.joint_log
+    rate = dataset.motion.rate
     urdf = UNFILLED if dataset.robot is None else dataset.robot.urdf
     return movement.read_logged_movement(name, place, log, rate, urdf)
 
@@ -106,7 +107,8 @@ def joint_log_rows(
     Repetitions without rest are shifted to equal phase by interpolation. Raises RecordingError for
     fewer than two undisturbed repetitions, and where commands differ.
     """
-    rate, rest = dataset.motion.rate, dataset.joint_log.rest
+    rate = dataset.motion.rate
+    rest = dataset.joint_log.rest
     takes, observed, notes = find_takes(movements, dataset)
     aligned = align_takes(takes, movements, dataset)
     for name, take in aligned.items():
@@ -135,9 +137,11 @@ def joint_log_rows(
         notes.append((name, "lag_behind_command", late, "s"))
 
     # the commanded angle changes one sample before the commanded speed is first logged
-    first_row, last_row = max(rest - 1, 0), moving.stop - 1
+    first_row = max(rest - 1, 0)
+    last_row = moving.stop - 1
     held = np.clip(np.arange(len(command)), first_row, last_row)
-    chain, joints = chain_of(dataset.robot), dataset.robot.joints
+    chain = chain_of(dataset.robot)
+    joints = dataset.robot.joints
     return JointLogTables(
         trajectory_table(chain, command[held], rate, joints),
         _take_rows(undisturbed, dataset),
@@ -160,8 +164,10 @@ def align_takes(
     """Return name → repetition in phase and whole turns with the command of the first of the
     ``takes``, with ``rest`` rows before and after the motion.
     """
-    rest, length = dataset.joint_log.rest, dataset.motion.steps + 1
-    aligned, reference = {}, None
+    rest = dataset.joint_log.rest
+    length = dataset.motion.steps + 1
+    aligned = {}
+    reference = None
     for name, take in takes.items():
         movement_log = movements[take.movement]
         if reference is None:
@@ -215,7 +221,9 @@ def _require_repetitions(
     """Raise RecordingError where measured and commanded angles of a repetition disagree, and for
     fewer than two repetitions, with the ``observed`` motions.
     """
-    options, rate, joints = dataset.joint_log, dataset.motion.rate, dataset.robot.joints
+    options = dataset.joint_log
+    rate = dataset.motion.rate
+    joints = dataset.robot.joints
     raw = raw_folder(dataset.recordings)
     for name, take in takes.items():
         pair = take.measured, take.commanded
@@ -241,7 +249,8 @@ def _command_deviations(
     """Return name → greatest distance in rad of a repetition's command from the mean ``command``
     (K, n) in motion; RecordingError beyond the option ``tolerance``.
     """
-    moving, tolerance = _moving_rows(dataset), dataset.joint_log.tolerance
+    moving = _moving_rows(dataset)
+    tolerance = dataset.joint_log.tolerance
     deviations = {}
     for name, take in takes.items():
         deviations[name] = np.abs(take.commanded - command)[moving].max()
@@ -259,7 +268,8 @@ def _command_deviations(
 
 def _take_rows(takes: Mapping[str, AlignedTake], dataset: Dataset) -> pd.DataFrame:
     """Return the rows of the table ``joint_log`` of the ``takes``."""
-    length, joints = dataset.motion.steps + 1, dataset.robot.joints
+    length = dataset.motion.steps + 1
+    joints = dataset.robot.joints
     k = np.tile(np.arange(length), len(takes))
     identity = {
         "take": np.repeat(np.array([*takes], dtype=str), length),
@@ -309,7 +319,9 @@ def find_takes(
 
     Raises RecordingError where a locked joint moves in a repetition.
     """
-    takes, observed, notes = {}, [], []
+    takes = {}
+    observed = []
+    notes = []
     rest = dataset.joint_log.rest
     for name, movement_log in movements.items():
         log = movement_log.of(dataset.robot.joints)
@@ -340,7 +352,8 @@ def _sound_repetitions(
     """Return the repetitions of the dataset's motion among the ``motions`` of a movement whose rows
     have no wrong command; ``log`` has the joints of the robot.
     """
-    options, rest = dataset.joint_log, dataset.joint_log.rest
+    options = dataset.joint_log
+    rest = dataset.joint_log.rest
     repeated = find_repetitions(
         log.target,
         motions,
@@ -350,9 +363,11 @@ def _sound_repetitions(
         log.circular,
     )
     faults = [fault.row for fault in wrong_commands(log.actual, log.target)]
-    sound, wrong = [], []
+    sound = []
+    wrong = []
     for run in repeated.runs:
-        first, last = run.first - rest, run.last + rest
+        first = run.first - rest
+        last = run.last + rest
         if any(first <= row <= last for row in faults):
             wrong.append(run.first)
         else:
@@ -397,7 +412,8 @@ def _require_locked(
 
 def encoder_rows(raw: Path, dataset: Dataset) -> list[tuple[pd.DataFrame, list[dict]]]:
     """Return the rows of the table ``encoders`` and the quality rows per log, training first."""
-    options, joints = dataset.encoders, dataset.robot.joints
+    options = dataset.encoders
+    joints = dataset.robot.joints
     urdf = dataset.robot.urdf
     read = LogOptions(
         time=options.time,

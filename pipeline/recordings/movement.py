@@ -38,7 +38,9 @@ OTHER_RATE = (
 UNWRAPPED = "unwrapped_jumps"  # count of removed jumps of whole turns
 DAMAGED = 5  # rows of the median that omits damaged cells
 # s; share of the greatest pace; greatest share of held rows
-PACE, MOVING, HELD = 0.1, 0.1, 0.3
+PACE = 0.1
+MOVING = 0.1
+HELD = 0.3
 
 
 def read_movement(
@@ -57,7 +59,8 @@ def read_movement(
     length = min(len(log.time) for log in logs.values())
     first = next(iter(logs))
     time = logs[first].time[:length]
-    counts, signals = Counter(), {}
+    counts = Counter()
+    signals = {}
     if clock == "times":
         uneven = _rows_to_resample(time, rate, first)
     else:
@@ -156,8 +159,10 @@ def lasting_deviations(time: np.ndarray, rate: float) -> np.ndarray:
     """
     steps = np.diff(time)
     shift = median_filter(time * rate - np.arange(len(time)), LASTING, mode="nearest")
-    rows, half = np.arange(len(steps)), LASTING // 2
-    after, before = np.minimum(rows + half + 1, len(steps)), np.maximum(rows - half, 0)
+    rows = np.arange(len(steps))
+    half = LASTING // 2
+    after = np.minimum(rows + half + 1, len(steps))
+    before = np.maximum(rows - half, 0)
     lasts = np.abs(shift[after] - shift[before]) > JITTER
     return (np.abs(steps * rate - 1) > JITTER) & lasts
 
@@ -194,7 +199,9 @@ def read_log(file: Path, options: LogOptions) -> JointLog:
     """
     chosen = format_of(file, formats_in(joint_formats, Kind.JOINTS)) or TABLE
     log = chosen.read(file, options)
-    names, signals, jumps = options.names or log.joints, {}, 0
+    names = options.names or log.joints
+    signals = {}
+    jumps = 0
     key = f"{OPTION}.joints"
     stated = match_joints(log.joints, options.names) if log.joints else []
     if {*stated} == {*options.names} and stated != [*options.names]:
@@ -209,7 +216,8 @@ def read_log(file: Path, options: LogOptions) -> JointLog:
             message = f"the log holds {rows.shape[1]} joints, not {options.joints}"
             raise RecordingError(message, file=file, key=key)
         where = {"signal": name, "lines": log.lines, "file": file}
-        circular, unit = options.circular, options.angle_unit
+        circular = options.circular
+        unit = options.angle_unit
         if name in SIGNALS:
             if unit == "deg":
                 rows = np.where(circular, rows, np.degrees(rows))
@@ -244,7 +252,8 @@ def require_plausible(
     """Raise RecordingError where a ``signal`` (N, joints) in rad or rad/s exceeds MOST_TURNS: with
     the line if it is a damaged cell, else with the option of the ``unit``.
     """
-    limit, sizes = MOST_TURNS * TURN, np.where(circular, np.abs(angles), 0.0)
+    limit = MOST_TURNS * TURN
+    sizes = np.where(circular, np.abs(angles), 0.0)
     beyond = sizes > limit
     if not beyond.any():
         return
@@ -343,7 +352,8 @@ class LoggedMovement(NamedTuple):
     def of(self, joints: Sequence[str]) -> Self:
         """Return the movement of the ``joints`` alone, in their order, with motions of theirs."""
         places = [self.joints.index(joint) for joint in joints]
-        actual, target = self.actual[:, places], self.target[:, places]
+        actual = self.actual[:, places]
+        target = self.target[:, places]
         circular = self.circular[places]
 
         motions = []
@@ -368,7 +378,8 @@ def read_logged_movement(
     Raises RecordingError for an uneven clock, angles that do not follow the command and steps
     beyond the velocity limits in ``urdf``; ConfigError where options name no columns or delay.
     """
-    joints, circular = options.joints, commands.circular_joints(urdf, options.joints)
+    joints = options.joints
+    circular = commands.circular_joints(urdf, options.joints)
     common = {
         "time": options.time,
         "separator": options.separator,
@@ -383,7 +394,8 @@ def read_logged_movement(
         "recording": recording,
     }
     files = _files_of_signals(movement, options, common)
-    signals, counts = {}, {}
+    signals = {}
+    counts = {}
     if files:
         signals, counts = read_movement(files, rate, options.clock)
     _require_angles(signals, name, movement, files)

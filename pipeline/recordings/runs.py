@@ -41,7 +41,10 @@ STARTED = 0.1  # least step of a moving command, over its greatest step
 ENDS = 0.05  # share of the rows at each end that may not follow the command
 SETTLED = 0.25  # s after a motion in which an arm may still move
 RESTING = 50  # least number of rows at rest that show the noise of a measured angle
-LEAST_STEPS, MULTIPLES, IN_PHASE = 20, 8.0, 0.8  # differences that show a quantum
+# differences that show a quantum
+LEAST_STEPS = 20
+MULTIPLES = 8.0
+IN_PHASE = 0.8
 DECIMAL = 1e-3  # greatest distance of a step from a power of ten, as a logarithm
 LEAST_QUANTUM = 1e-9  # rad, below the resolution of any encoder
 
@@ -137,7 +140,8 @@ def _moving_joints(
 
 def runs_of_dataset(dataset: Dataset) -> RunsOfLogs:
     """Return :func:`joint_runs` of the robot's joints in the dataset's logs."""
-    rate, noise = dataset.motion.rate, dataset.motion.pose_noise
+    rate = dataset.motion.rate
+    noise = dataset.motion.pose_noise
     joints = () if dataset.robot is None else dataset.robot.joints
     return joint_runs(read_movements(dataset), rate, joints, noise)
 
@@ -151,11 +155,14 @@ def _runs_of(
     """Return the runs in one movement, from pause to pause, and name → reason of runs with a wrong
     command. The noise of a measured angle in rad is ``stated``, or estimated.
     """
-    measured, target, motions = movement.actual, movement.target, movement.motions
+    measured = movement.actual
+    target = movement.target
+    motions = movement.motions
     late = joint_lags(target, measured, rate)
     command, cut = delayed(target, late * rate)
     following = following_rows(measured[cut] - command)
-    command, start = command[following], cut.start + following.start
+    command = command[following]
+    start = cut.start + following.start
     measured_after = measured[start:]
 
     resting = np.ones(len(target), bool)
@@ -173,7 +180,8 @@ def _runs_of(
     limits = np.clip([0, *middles, len(command)], 0, len(command)).tolist()
     wrong = wrong_commands(measured, target)
     late = late + movement.counts.get("command_delay", 0.0)
-    runs, unused = [], {}
+    runs = []
+    unused = {}
     for number, (first, end) in enumerate(pairwise(limits), 1):
         run = f"{name}_{number}" if middles else name
         inside = [fault for fault in wrong if first <= fault.row - start < end]

@@ -17,7 +17,8 @@ OUT = Path("data/articulate")
 def run() -> None:
     """Write joint angles, the moments of their errors, and two frames with nodes for the figure."""
     settings = config.sections("articulate")
-    robot, o = settings.dataset.robot, settings.articulation
+    robot = settings.dataset.robot
+    o = settings.articulation
     with contracts.replacing(OUT) as folder:
         if settings.dataset.depth is None:
             print("articulate: the dataset has no depth camera; nothing to do")
@@ -30,7 +31,8 @@ def run() -> None:
             print(f"articulate: {warning}")
         noise = leave_one_out(errors, window=o.noise_window)
         contracts.write(noise, "kinect_noise", folder)
-        clouds, skeletons = [], []
+        clouds = []
+        skeletons = []
         for name in ("initial", "extended"):
             cloud, skeleton = _view(name, angles, takes[0], arm_of(robot))
             clouds.append(cloud)

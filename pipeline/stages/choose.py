@@ -6,7 +6,8 @@ from pipeline.configuration import config, datasheet
 from pipeline.core.errors import ConfigError
 from pipeline.core.typed_yaml import read_yaml
 
-PARAMS, CHOSEN = Path("params.yaml"), Path("data/dataset.txt")
+PARAMS = Path("params.yaml")
+CHOSEN = Path("data/dataset.txt")
 
 
 def run() -> None:

@@ -7,14 +7,16 @@ from pipeline.configuration import config
 from pipeline.core import contracts
 from pipeline.figures.drawing import draw_all
 
-SCORE, OUT = Path("data/score"), Path("data/figures")
+SCORE = Path("data/score")
+OUT = Path("data/figures")
 DRAWN = 3  # greatest number of models in a figure whose lines can be distinguished
 
 
 def run() -> None:
     """Draw every figure whose tables the dataset has into ``data/figures``, with the captions."""
     settings = config.sections("figures")
-    robot, force = settings.dataset.robot, settings.dataset.force
+    robot = settings.dataset.robot
+    force = settings.dataset.force
     models = list(settings.models)
     if contracts.exists("deviation", SCORE):  # it has the models with a fit
         fitted = set(contracts.read("deviation", SCORE)["source"])

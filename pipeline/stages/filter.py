@@ -22,7 +22,8 @@ from pipeline.models.kinds import fitted_models
 from pipeline.models.steps import Recorded
 from pipeline.recordings.steps import training_steps
 
-FIT, OUT = Path("data/fit"), Path("data/filter")
+FIT = Path("data/fit")
+OUT = Path("data/filter")
 # fields of a posterior with one value a step
 OF_A_STEP = ("ess", "resampled", "measured", "clipped", "outside")
 Metrics = dict[str, float]

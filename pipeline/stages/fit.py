@@ -18,13 +18,15 @@ from pipeline.models.steps import Estimate, Options, Recorded
 from pipeline.recordings.steps import training_steps
 from pipeline.statistics.takes import NORMAL_QUANTILE
 
-MOTION, OUT = Path("data/ingest/motion"), Path("data/fit")
+MOTION = Path("data/ingest/motion")
+OUT = Path("data/fit")
 Metrics = dict[str, float]
 
 
 def run(model: str) -> None:
     """Write parameters, tables and numbers of ``model`` and its realisations to ``data/fit``."""
-    settings, metrics = config.sections("fit", item=model), {}
+    settings = config.sections("fit", item=model)
+    metrics = {}
     with contracts.replacing(OUT / model) as folder:
         if settings.dataset.robot is None:
             print("fit: the dataset has no robot; nothing to fit")
@@ -114,7 +116,8 @@ def _fitted(model: str, recorded: Recorded, settings, options: Options) -> Fitte
         estimate = kinds.estimate(recorded, options)
     except ModelDomainError as error:
         return Fitted(None, str(error), [], {})
-    takes, scale = len(recorded.q), settings.scale
+    takes = len(recorded.q)
+    scale = settings.scale
     stream = (settings.seed, f"fit.{model}.bootstrap")
     fit = (recorded, options, estimate.from_takes)
     trial = partial(_replicate, fit=fit, stream=stream)

@@ -31,7 +31,9 @@ from pipeline.statistics.scores import (
     score_comparison,
 )
 
-TRACK, FIT, OUT = Path("data/track"), Path("data/fit"), Path("data/predict")
+TRACK = Path("data/track")
+FIT = Path("data/fit")
+OUT = Path("data/predict")
 # models without a random matrix, added to the models of the run
 BESIDE = ("joint_step_t", "speed")
 CONTROL = "wishart_qr_transposed"  # added if the run has a Wishart model
@@ -93,11 +95,13 @@ def _joint_tables(settings, recorded: Recorded, options: Models) -> Tables:
     """Return the tables of the joint error laws on all runs of the dataset's logs, or its takes,
     and the scores of matrix models on the motions of the logs.
     """
-    dataset, most = settings.dataset, settings.scale.held_out_motions
+    dataset = settings.dataset
+    most = settings.scale.held_out_motions
     motions = []
     try:
         if dataset.joint_log is None:
-            runs, unused = runs_of(recorded), {}
+            runs = runs_of(recorded)
+            unused = {}
         else:
             runs, unused = runs_of_dataset(dataset)
         runs = of_first_motions(runs, most)
@@ -137,7 +141,8 @@ def _predictions(settings, recorded: Recorded, options: Models) -> Tables:
         print(f"predict: no prediction is scored: {error}; {remedy}")
         return {}
     scored = _scores(settings, recorded, options, pose_noise)
-    predictions, pairs = {}, {}
+    predictions = {}
+    pairs = {}
     groups = groups_by_speed(recorded, settings.dataset.motion.rate)
     for steps, inside in groups.items():
         scores = {}

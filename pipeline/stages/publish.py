@@ -10,7 +10,8 @@ from pipeline.configuration import config
 from pipeline.core import contracts
 from pipeline.core.results import EVIDENCE, TRIALS, evidence_folder, pages_folder
 
-SCORE, FIGURES = Path("data/score"), Path("data/figures")
+SCORE = Path("data/score")
+FIGURES = Path("data/figures")
 CAPTIONS = "captions.json"
 
 
@@ -19,8 +20,10 @@ def run() -> None:
     trial of a dataset with results to ``reports/trials``. A whole run removes a trial's evidence.
     """
     settings = config.sections("publish")
-    name, scale = settings.dataset.name, settings.scale.name
-    place, evidence = pages_folder(name, scale), evidence_folder(name, scale)
+    name = settings.dataset.name
+    scale = settings.scale.name
+    place = pages_folder(name, scale)
+    evidence = evidence_folder(name, scale)
     if place == TRIALS:
         print(
             f"publish: a trial: the results are in {place / name}, and the results of"

@@ -37,7 +37,8 @@ def run() -> None:
             return
         base = Choices.of_run(settings)
         takes = recorded_takes(settings.dataset.robot, settings.dataset.motion)
-        task, joints = takes.training.chain.task, takes.training.joints
+        task = takes.training.chain.task
+        joints = takes.training.joints
         cases = readings(base, task, joints)
         if not cases:
             return
@@ -50,7 +51,8 @@ def run() -> None:
         )
         recordings = _recordings(settings, base, takes)
         results = evaluate([cases[name] for name in names], recordings, trials)
-        tables, reasons = [], [{"reading": of_run, "refused": ""}]
+        tables = []
+        reasons = [{"reading": of_run, "refused": ""}]
         for name, result in zip(names, results, strict=True):
             for refusal in result.refusals:
                 print(f"readings: {name}: {refusal}")

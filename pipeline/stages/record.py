@@ -43,7 +43,8 @@ def run(name: str) -> None:
     another dataset, the recordings of ``name`` stay unchanged.
     """
     settings = config.sections("record", RAW / name / "dvc.yaml")
-    dataset, laboratory = settings.dataset, settings.dataset.laboratory
+    dataset = settings.dataset
+    laboratory = settings.dataset.laboratory
     places = RAW / name / "recordings", RAW / name / "truth"
     if Path(dataset.recordings) != places[0]:
         print(
@@ -67,7 +68,8 @@ def run(name: str) -> None:
 
 def _record_takes(settings, folder: Path, truth: Path) -> None:
     """Write every take of the motion, and its truth."""
-    dataset, scale = settings.dataset, settings.scale
+    dataset = settings.dataset
+    scale = settings.scale
     # test takes have depth images and take longest: first, so that workers start
     takes = [("test", i) for i in range(scale.test_takes)]
     takes += [("train", i) for i in range(scale.training_takes)]
@@ -103,7 +105,8 @@ def _record_takes(settings, folder: Path, truth: Path) -> None:
 
 def _command(nominal: Chain, dataset) -> pd.DataFrame:
     """Return the commanded trajectory of the ``nominal`` arm."""
-    options, rate = dataset.laboratory["trajectory"], dataset.motion.rate
+    options = dataset.laboratory["trajectory"]
+    rate = dataset.motion.rate
     path = desired_path(nominal, options)
     if dataset.robot.plane:
         command = desired_trajectory(nominal, options)
@@ -125,7 +128,8 @@ def _in_plane(session: Session, dataset, stream) -> tuple[Arm, np.ndarray, np.nd
 
 def _in_space(session: Session, dataset, stream) -> dict[str, mocap.MarkerCluster]:
     """Return by name the rigid bodies on the links of an arm, with random places of markers."""
-    o, clusters = dataset.mocap, {}
+    o = dataset.mocap
+    clusters = {}
     if {*o.bodies} != {*o.markers}:
         message = (
             "the laboratory follows rigid bodies: every link of markers needs its body"
@@ -151,14 +155,18 @@ def _record_take(
 ) -> pd.DataFrame:
     """Write the files of one take; return its true joint angles."""
     kind, number = take
-    dataset, laboratory = settings.dataset, settings.dataset.laboratory
+    dataset = settings.dataset
+    laboratory = settings.dataset.laboratory
     name = f"{kind}_{number + 1:03d}"
     stream = rng.stream(settings.seed, f"record.{kind}", number)
-    trajectory, base = laboratory["trajectory"], dataset.mocap.base
+    trajectory = laboratory["trajectory"]
+    base = dataset.mocap.base
     motion = dynamics.perform(session, trajectory, laboratory["dynamics"], stream)
-    captured, options = motion.motion_capture, laboratory["mocap"]
+    captured = motion.motion_capture
+    options = laboratory["mocap"]
     world = Rotation.from_euler("xyz", base.rpy).as_matrix(), np.array(base.position)
-    markers, bodies = {}, {}
+    markers = {}
+    bodies = {}
     if dataset.robot.plane:
         arm, placed, bias = instruments
         clock = laboratory["clock"]
@@ -173,7 +181,8 @@ def _record_take(
         log = dynamics.log_joints(motion.swing, trajectory, laboratory["encoders"])
         write_joint_table(folder / "joints" / f"{name}.csv", *log, dataset.robot.joints)
 
-    k, rate = np.arange(len(motion.truth)), dataset.motion.rate
+    k = np.arange(len(motion.truth))
+    rate = dataset.motion.rate
     recorded = MotionTake(name, "1.23", rate, k, k / rate, markers, bodies, {})
     write_motive(folder / "optitrack" / f"{name}.csv", recorded, start=CAPTURE_START)
     step = {"take": name, "part": PARTS[kind], "k": k, "t": k / rate}
@@ -196,8 +205,10 @@ def _write_images(
 
 def _record_forces(folder: Path, settings) -> None:
     """Write the force records in the format of the transducer's program."""
-    laboratory, force = settings.dataset.laboratory, settings.dataset.force
-    transducer, seconds = laboratory["transducer"], settings.scale.force_seconds
+    laboratory = settings.dataset.laboratory
+    force = settings.dataset.force
+    transducer = laboratory["transducer"]
+    seconds = settings.scale.force_seconds
     for number, arrangement in enumerate(force.configurations.values()):
         robots = laboratory["robots"].first(len(arrangement.tension))
         stream = rng.stream(settings.seed, "record.force", number)

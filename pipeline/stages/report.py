@@ -33,7 +33,8 @@ from pipeline.verdicts.run import Run, project_version, read_runs
 from pipeline.verdicts.tally import groups_of, tally
 
 README = Path("README.md")
-PACKAGE, HERE = Path("pipeline"), Path("pipeline/verdicts")
+PACKAGE = Path("pipeline")
+HERE = Path("pipeline/verdicts")
 # packages beyond the paper, which do not enter the report
 BEYOND = ("studies", "tools")
 DEFAULT = ("youbot", "paper")  # dataset and scale of the results in the README
@@ -46,10 +47,13 @@ def run() -> None:
     decided, and its pages do not replace those of another scale.
     """
     settings = config.sections("report")
-    name, scale = settings.dataset.name, settings.scale.name
-    place, evidence = pages_folder(name, scale), evidence_folder(name, scale)
+    name = settings.dataset.name
+    scale = settings.scale.name
+    place = pages_folder(name, scale)
+    evidence = evidence_folder(name, scale)
     runs = read_runs(REPORTS / EVIDENCE, evidence / EVIDENCE / f"{name}.json")
-    here, claims_file = runs[0], read_claims_file()
+    here = runs[0]
+    claims_file = read_claims_file()
     claims = require_known(parse_claims(claims_file.claims))
     require_datasets(claims, claims_file.recordings_of_the_paper)
     counted, unfit = counted_runs(runs)
@@ -123,7 +127,8 @@ def counted_runs(runs: Sequence[Run]) -> tuple[list[Run], list[str]]:
     """Return the ``runs`` that are no trials, and printed sentences on trials, on evidence of
     another version of the project and on evidence of other recordings than the dataset's.
     """
-    sentences, version = [], project_version()
+    sentences = []
+    version = project_version()
     for run in runs:
         if run.scale == SMOKE:
             sentences.append(

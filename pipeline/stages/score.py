@@ -35,14 +35,17 @@ from pipeline.statistics.scores import Filtered
 from pipeline.statistics.takes import wrench_summary
 from pipeline.verdicts.run import Run, project_version
 
-FILES, INGEST, TRACK = Path("data/files"), Path("data/ingest"), Path("data/track")
-MOTION, ARTICULATE, READINGS = (
-    INGEST / "motion",
-    Path("data/articulate"),
-    Path("data/readings"),
-)
-FIT, FILTER, WRENCH = Path("data/fit"), Path("data/filter"), Path("data/wrench")
-PREDICT, OUT = Path("data/predict"), Path("data/score")
+FILES = Path("data/files")
+INGEST = Path("data/ingest")
+TRACK = Path("data/track")
+MOTION = INGEST / "motion"
+ARTICULATE = Path("data/articulate")
+READINGS = Path("data/readings")
+FIT = Path("data/fit")
+FILTER = Path("data/filter")
+WRENCH = Path("data/wrench")
+PREDICT = Path("data/predict")
+OUT = Path("data/score")
 ONLY_DRAWN = "held_out_run"  # table of a figure that no page prints
 # tables that the report shows unchanged
 OF_WRENCH = (
@@ -112,7 +115,8 @@ def _tables(scored: dict[str, Scored], folder: Path) -> Tables:
     tables |= {name: wrench[name] for name in OF_WRENCH if name in wrench}
     if listed := _listed_files():
         tables["raw_files"] = by_place(pd.concat(listed))
-    errors, repeats = wrench["wrench_errors"], wrench["wrench_spread"]
+    errors = wrench["wrench_errors"]
+    repeats = wrench["wrench_spread"]
     tables["wrench_study"] = wrench_summary(errors, repeats)
     if contracts.exists(FLOORS, folder):
         tables[FLOORS] = contracts.read(FLOORS, folder)
@@ -129,7 +133,8 @@ def _tables(scored: dict[str, Scored], folder: Path) -> Tables:
 def _result(settings, metrics: dict[str, dict], tables: Tables) -> Run:
     """Return the result of the run, which the report compares with other datasets."""
     dataset = settings.dataset
-    joints, task = [], []
+    joints = []
+    task = []
     if WITHIN_RUNS in tables:
         joints = [*tables[WITHIN_RUNS]["joint"]]
     if dataset.robot is not None:
@@ -214,7 +219,8 @@ def _recordings(settings) -> tuple[Recordings, dict[str, float]]:
     takes = recorded_takes(dataset.robot, dataset.motion)
     measured = {take.take: take for take in measured_takes(dataset)}
     metrics = _true_speeds(takes, dataset)
-    noise, slopes = None, None
+    noise = None
+    slopes = None
     if contracts.exists("kinect_noise", ARTICULATE):
         noise = contracts.read("kinect_noise", ARTICULATE)
         greatest, slopes = _camera_errors(takes, dataset.motion.rate)
@@ -299,7 +305,8 @@ def _true_speeds(takes: Takes, dataset: Dataset) -> dict[str, float]:
     truth = truth_of(dataset)
     if not contracts.exists("true_joints", truth):
         return {}
-    recorded, rate = takes.training, dataset.motion.rate
+    recorded = takes.training
+    rate = dataset.motion.rate
     chain = recorded.chain
     true_joints = contracts.read("true_joints", truth)
     _, q = contracts.stacked(true_joints, "q")
@@ -331,7 +338,8 @@ def _camera_errors(takes: Takes, rate: float) -> tuple[float, pd.DataFrame]:
 
 def _recording_tables() -> Tables:
     """Return the tables of losses and repairs, of the takes and of what is left out."""
-    takes, counts = contracts.read("takes", TRACK), contracts.read("quality", MOTION)
+    takes = contracts.read("takes", TRACK)
+    counts = contracts.read("quality", MOTION)
     return _quality() | {
         "takes": quality.side_by_side(takes),
         "kept": quality.account(_listed_files(), counts, takes),

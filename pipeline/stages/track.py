@@ -28,7 +28,8 @@ from pipeline.recordings.quality import (
     require_enough,
 )
 
-INGEST, OUT = Path("data/ingest"), Path("data/track")
+INGEST = Path("data/ingest")
+OUT = Path("data/track")
 MOTION = INGEST / "motion"
 
 
@@ -110,7 +111,8 @@ def _write_frames(settings, joints: pd.DataFrame, folder: Path) -> list[dict]:
     takes = with_markers(frames, contracts.read("markers", MOTION), joints)
     align = partial(on_motion_clock, depth=dataset.depth, arm=arm_of(dataset.robot))
     workers = {"compute": settings.compute, "label": "track: clocks"}
-    tables, rows = [], []
+    tables = []
+    rows = []
     for table, of_take in run_trials(align, takes, **workers):
         tables.append(table)
         rows += of_take
@@ -129,7 +131,8 @@ def _track(dataset) -> tuple[pd.DataFrame, list[dict]]:
         ["take", "part"],
         sort=False,
     )
-    joints, repairs = [], []
+    joints = []
+    repairs = []
     for (take, part_of_take), markers in markers_by_take:
         track = follow(markers, take=take)
         k = np.arange(len(track.q))
@@ -162,7 +165,8 @@ def _losses(track: JointTrack) -> list[tuple]:
 
 def _beside_others(joints: pd.DataFrame, dataset) -> list[dict]:
     """Return the quality rows of each take beside the other takes and the command."""
-    rate, chain = dataset.motion.rate, chain_of(dataset.robot)
+    rate = dataset.motion.rate
+    chain = chain_of(dataset.robot)
     names, q = contracts.stacked(joints, "q")
     measures = compare_takes(q, q, rate, dataset.limits.likeness)
     path = values(contracts.read("trajectory", MOTION), "x")
@@ -195,7 +199,8 @@ def _print_lags_and_copies(takes: pd.DataFrame) -> None:
 
 def _cross_check(joints: pd.DataFrame, dataset) -> None:
     """Raise RecordingError where tracked ``joints`` contradict the command or the encoders."""
-    names, chain = dataset.robot.joints, chain_of(dataset.robot)
+    names = dataset.robot.joints
+    chain = chain_of(dataset.robot)
     trajectory = contracts.read("trajectory", MOTION)
     tracked = dict(list(joints.groupby("take")))
     for take, rows in tracked.items():

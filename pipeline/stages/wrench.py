@@ -21,13 +21,15 @@ from pipeline.wrench.study import (
     sigma_s_rows,
 )
 
-INGEST, OUT = Path("data/ingest/force"), Path("data/wrench")
+INGEST = Path("data/ingest/force")
+OUT = Path("data/wrench")
 
 
 def run() -> None:
     """Write the tables of the study, and of the configurations of the dataset's force records."""
     settings = config.sections("wrench")
-    options, force = settings.wrench, settings.dataset.force
+    options = settings.wrench
+    force = settings.dataset.force
     stream = rng.stream(settings.seed, "wrench.study")
     trials = partial(run_trials, compute=settings.compute)
     repeats = partial(trials, label="wrench: study")
@@ -65,11 +67,13 @@ def _configuration(
     seed: int,
 ) -> dict[str, pd.DataFrame]:
     """Return the rows of one configuration: Σ_S, and moments, densities and tests of the wrench."""
-    (number, name), arrangement = trial, force.configurations[trial[1]]
+    number, name = trial
+    arrangement = force.configurations[trial[1]]
     stream = rng.stream(seed, "wrench.configuration", number)
     bounds = models.configuration_bounds(force, arrangement)
     nominal = models.nominal_system(force, arrangement)
-    agents, rows = len(arrangement.direction), measuring.rows_of(nominal)
+    agents = len(arrangement.direction)
+    rows = measuring.rows_of(nominal)
     estimates = averaged_sigma_s(
         models.draw_systems(bounds, options.systems, agents, stream),
     )

@@ -249,7 +249,8 @@ def jackknifed_spreads(
     recorded_norm = np.sqrt(recorded.sum(axis=1))
     recorded_total = recorded.mean(axis=1).sum(axis=-1)
     total = np.maximum(recorded_total - measurement.sum(), 0)
-    errors, sizes = {}, {}
+    errors = {}
+    sizes = {}
     for model, moments in modelled.items():
         modelled_total = moments.motion.mean(axis=0).sum()
         level = (total / modelled_total)[:, None, None]

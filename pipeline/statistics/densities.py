@@ -78,14 +78,17 @@ def _add_to_nodes(samples, low, step, masses):
     """Distribute ``samples`` (N, 2) over the ``masses`` of the nodes at ``low`` + k·``step``."""
     rows, columns = masses.shape
     flat = masses.reshape(-1)
-    start0, start1 = low[0], low[1]
-    per0, per1 = 1 / step[0], 1 / step[1]
+    start0 = low[0]
+    start1 = low[1]
+    per0 = 1 / step[0]
+    per1 = 1 / step[1]
     for i in range(samples.shape[0]):
         # three nodes, the second of which is nearest
         row = (samples[i, 0] - start0) * per0 - 0.5
         column = (samples[i, 1] - start1) * per1 - 0.5
         if (0.0 <= row) & (row < rows - 2) & (0.0 <= column) & (column < columns - 3):
-            first_row, first_column = np.int64(row), np.int64(column)
+            first_row = np.int64(row)
+            first_column = np.int64(column)
             place = np.uint64(first_row * columns + first_column)
             # from the middle of the first two nodes
             t = row - first_row

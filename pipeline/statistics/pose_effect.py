@@ -21,7 +21,10 @@ from pipeline.statistics.takes import Difference, jackknife_counts, jackknife_di
 
 # name of a pose quantity in the table pose_effect
 NORM = "norm of the inverse Jacobian"
-ALL, DIFFERING, REPEATED = "all", "differing", "repeated"  # parts of the noise
+# parts of the noise
+ALL = "all"
+DIFFERING = "differing"
+REPEATED = "repeated"
 WINDOW = 10  # steps
 BLOCKS = 8  # of a single motion
 MOVING = 0.05  # share of the joint's greatest speed below which a step does not count

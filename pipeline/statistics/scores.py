@@ -161,7 +161,8 @@ def bound_scores(
     """
     scores = {}
     for j, joint in enumerate(joints):
-        off, wide = error[..., j], bound[..., j]
+        off = error[..., j]
+        wide = bound[..., j]
         rms = np.sqrt(np.mean(off**2, axis=0))
         width = wide.mean(axis=0)
         relative = np.linalg.norm(width - rms) / np.linalg.norm(rms)

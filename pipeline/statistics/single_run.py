@@ -17,7 +17,8 @@ from pipeline.statistics.curves import RECOGNISED, VARYING, WINDOWS, variation
 from pipeline.statistics.densities import SPACING, autocorrelation_time
 from pipeline.statistics.takes import TAILS, Difference, paired_difference
 
-MOST_BLOCKS, LEAST_BLOCKS = 40, 4
+MOST_BLOCKS = 40
+LEAST_BLOCKS = 4
 LEAST_SHARE = (
     0.1  # of a block, of the run's fastest and of its slowest third of the steps
 )

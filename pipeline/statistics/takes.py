@@ -50,7 +50,8 @@ def takes_moments(samples: ndarray) -> tuple[ndarray, ndarray]:
 def lag_one_correlation(values: ndarray) -> float:
     """Return the correlation of neighbouring steps of ``values`` (takes, K) minus step means."""
     centred = values - values.mean(axis=0)
-    before, after = centred[:, :-1], centred[:, 1:]
+    before = centred[:, :-1]
+    after = centred[:, 1:]
     scale = np.sqrt(np.sum(before**2) * np.sum(after**2))
     if not scale > 0:
         return 0.0
@@ -69,7 +70,8 @@ def fast_against_slow(noise: ndarray, steps: ndarray) -> list[Difference]:
         slow_std = ordered[:, :third].std(axis=1)
         fast_std = ordered[:, -third:].std(axis=1)
         with np.errstate(divide="ignore"):
-            slow, fast = np.log(slow_std), np.log(fast_std)
+            slow = np.log(slow_std)
+            fast = np.log(fast_std)
         differences.append(paired_difference(fast, slow))
     return differences
 
@@ -107,7 +109,8 @@ def _student(difference: float, error: float, degrees: int) -> Difference:
     if degrees < 1:
         return Difference(difference)
     half = float(stdtrit(degrees, TAILS[1]) * error)
-    low, high = difference - half, difference + half
+    low = difference - half
+    high = difference + half
     return Difference(difference, low, high, float(error), float(degrees))
 
 

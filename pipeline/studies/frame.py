@@ -37,7 +37,8 @@ from pipeline.figures.style import save
 from pipeline.verdicts import wording
 from pipeline.verdicts.wording import MISSING, filled_in, plain_page
 
-DATA, REPORTS = Path("data/studies"), Path("reports/studies")
+DATA = Path("data/studies")
+REPORTS = Path("reports/studies")
 CSV_DIGITS = "%.6g"
 ROUNDING = 1e-12
 Tables = dict[str, pd.DataFrame]
@@ -51,10 +52,8 @@ class NoAnswerError(PipelineError):
 
 def run(name: str) -> None:
     """Evaluate the study ``name`` and write its tables, figure and page."""
-    study, folder = (
-        import_module(f"pipeline.studies.{name}.stage"),
-        Path(__file__).parent / name,
-    )
+    study = import_module(f"pipeline.studies.{name}.stage")
+    folder = Path(__file__).parent / name
     settings = config.sections(name, folder / "dvc.yaml")
     options = SimpleNamespace(**config.study_options(folder, dict))
     page = (folder / "page.md").read_text(encoding="utf-8")
@@ -62,7 +61,8 @@ def run(name: str) -> None:
         tables = study.evaluate(settings, options)
     except NoAnswerError as reason:
         print(f"{name}: {reason}")
-        title, tables = page.partition("\n")[0], {}
+        title = page.partition("\n")[0]
+        tables = {}
         page = f"{title}\n\nNo answer for this dataset: {reason}.\n"
     pages = _pages_folder(name, settings.scale.name)
     with (

@@ -59,7 +59,8 @@ def disturb(dynamics: DynamicsOptions, factors: Factors) -> DynamicsOptions:
 
 def dynamics_of_cause(cause: str, size: float) -> DynamicsOptions:
     """Return the disturbances under a ``cause``, those that the cause sets times ``size``."""
-    shared, options = DynamicsOptions(), dynamics_type(cause)()
+    shared = DynamicsOptions()
+    options = dynamics_type(cause)()
     factors = {}
     for name in SIZES:
         if getattr(options, name) != getattr(shared, name):
@@ -113,7 +114,8 @@ class Laboratory:
         kinect_noise: pd.DataFrame,
     ) -> "Laboratory":
         """Return the laboratory of the run's dataset with the recorded noise of the instruments."""
-        options, joints = settings.dataset.laboratory, tuple(recorded.joints)
+        options = settings.dataset.laboratory
+        joints = tuple(recorded.joints)
         noise = kinect_noise[kinect_noise["take"] == "none"]
         share = noise["t"].to_numpy() / options["trajectory"].duration
         without_camera_errors = cls(
@@ -150,7 +152,8 @@ def performed_takes(
     all_takes = moves.swing(arm, zeros, motion, dynamics, together)
     steps_of_motion = round(motion.duration * motion.rate)
     grid = np.arange(steps_of_motion + 1) / motion.rate
-    poses, takes = [], []
+    poses = []
+    takes = []
     for q, servo, stream in zip(all_takes.q, all_takes.servo, streams, strict=True):
         poses.append(moves.expose(all_takes.t, q, grid, dynamics, stream))
         takes.append(moves.Swing(all_takes.t, q, servo))
@@ -167,7 +170,8 @@ def perform(
     """Return ``count`` takes of a ``kind`` (train or test) as `record` draws them: poses (takes,
     M+1, n) in rad of the motion capture, and the exposures of the depth camera in each take.
     """
-    dynamics, motion = disturb(laboratory.dynamics, factors), laboratory.motion
+    dynamics = disturb(laboratory.dynamics, factors)
+    motion = laboratory.motion
     session_stream = rng.stream(seed, "record.session")
     session = moves.open_session(laboratory.chain, dynamics, session_stream)
     streams = [rng.stream(seed, f"record.{kind}", number) for number in range(count)]
@@ -212,7 +216,9 @@ def observe(
     SingularJacobianError, and RecordingError if the test takes are too few to estimate the noise.
     """
     counts = {"train": training, "test": test}
-    measured, names, frames = {}, {}, {}
+    measured = {}
+    names = {}
+    frames = {}
     for number, (kind, count) in enumerate(counts.items()):
         q, frames[kind] = perform(laboratory, factors, seed, kind, count)
         stream = rng.stream(seed, "simulated.capture", number)
@@ -237,10 +243,12 @@ def watch(
     """Return the depth camera that sees the ``frames`` of the takes; their measured ``poses`` (M+1,
     n) in rad by name are the reference of its noise.
     """
-    motion, joints = laboratory.motion, laboratory.joints
+    motion = laboratory.motion
+    joints = laboratory.joints
     stream = rng.stream(seed, "simulated.camera")
     factor = factors.get("depth_camera", 1.0)
-    references, angles = [], []
+    references = []
+    angles = []
     for (name, q), seen in zip(poses.items(), frames, strict=True):
         share = seen.exposed / motion.duration
         noisy = seen.joints + factor * laboratory.depth_noise.sample(share, stream)

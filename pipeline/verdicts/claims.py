@@ -19,9 +19,12 @@ from pipeline.verdicts.rules import RULES
 from pipeline.verdicts.run import ArmNames, Number, Reference, filled, parse_entries
 
 CLAIMS = Path("pipeline/verdicts/claims.yaml")
-CONSTRUCTION, LEVEL = "construction", "level"  # values of Claim.by
+# values of Claim.by
+CONSTRUCTION = "construction"
+LEVEL = "level"
 NONE = "none"  # value of Claim.recording for a claim that needs no recording
-PAPER, PROJECT = "paper", "project"
+PAPER = "paper"
+PROJECT = "project"
 COMPARED = (
     "value",
     "than",

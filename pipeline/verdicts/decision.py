@@ -29,10 +29,14 @@ from pipeline.verdicts.run import (
 from pipeline.verdicts.wording import interval, number
 
 # verdicts under a reading, a decision or a condition of the laboratory
-HOLDS, FAILS, UNKNOWN = "holds", "fails", "no evidence"
+HOLDS = "holds"
+FAILS = "fails"
+UNKNOWN = "no evidence"
 SPEED_LAW = "holds, as does the speed law"
 
-REPRODUCED, NOT_REPRODUCED, NO_EVIDENCE = HOLDS, FAILS, UNKNOWN
+REPRODUCED = HOLDS
+NOT_REPRODUCED = FAILS
+NO_EVIDENCE = UNKNOWN
 # the claim holds for a law without a Jacobian too: no evidence for the matrix models
 WITH_SPEED_LAW = "holds, and so does a law of the speed alone"
 SYNTHETIC_PASSES = "holds in synthetic recordings"
@@ -207,7 +211,8 @@ def _with_interval(claim: Claim, r: Cases) -> Cases:
     # the interval of the rule ``standard_errors`` is the rule's own
     quantile = claim.limit if claim.rule == "standard_errors" else NORMAL_QUANTILE
     half = quantile * r.standard_error
-    low, high = r.value - half, r.value + half
+    low = r.value - half
+    high = r.value + half
     return r._replace(
         low=np.where(np.isnan(r.low), low, r.low),
         high=np.where(np.isnan(r.high), high, r.high),
@@ -321,7 +326,8 @@ def claim_verdicts(
     """Tabulate every case of ``claims``: values that the rule compares, ``holds`` of the case, and
     the ``verdict`` on the claim by :func:`decide`. A claim that the construction forces has none.
     """
-    rows, words = [], {None: UNKNOWN, True: HOLDS, False: FAILS}
+    rows = []
+    words = {None: UNKNOWN, True: HOLDS, False: FAILS}
     for claim, verdict, cases in decide(claims, evidence, "paper", arm):
         place = {
             "claim": claim.id,

@@ -44,7 +44,8 @@ def deviations(scores: pd.DataFrame, model: str) -> list[Deviation]:
         whole = pooled(group, ["joint"]).iloc[0]
         if whole["count"] < FEW or within_limits(whole):
             continue
-        ratio, share = whole["ratio"], whole["one_sigma"]
+        ratio = whole["ratio"]
+        share = whole["one_sigma"]
         rows.append(Deviation(joint, horizon, ratio, share, cause_of(group)))
     return rows
 
@@ -53,7 +54,8 @@ def within_limits(numbers: pd.Series) -> bool:
     """Return True if ratio and share of ``numbers`` are within RATIO and WITHIN. A ratio to errors
     that are all 0 has no limits.
     """
-    ratio, share = numbers["ratio"], numbers["one_sigma"]
+    ratio = numbers["ratio"]
+    share = numbers["one_sigma"]
     if not np.isnan(ratio) and not RATIO[0] <= ratio <= RATIO[1]:
         return False
     return WITHIN[0] <= share <= WITHIN[1]
@@ -64,7 +66,8 @@ def cause_of(group: pd.DataFrame) -> str:
     part without which ratio and share are within the limits, else the tails of the errors.
     """
     parts = left_out(group)
-    whole, without = parts.iloc[0], parts.iloc[1:]
+    whole = parts.iloc[0]
+    without = parts.iloc[1:]
     inside = without[[within_limits(numbers) for _, numbers in without.iterrows()]]
     if len(inside):
         nearest = np.log(inside["ratio"]).abs().idxmin()

@@ -135,7 +135,8 @@ def undecided_text(verdict: Verdict) -> str:
     """Return the number of cases that hold and the range of the powers of undecided cases."""
     holding = sum(case.holds is True for case in verdict.cases)
     powers = [case.power for case in verdict.cases if case.holds is None]
-    low, high = number(min(powers), 2), number(max(powers), 2)
+    low = number(min(powers), 2)
+    high = number(max(powers), 2)
     count = f"{holding} of {len(verdict.cases)} hold"
     return f"no verdict: {count}, power of the others {low}–{high}"
 

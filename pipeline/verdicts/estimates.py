@@ -47,7 +47,8 @@ def published_and_ours(here: Run, groups: Sequence[Group]) -> str:
 
 def _determination(fitted: Mapping[str, float]) -> dict[str, list[str]]:
     """Return the names of the estimators whose û is ``unbounded`` and ``bounded``."""
-    unbounded, bounded = [], []
+    unbounded = []
+    bounded = []
     for estimator, name in ESTIMATORS.items():
         at_end = fitted.get(f"u_{estimator}_unbounded")
         if at_end:
@@ -138,7 +139,8 @@ def _rounded(values: Sequence[float]) -> str:
 
 def _columns(here: Run, groups: Sequence[Group]) -> dict[str, Sequence[Verdict]]:
     """Return the verdicts of ``here`` and of the other runs of its arm, by heading."""
-    first, columns = {}, {}
+    first = {}
+    columns = {}
     for group in groups:
         for run in group.runs:
             if run.dataset == here.dataset:

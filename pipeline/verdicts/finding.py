@@ -80,7 +80,8 @@ def _real(groups: Sequence[Group]) -> str:
         run = group.runs[0] if group.runs else None
         if run is None or run.synthetic or "predictions" not in run.tables:
             continue
-        robot, pairs = group.robot, pairs_of(run)
+        robot = group.robot
+        pairs = pairs_of(run)
         models = [name for name, kind in run.models.items() if kind in MATRIX_KINDS]
         scored = [model for model in models if (model, ADDITIVE) in pairs.index]
         for model in scored:
@@ -93,7 +94,8 @@ def _real(groups: Sequence[Group]) -> str:
             leading.append(robot)
     if not by_model:
         return ""
-    clauses, higher = [], []
+    clauses = []
+    higher = []
     for name, by_robot in by_model.items():
         clauses.append(_against_constant(name, by_robot))
         if any(difference["low"] > 0 for difference in by_robot.values()):

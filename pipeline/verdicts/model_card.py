@@ -189,9 +189,11 @@ def compared_laws(scores: pd.DataFrame) -> str:
     if settled.empty:  # no commanded speed jumps: all commanded samples are settled
         settled = moving
     settled = _scores_by_horizon(settled).mean(axis=1)
-    best, rows = chosen_law(scores)[0], []
+    best = chosen_law(scores)[0]
+    rows = []
     for model, by_horizon in totals.iterrows():
-        margin, faults = MISSING, MISSING
+        margin = MISSING
+        faults = MISSING
         if best not in (None, model):
             mean, low, high = margins(moving, best, model)
             margin = f"{mean:.3g}"
@@ -256,7 +258,8 @@ def model_card(run: Run, others: Sequence[Run]) -> str:
         parts["kept"] = takes[~takes["left_out"]].groupby("part").size()
         parts["gone"] = takes.loc[takes["left_out"], ["take", "reason"]].to_numpy()
     fitted = {model: run.metrics.get(f"fit_{model}", {}) for model in run.models}
-    unknown, parameters = {}, []
+    unknown = {}
+    parameters = []
     for model, numbers in fitted.items():
         unknown[model] = _unknown_estimates(run, numbers)
         for row in _parameter_rows(run, numbers):

@@ -30,7 +30,8 @@ def _other_robots(here: Run, groups: Sequence[Group]) -> list[Run]:
 
 def readings(runs: Sequence[Run]) -> str:
     """Return by run the claims whose verdict depends on the reading of "LU or QR" (Eq. LUDecom)."""
-    rows, notes = [], []
+    rows = []
+    notes = []
     for run in runs:
         readings_of = run.tables.get("readings", pd.DataFrame())
         if len(readings_of):

@@ -38,7 +38,9 @@ LABEL = r"\(([A-Za-z][\w-]*)\)"
 CITED = re.compile(rf"((?:Eqs?|Figs?)\. )?{LABEL}(?:–{LABEL})?")
 CITED_BY_NUMBER = re.compile(rf"\b(?:{'|'.join(NUMBERED.values())}) \d+")
 MISSING = "(not in this dataset)"
-STEPS, RATE = 320, 100  # M of the paper's motion, and its steps in a second
+# M of the paper's motion, and its steps in a second
+STEPS = 320
+RATE = 100
 # on the root of a variance of a step
 FACTORS = {
     "std": 1,
@@ -101,7 +103,8 @@ class Source(NamedTuple):
 
 def parse_items(entries: object) -> list[Item]:
     """Return the items of a YAML list, numbered by kind; raises ConfigError with item and key."""
-    counted, items = Counter(), []
+    counted = Counter()
+    items = []
     for item in parse_entries(Item, entries, "item", "label"):
         counted[item.kind] += 1
         items.append(replace(item, number=counted[item.kind]))
@@ -234,7 +237,8 @@ def errata_numbers(run: Run, decided: Sequence[Decided]) -> dict[str, object]:
     number, ours or their distance. From a published variance of a step follow its std, the speed of
     RATE such steps in a second, and walk, the std of a sum of STEPS independent steps.
     """
-    rows, names = index_evidence(run.evidence), run.arm.numbered
+    rows = index_evidence(run.evidence)
+    names = run.arm.numbered
     cases = {}
     for claim, verdict, of_claim in (*decided[0].verdicts, *decided[-1].verdicts):
         if verdict != NO_RECORDING:
@@ -294,10 +298,8 @@ def noise_levels(
     (``published``), the fitted L over it (``ratio``), and the scale ``alpha`` and the product
     ``alpha_u`` that give the fitted L at the published u. Empty for a u below the norm.
     """
-    level, norm = (
-        fitted.get("noise_level"),
-        fitted.get("rms_norm_of_the_inverse_jacobian"),
-    )
+    level = fitted.get("noise_level")
+    norm = fitted.get("rms_norm_of_the_inverse_jacobian")
     alpha, u = (published.get(name) for name in ("alpha", "u"))
     if None in (level, norm, alpha, u) or u <= norm:
         return {}

@@ -87,7 +87,8 @@ class Figure(NamedTuple):
 def with_plain_names(run: Run) -> Run:
     """Return ``run`` for its pages: Markdown shows all names and texts from files as they are."""
     plain = wording.escape_markup
-    metrics, tables = {}, {}
+    metrics = {}
+    tables = {}
     for stem, numbers in run.metrics.items():
         metrics[stem] = {plain(name): value for name, value in numbers.items()}
     for stem, rows in run.tables.items():
@@ -150,7 +151,8 @@ def readme_with_results(text: str, groups: Sequence[Group], rows: Sequence[Row])
 
 def tally_table(rows: Sequence[Row]) -> str:
     """Return the count of the paper's claims by group of datasets, and the groups without any."""
-    cells, undecided = [], []
+    cells = []
+    undecided = []
     for row in rows:
         if not any(row.claims[word] for word in COUNTED):
             undecided.append(_row_name(row))
@@ -275,7 +277,9 @@ def figures(
     figure; ``further`` captions, of figures that are not in the paper.
     """
     further = dict(drawn.captions)
-    shown, unplaced, unseen = [], [], []
+    shown = []
+    unplaced = []
+    unseen = []
     for item in (item for item in drawn.items if item.kind == "figure"):
         pictures = []
         for source in drawn.sources[item.cited_as]:
@@ -350,7 +354,8 @@ def _cell(group: Group, dataset: str, place: int) -> str:
 
 def _arms_table(groups: Sequence[Group]) -> str:
     """Return the claims by cause and arm, with a sentence where their verdicts differ."""
-    rows, words = [], {}
+    rows = []
+    words = {}
     by_group = [joined_verdicts(group) for group in groups]
     for of_claim in zip(*by_group, strict=True):
         words = {}

@@ -20,7 +20,9 @@ MATRIX_KINDS = ("wishart", "gaussian")
 ADDITIVE = "additive"  # name of the paper's own rival
 ALL = "all"  # name of the group of all steps
 FILTERS = "filter_against_none"
-BETWEEN, LIMIT = "share_of_variance_between_recordings", 0.5  # as in claims.yaml
+# as in claims.yaml
+BETWEEN = "share_of_variance_between_recordings"
+LIMIT = 0.5
 LABELS = {NONE: "training mean", MEMORY: "autoregressive, linear filter"}
 
 
@@ -118,7 +120,8 @@ def spread_note(run: Run) -> str:
 
 def choice(run: Run) -> str:
     """Return sentences: matrix model with a log score above all baselines; highest log score."""
-    means, low = log_scores(run)["mean"], pairs_of(run)["low"]
+    means = log_scores(run)["mean"]
+    low = pairs_of(run)["low"]
 
     def not_below(model: str, rivals: Iterable[str]) -> list[str]:
         return [plain_name(n) for n in rivals if n != model and not low[model, n] > 0]
@@ -149,7 +152,8 @@ def predictors(run: Run) -> str:
     """Return a row for each model and baseline, highest log score first; "" without scores."""
     if "predictions" not in run.tables:
         return ""
-    log, rows = log_scores(run), run.tables["predictions"].query("score == 'log_score'")
+    log = log_scores(run)
+    rows = run.tables["predictions"].query("score == 'log_score'")
     means = rows.pivot(index="model", columns="steps", values="mean")
     means = means.loc[rows["model"].unique(), rows["steps"].unique()]
     means = means.sort_values(ALL, ascending=False, kind="stable")
@@ -188,7 +192,8 @@ def filters(run: Run) -> str:
     models = dict.fromkeys(rows.index.get_level_values("model"))
     closed_loop = [name for name in models if name.endswith(CLOSED)]
     names = [NONE, MEMORY, *models_of(models), *closed_loop]
-    headings, scores = ["filter"], []
+    headings = ["filter"]
+    scores = []
     for joint in run.joints:
         headings.append(f"rms error of {joint} (rad)")
         scores.append(f"rms_error_{joint}_rad")

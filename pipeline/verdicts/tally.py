@@ -13,7 +13,10 @@ from pipeline.verdicts.decision import Decided, Verdict
 from pipeline.verdicts.run import Run
 from pipeline.verdicts.wording import WORDS, join_names, number
 
-HOLDS, FAILS, UNKNOWN, FORCED = d.HOLDS, d.FAILS, d.UNKNOWN, d.FORCED
+HOLDS = d.HOLDS
+FAILS = d.FAILS
+UNKNOWN = d.UNKNOWN
+FORCED = d.FORCED
 SPEED_LAW = d.WITH_SPEED_LAW
 DEPENDS = "depends on the cause"
 ROBOTS: dict[str, str] = WORDS["robots"]
@@ -136,7 +139,8 @@ def _components(runs: Sequence[Run]) -> list[list[Run]]:
     """Return the ``runs`` in groups of those joined by :func:`joined`, also over others."""
     groups: list[list[Run]] = []
     for run in runs:
-        apart, merged = [], []
+        apart = []
+        merged = []
         for group in groups:
             if any(joined(run, seen) for seen in group):
                 merged += group
@@ -168,7 +172,9 @@ def _joined_verdict(group: Group, by_dataset: Mapping[str, Verdict]) -> Joined:
     """Return the verdict of a ``group`` on one claim: over causes for the first arm, then over the
     arms that share its takes.
     """
-    evident, by_cause, without_cause = {}, {}, []
+    evident = {}
+    by_cause = {}
+    without_cause = []
     for dataset, verdict in by_dataset.items():
         word = OUTCOMES.get(verdict.verdict)
         if word is None:
@@ -331,7 +337,8 @@ def correlations(verdict: Verdict) -> str:
         values = [value for value in values if value is not None]
         if not values:
             continue
-        low, high = number(min(values), 2), number(max(values), 2)
+        low = number(min(values), 2)
+        high = number(max(values), 2)
         texts.append(f"{name} {low}" if low == high else f"{name} {low}–{high}")
     return ", ".join(texts)
 
@@ -348,7 +355,8 @@ def _value_text(verdict: Verdict) -> str:
     value = number(100 * case.value, 3)
     if case.low is None or case.high is None:
         return f"{value} %"
-    low, high = number(100 * case.low, 3), number(100 * case.high, 3)
+    low = number(100 * case.low, 3)
+    high = number(100 * case.high, 3)
     return f"{value} %, interval {low} to {high} %"
 
 

@@ -74,7 +74,8 @@ def by_pinocchio(
     axes of its base, and the task's rows of its Jacobian (N, m, n).
     """
     model = pin.buildModelFromUrdf(str(robot.urdf))
-    data, zero = model.createData(), pin.neutral(model)
+    data = model.createData()
+    zero = pin.neutral(model)
     frame = model.getFrameId(tip, pin.FrameType.BODY)
     columns = [model.joints[model.getJointId(name)].idx_v for name in robot.joints]
     held = np.zeros(model.nv)
@@ -82,7 +83,8 @@ def by_pinocchio(
         held[model.joints[model.getJointId(name)].idx_v] = value
     rows = [SPACE.index(name) for name in robot.task or SPACE]
     units = np.where(np.array(rows) < 3, 1.0, robot.length)
-    places, jacobians = [], []
+    places = []
+    jacobians = []
     for pose in poses:
         step = held.copy()
         step[columns] = pose

@@ -25,7 +25,8 @@ from pipeline.core.columns import values
 from pipeline.core.options.dataset import Robot
 from tests.arm.arm_urdfs import YOUBOT, by_pinocchio, jn, random_text
 
-R, P = "revolute", "prismatic"
+R = "revolute"
+P = "prismatic"
 KINDS = [
     [R],
     [P, R],
@@ -204,7 +205,8 @@ def test_what_is_singular_does_not_depend_on_the_unit_of_length(chain, metre):
 def test_a_step_does_the_task_and_the_rest_of_the_command_where_the_task_does_not_feel_it(
     chain,
 ):
-    q, m = regular(chain), len(chain.task)
+    q = regular(chain)
+    m = len(chain.task)
     command = default_rng(2).normal(size=(len(q), m + q.shape[1]))
     v = command[:, :m]
     w = command[:, m:]
@@ -291,7 +293,8 @@ def test_each_step_of_a_trajectory_is_the_displacement_between_two_poses():
     motion = 0.5 + np.sin(t)[:, None] * np.linspace(-1.2, 1.0, 7)
     table = trajectory_table(arm, motion, 50.0, tuple("abcdefg"))
     pose = arm.pose(motion)
-    steps, places = values(table, "v") / 50.0, values(table, "x")
+    steps = values(table, "v") / 50.0
+    places = values(table, "x")
     turns = Rotation.from_matrix(pose[:, 3:].reshape(-1, 3, 3))
 
     assert_allclose(steps[:-1, :3], np.diff(pose[:, :3], axis=0), atol=1e-12)

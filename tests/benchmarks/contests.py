@@ -29,7 +29,9 @@ LEVELS = {
         "NUMBA_CPU_FEATURES": "+avx2,+fma,+avx512f",
     },
 }
-SECONDS, CALLS = 0.4, 9  # least time and number of calls of either side
+# least time and number of calls of either side
+SECONDS = 0.4
+CALLS = 9
 KEPT = ("group", "name", "param", "extra_info")
 OURS = ("numpy", "scipy", "numba", "cvxpy", "clarabel")
 PEERS = re.findall(r"^[\w-]+", (HERE / "peers.in").read_text(), re.MULTILINE)

@@ -39,15 +39,20 @@ from pipeline.models.kinds import estimate, options_type
 from pipeline.models.steps import Recorded, process_noise
 from pipeline.statistics.densities import kernel_density, normal_reference_bandwidth
 
-TAKES, STEPS, REST = 12, 60, 15
-FILTERED, PARTICLES = 4, 2000  # seeds, spread over the threads; particles of each
+TAKES = 12
+STEPS = 60
+REST = 15
+# seeds, spread over the threads; particles of each
+FILTERED = 4
+PARTICLES = 2000
 NEEDED = {"x86-64-v4": {"avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl"}}
 # name → level, number of threads, environment
 SETTINGS = {}
 for level, environment in LEVELS.items():
     SETTINGS[f"{level}, 1 thread"] = level, 1, environment
     SETTINGS[f"{level}, 2 threads"] = level, 2, environment
-CONTROL, OTHER = "control", {"CORETYPE": "Sandybridge"}
+CONTROL = "control"
+OTHER = {"CORETYPE": "Sandybridge"}
 
 
 def filtered(motion: Take, threads: int) -> list[np.ndarray]:
@@ -72,7 +77,8 @@ def recorded_takes() -> Recorded:
 
 def pieces(threads: int) -> Iterator[tuple[str, list[np.ndarray]]]:
     """Name and arrays of each piece: fit and filter of every option file, other arms, a density."""
-    youbot, data = take(30), recorded_takes()
+    youbot = take(30)
+    data = recorded_takes()
     for file in sorted((CONF / "model").glob("*.yaml")):
         options = OmegaConf.to_container(OmegaConf.load(file), resolve=True)
         fit = estimate(data, options_type(options["kind"])(**options))
@@ -112,10 +118,8 @@ def hashes_under(
         copy_project(project)
         for compiled in [*project.rglob("__pycache__")]:
             shutil.rmtree(compiled)
-    answer, program = (
-        project / "hashes.json",
-        project / "tests/benchmarks/equal_bytes.py",
-    )
+    answer = project / "hashes.json"
+    program = project / "tests/benchmarks/equal_bytes.py"
     setting = os.environ | {"NUMBA_NUM_THREADS": str(threads)} | environment
     command = [sys.executable, program, answer, str(threads)]
     subprocess.run(command, cwd=project, env=setting, check=True)
@@ -128,7 +132,8 @@ def main(folder: Path) -> None:
     folder.mkdir(parents=True)
     processor = Path("/proc/cpuinfo").read_text()
     flags = {*re.search(r"flags\s*: (.+)", processor)[1].split()}
-    skipped, hashes = [], {}
+    skipped = []
+    hashes = {}
     for name, setting in SETTINGS.items():
         if NEEDED.get(setting[0], set()) <= flags:
             hashes[name] = hashes_under(*setting, folder)

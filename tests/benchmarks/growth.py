@@ -43,7 +43,9 @@ SIZES = {
     "agents": [2 * 2**k for k in range(6)],
 }
 LIMITS = {"joints": 3.0}  # greatest slope of the time
-STEPS, BLOCK = 40, 100  # steps of a take; takes in memory at once
+# steps of a take; takes in memory at once
+STEPS = 40
+BLOCK = 100
 POSE = 2e-4  # rad, standard deviation of a measured pose
 
 
@@ -85,7 +87,8 @@ def cost(over: str, size: int) -> tuple[float, float]:
     call = call_of(over, size)
     gc.collect()
     Path("/proc/self/clear_refs").write_text("5")  # the peak is measured from here on
-    before, begin = megabytes("VmRSS"), time.process_time()
+    before = megabytes("VmRSS")
+    begin = time.process_time()
     call()
     return time.process_time() - begin, megabytes("VmHWM") - before
 
@@ -143,7 +146,8 @@ def many_takes(count: int) -> dict[str, float]:
     """Processor time in s and peak memory in bytes of takes drawn, fitted and filtered block by
     block.
     """
-    motion, begin = take(STEPS), time.process_time()
+    motion = take(STEPS)
+    begin = time.process_time()
     chain, model = motion.scene[:2]
     weights = objective_weights(np.sqrt(2) * POSE, 3)
     for first in range(0, count, BLOCK):

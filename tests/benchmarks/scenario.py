@@ -24,7 +24,8 @@ from pipeline.models.wishart.law import WishartModel
 DT = 0.01  # s
 SIGMA_B = 0.25
 # rad², covariance of a measurement by the depth camera and by encoders
-DEPTH, ENCODERS = np.diag([0.01, 0.015, 0.02]) ** 2, 0.005**2
+DEPTH = np.diag([0.01, 0.015, 0.02]) ** 2
+ENCODERS = 0.005**2
 # robots, and poses in rad far from the limits and from singular poses
 ROBOTS = {
     "youbot": (YOUBOT, [1.1, -1.0, 1.8]),
@@ -48,7 +49,8 @@ def scene(arm: str | int) -> Scene:
     """Scene of one of the robots, or of an arm of so many joints."""
     if arm in ROBOTS:
         robot, angles = ROBOTS[arm]
-        chain, pose = chain_of(robot), np.array(angles)
+        chain = chain_of(robot)
+        pose = np.array(angles)
     else:
         chain, pose = many_joints(arm)
     identity = np.eye(len(pose))
@@ -86,7 +88,8 @@ class Take:
     def filtered(self, particles: int, rng: np.random.Generator) -> Posterior:
         """Our filter's posterior."""
         chain, model, start, *_ = self.scene
-        commands, options = open_loop(self.steps), filter_options(particles)
+        commands = open_loop(self.steps)
+        options = filter_options(particles)
         return particle_filter(
             model,
             chain,
@@ -100,7 +103,8 @@ class Take:
 
     def plain(self) -> dict:
         """The same in plain values, as arguments of the takes in peers/."""
-        chain, start = self.scene.chain, self.scene.start
+        chain = self.scene.chain
+        start = self.scene.start
         if isinstance(chain, PlanarChain):
             arm = {"links": chain.links, "signs": chain.signs}
         else:
@@ -127,7 +131,8 @@ def take(steps: int, arm: str | int = "youbot") -> Take:
     """The steps command :func:`swing`; the measurements are of a path drawn from the model."""
     chain, model, start, sensor, every = stage = scene(arm)
     rng = np.random.default_rng(2017)
-    path, commanded = [start.mean], []
+    path = [start.mean]
+    commanded = []
     for pose in swing(steps, start.mean)[1:]:
         # back to the swing from the end of the last step, so that the arm stays within its limits
         # for any number of steps

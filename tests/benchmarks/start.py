@@ -60,11 +60,13 @@ def draws() -> dict[str, float]:
     result = {}
     for arm in ROBOTS:
         chain, _, start, *_ = scene(arm)
-        n, rng = len(start.mean), np.random.default_rng(1)
+        n = len(start.mean)
+        rng = np.random.default_rng(1)
         q = start.mean + 0.05 * rng.standard_normal((20_000, n))
         v = chain.jacobian(start.mean) @ np.full(n, 1e-3)
         for law, parameters in laws(n).items():
-            model, seconds = build_model(parameters), []
+            model = build_model(parameters)
+            seconds = []
             for _ in range(CALLS):
                 begin = time.perf_counter()
                 draw_steps(model, chain, q, v, rng)

@@ -64,7 +64,8 @@ def contest_rows(benchmarks: list[dict]) -> Iterator[list[str]]:
 def against(ours: dict, peer: dict) -> list[str]:
     """Cells of the row of ``ours`` against one peer: name, ratio, target, verdict, quality."""
     stated = peer["extra_info"]
-    here, there = times_an_item(ours), times_an_item(peer)
+    here = times_an_item(ours)
+    there = times_an_item(peer)
     ratios = there / here
     low, middle, high = (
         significant(value) for value in (ratios.min(), np.median(ratios), ratios.max())
@@ -85,7 +86,8 @@ def compared_quality(ours: dict, peer: dict) -> tuple[str, bool]:
     """The cell of the qualities of two members, and whether ours is as good."""
     for kind in ("error", "objective"):
         if kind in ours and kind in peer:
-            value, rival = ours[kind], peer[kind]
+            value = ours[kind]
+            rival = peer[kind]
             cell = f"{kind} {value:.4g} against {rival:.4g}"
             return cell, value <= rival + SAME_QUALITY * abs(rival)
     return "–", True
@@ -143,8 +145,10 @@ def growth(file: Path) -> str:
     """Slopes of cost over size."""
     rows = []
     for measured in pd.read_csv(file).to_dict("records"):
-        slope, limit = measured["time_slope"], measured["time_limit"]
-        time, memory = f"{slope:.2f}", "–"
+        slope = measured["time_slope"]
+        limit = measured["time_limit"]
+        time = f"{slope:.2f}"
+        memory = "–"
         if limit > 0:
             time += f" (≤ {limit:g}: {verdict(slope <= limit)})"
         if np.isfinite(measured["memory_slope"]):
@@ -156,7 +160,8 @@ def growth(file: Path) -> str:
 
 def scale(machine: str, particles: dict, takes: dict) -> str:
     """Runs at scale."""
-    few, many = takes["few"], takes["many"]
+    few = takes["few"]
+    many = takes["many"]
     return (
         f"**{particles['many']:,} particles**: {duration(particles['seconds_many'])} a particle "
         f"and step, {duration(particles['seconds_few'])} of {particles['few']:,}; "
@@ -210,7 +215,8 @@ def times_sentence(times: dict | None) -> str:
     """Return the sentence of README.md on the time that its commands take."""
     if times is None:
         return "They take minutes: `make bench` measures them."
-    environment, repro = times["environment"], times["repro"]
+    environment = times["environment"]
+    repro = times["repro"]
     smoke = []
     for dataset, spent in times["smoke"].items():
         smoke.append(f"{spent['processor_seconds']:.0f} s on {dataset}")
@@ -222,7 +228,8 @@ def times_sentence(times: dict | None) -> str:
 
 def with_times(readme: str, times: dict | None) -> str:
     """The text of README.md with its sentence on times."""
-    begin, end = "<!-- times -->\n", "\n<!-- /times -->"
+    begin = "<!-- times -->\n"
+    end = "\n<!-- /times -->"
     before, _, rest = readme.partition(begin)
     _, _, after = rest.partition(end)
     return before + begin + times_sentence(times) + end + after
@@ -251,7 +258,8 @@ def page(folder: Path) -> str:
 
 
 if __name__ == "__main__":
-    file, readme = RESULTS.with_suffix(".md"), ROOT / "README.md"
+    file = RESULTS.with_suffix(".md")
+    readme = ROOT / "README.md"
     file.write_text(page(RESULTS))
     readme.write_text(with_times(readme.read_text(), measured_times(RESULTS)))
     print(f"bench: {file}, and the times in {readme}")

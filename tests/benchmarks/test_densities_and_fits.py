@@ -31,7 +31,8 @@ MARKERS = 8e-4  # rad, noise of a measured angle
 @pytest.fixture
 def density(size) -> tuple[np.ndarray, ...]:
     """Correlated normal samples (N, 2), a grid over all of them, x and y, and the bandwidth."""
-    mean, covariance = [3.0, 5.0], [[5.0, -2.0], [-2.0, 2.0]]
+    mean = [3.0, 5.0]
+    covariance = [[5.0, -2.0], [-2.0, 2.0]]
     rng = np.random.default_rng(28)
     samples = rng.multivariate_normal(mean, covariance, size(1_000_000, 1000))
     bandwidth = normal_reference_bandwidth(samples)
@@ -95,8 +96,10 @@ class Problems(NamedTuple):
 def problems(benchmark, request, size) -> Problems:
     """Problems of steps that the model draws of an arm, measured with noise."""
     benchmark.group = FITS[request.param]
-    stage, takes = scene(request.param), size(100, 3)
-    chain, decomposition = stage.chain, stage.model.decomposition
+    stage = scene(request.param)
+    takes = size(100, 3)
+    chain = stage.chain
+    decomposition = stage.model.decomposition
     # σ_B so large that definiteness binds some of the problems
     model = WishartModel(2 * SIGMA_B, decomposition)
 
@@ -122,7 +125,8 @@ def parametrised(
     m: int,
 ) -> Callable[[Problems], list[float]]:
     """(BsampOpt) as printed, with the data as parameters: compiled once."""
-    noise, matrix = cp.Parameter(m), cp.Parameter((m, m * m))
+    noise = cp.Parameter(m)
+    matrix = cp.Parameter((m, m * m))
     s = cp.Variable((m, m), symmetric=True)
     # a product of two parameters would not be parametrised: J₂⁻¹Sa = (aᵀ ⊗ J₂⁻¹) vec S
     residual = cp.norm(noise - matrix @ cp.vec(s, order="F"))
@@ -132,7 +136,8 @@ def parametrised(
     def solve(chosen: Problems) -> list[float]:
         values = []
         for omega, a, back in zip(*chosen[:3], strict=True):
-            noise.value, matrix.value = omega, np.kron(a, back)
+            noise.value = omega
+            matrix.value = np.kron(a, back)
             values.append(problem.solve(solver=cp.CLARABEL))
         return values
 

@@ -50,7 +50,8 @@ def contest(benchmark, request) -> Contest:
 @pytest.fixture
 def problem(benchmark, contest, size) -> tuple[Take, int]:
     """A take of the contest's arm and the number of particles."""
-    motion, particles = take(size(320, 6), contest.arm), size(1000, 500)
+    motion = take(size(320, 6), contest.arm)
+    particles = size(1000, 500)
     benchmark.extra_info["items"] = particles * len(motion.steps)
     return motion, particles
 
@@ -92,7 +93,9 @@ def test_peer(benchmark, peer, contest, problem, library):
 def test_threads(benchmark, size, threads):
     if len(os.sched_getaffinity(0)) < 2:
         pytest.skip("a single core")
-    motion, particles, takes = take(size(320, 12)), size(1000, 500), 16
+    motion = take(size(320, 12))
+    particles = size(1000, 500)
+    takes = 16
     benchmark.extra_info["items"] = takes * particles * len(motion.steps)
     if threads == 2:
         benchmark.extra_info["role"] = "ours"

@@ -27,13 +27,15 @@ def stage_seconds(lines: Iterable[str], clock: Callable[[], float]) -> dict[str,
     ``lines`` of ``dvc repro`` name them; ``start`` is the time before the first stage.
     """
     seconds: dict[str, float] = {}
-    stage, begin = "start", clock()
+    stage = "start"
+    begin = clock()
     for line in lines:
         started = RUNNING.search(line)
         if started:
             now = clock()
             seconds[stage] = now - begin
-            stage, begin = started[1], now
+            stage = started[1]
+            begin = now
     seconds[stage] = clock() - begin
     return seconds
 
@@ -54,7 +56,8 @@ def processor_seconds() -> float:
 
 def timed(run: Callable[[], object]) -> dict[str, float]:
     """Return wall clock and processor time in s of the commands of ``run``."""
-    begin, before = time.perf_counter(), processor_seconds()
+    begin = time.perf_counter()
+    before = processor_seconds()
     run()
     return {
         "seconds": time.perf_counter() - begin,

@@ -121,7 +121,8 @@ def test_an_override_changes_its_value_and_nothing_else(compose):
 
 
 def test_comments_leave_the_written_configuration_as_it_is_and_a_refusal_too(tmp_path):
-    file, texts = tmp_path / "config.yaml", []
+    file = tmp_path / "config.yaml"
+    texts = []
     for comment, seed in (("", "2017"), ("# why", "2017"), ("# why", "2018")):
         config.write_config(parameters(tmp_path, comment, seed=seed), file)
         texts.append(file.read_bytes())
@@ -217,7 +218,8 @@ def test_models_and_the_laboratory_have_their_own_types(sections):
     laboratory = sections("dataset.laboratory").dataset.laboratory
     # the youBot's controller logs nothing
     types = {part: type(value) for part, value in laboratory.items()}
-    cause, dynamics = laboratory["cause"], types.pop("dynamics")
+    cause = laboratory["cause"]
+    dynamics = types.pop("dynamics")
 
     assert types.pop("cause") is str and dynamics is dynamics_type(cause)
     assert types | {"encoders": SECTIONS["encoders"]} == SECTIONS

@@ -245,7 +245,8 @@ def test_what_ends_badly_is_refused_and_the_next_call_is_made(
         with pytest.raises(RecordingError, match=words):
             _outcome(sandbox, function, *arguments)
         assert _outcome(sandbox, np.ones, 1 << 20).sum() == 1 << 20
-        first, second = sandbox.call(os.getpid), sandbox.call(os.getpid)
+        first = sandbox.call(os.getpid)
+        second = sandbox.call(os.getpid)
 
     assert first == second != os.getpid()
     with pytest.raises(ProcessLookupError):  # the process ends with the statement

@@ -37,7 +37,8 @@ def units(function, exact, x: np.ndarray) -> float:
 
 def test_sine_and_cosine_are_right_to_two_units_in_the_last_place_of_one():
     both = from_python(sine_cosine)
-    near, octants = np.linspace(-7, 7, 20_001), np.arange(-8, 9) * np.pi / 4
+    near = np.linspace(-7, 7, 20_001)
+    octants = np.arange(-8, 9) * np.pi / 4
     far = default_rng(1).uniform(-6000, 6000, 20_000)
     angles = np.concatenate([near, far, octants])
     right = np.stack([np.sin(angles), np.cos(angles)], axis=1)

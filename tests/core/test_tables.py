@@ -26,7 +26,9 @@ FILES = {
 DECLARED = []
 for folder, declarations in FILES.items():
     DECLARED += [(folder, table) for table in read_declarations(declarations)]
-JOINTS, ROWS = ("base", "tip"), 4  # of the families' columns here; of every table
+# of the families' columns here; of every table
+JOINTS = ("base", "tip")
+ROWS = 4
 
 
 @cache
@@ -72,7 +74,8 @@ def test_a_table_that_fits_is_read_as_it_was_written_and_no_column_more_or_less(
     name,
     tmp_path,
 ):
-    sound, file = table(name, place), FILES[place]
+    sound = table(name, place)
+    file = FILES[place]
     for column, kind in declaration(place, name).items():
         if kind.gaps:
             lost = -np.inf if kind.kind == "log" else np.nan
@@ -256,7 +259,8 @@ def test_a_full_disk_names_the_folder_that_cannot_be_written(error, tmp_path):
 
 
 def test_a_folder_is_replaced_whole_or_stays_as_it_was(tmp_path):
-    folder, left = tmp_path / "track", tmp_path / ".track.999999999.partial"
+    folder = tmp_path / "track"
+    left = tmp_path / ".track.999999999.partial"
     left.mkdir()
     (left / "torn").write_text("torn")  # of a killed run
     for name in ("old", "new"):
@@ -283,7 +287,8 @@ def test_an_output_folder_that_is_a_link_is_refused_and_its_content_stays(
     tmp_path,
     exists,
 ):
-    foreign, link = tmp_path / "foreign", tmp_path / "track"
+    foreign = tmp_path / "foreign"
+    link = tmp_path / "track"
     if exists:
         foreign.mkdir()
         (foreign / "thesis").write_text("mine")

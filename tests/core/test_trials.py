@@ -27,7 +27,8 @@ from pipeline.core.rng import stream
 
 ROOT = Path(__file__).parents[2]
 WAIT = 60.0  # s, until a process counts as not starting
-SERIAL, TWO = Compute(1), Compute(2)
+SERIAL = Compute(1)
+TWO = Compute(2)
 each_way = pytest.mark.parametrize(
     "compute",
     [SERIAL, TWO],
@@ -143,7 +144,8 @@ def process(*words: str, **variables: str) -> Iterator[subprocess.Popen]:
 @contextmanager
 def scheduler(folder: Path) -> Iterator[tuple[subprocess.Popen, str]]:
     """A scheduler and its address."""
-    file, end = folder / "scheduler.json", time.monotonic() + WAIT
+    file = folder / "scheduler.json"
+    end = time.monotonic() + WAIT
     words = "scheduler", "--port", "0", "--scheduler-file", str(file)
 
     with process(*words, PATH=os.environ["PATH"]) as started:

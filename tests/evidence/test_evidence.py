@@ -97,7 +97,8 @@ def test_errors_of_single_takes_follow_from_the_means_without_them_also_where_on
 
 
 def test_the_variation_of_the_cameras_noise_has_the_standard_error_of_the_jackknife():
-    rng, takes = default_rng(8), 50
+    rng = default_rng(8)
+    takes = 50
     growing = np.linspace(0.5, 1.5, 400)  # standard deviation in units of 0.02
     shares = np.append(0.0, rng.random(takes))
     widths = np.sqrt(growing**2 + shares[:, None])
@@ -117,7 +118,8 @@ def test_the_variation_of_the_cameras_noise_has_the_standard_error_of_the_jackkn
 
 def test_a_bound_that_follows_the_ramps_alone_does_not_follow_at_constant_speed():
     steps = np.arange(61)
-    ramp, steady = np.minimum(steps, 20.0), steps[1:] > 20
+    ramp = np.minimum(steps, 20.0)
+    steady = steps[1:] > 20
     ramp[20] = 300.0  # the last step of the ramp
     wave = np.sin(steps)
     error, bound = (np.tile((1 + ramp + w)[:, None], (3, 1, 1)) for w in (wave, -wave))

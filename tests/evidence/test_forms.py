@@ -68,7 +68,8 @@ def test_forms_of_little_noise_have_equal_bounds_and_no_verdict(chain):
 @pytest.mark.parametrize("level", [0.003, 0.03])
 def test_both_forms_have_one_total_variance_of_a_step_to_first_order(chain, level):
     training = motion(chain).training
-    q, v = training.q[0], training.v
+    q = training.q[0]
+    v = training.v
     variances = GaussianModel(level / 1e6, 1e6).covariance(chain, q, v)[:, 0, 0]
     rng = default_rng(3)
     bounds = forms.form_bounds(chain.jacobian(q), v, variances, rng)

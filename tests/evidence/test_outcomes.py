@@ -45,7 +45,8 @@ CLAIMS = (
 # claims of the wrench, the closed loop and the linear filter, which these takes lack
 WRENCH = ("wrench", "sigma-s", "force", "closed-loop", "memory")
 READINGS = ["pivoted LU", "QR of J", "QR of Jᵀ (control)"]
-STEPS, REST = 24, 6
+STEPS = 24
+REST = 6
 STD = np.array([2e-3, 3e-3, 4e-3])
 MOVING = [0.002, -0.001, 0.02]  # a commanded step, in m, m and rad
 
@@ -123,7 +124,8 @@ def camera_noise(takes) -> pd.DataFrame:
 def test_a_filter_has_the_noise_of_a_pose_by_its_loop_and_the_training_mean_its_own(
     takes,
 ):
-    truth, training = np.stack(list(takes.test.values())), takes.training
+    truth = np.stack(list(takes.test.values()))
+    training = takes.training
     law = (truth + 0.02, np.zeros((*truth.shape, 3)))
     posteriors = {"additive": law, closed("additive"): law}
     open_loop, closed_loop = pose_covariances(training, takes.poses)
@@ -217,7 +219,8 @@ def test_ranges_and_mean_errors_are_those_of_the_nominal_motion(
     outcomes,
     takes,
 ):
-    values, training = values_of(evidence), takes.training
+    values = values_of(evidence)
+    training = takes.training
     nominal = training.chain.nominal_step(training.q, training.v)
     ranges = np.ptp(np.cumsum(nominal.mean(axis=0), axis=0), axis=0)
     means = {

@@ -17,7 +17,8 @@ from pipeline.models.model import frobenius
 from pipeline.statistics.curves import POWER
 from pipeline.statistics.pose_effect import pose_effect, windows_of
 
-MOTIONS, STEPS = 8, 400
+MOTIONS = 8
+STEPS = 400
 
 
 def motions(
@@ -49,7 +50,8 @@ def test_the_exponent_is_recovered_and_told_from_the_other(exponent, tails):
     for seed in range(20):
         rng = default_rng(seed)
         effect = pose_effect(windows_of(motions(exponent, 0.5, rng, tails)), rng)
-        low, high = effect.exponent.low, effect.exponent.high
+        low = effect.exponent.low
+        high = effect.exponent.high
         inside.append(low <= exponent <= high)
         assert effect.power > POWER
         assert not low <= 1 - exponent <= high
@@ -85,7 +87,8 @@ def runs_of_arm(chain) -> list[JointRun]:
     """Runs whose noise grows with ‖J⁻¹‖; the elbow passes through straight, near which the norm
     changes within a window.
     """
-    rng, zero = default_rng(5), np.zeros(3)
+    rng = default_rng(5)
+    zero = np.zeros(3)
     t = np.linspace(0, 2 * np.pi, 801)
     runs = []
     for number in range(4):

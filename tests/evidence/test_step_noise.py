@@ -24,7 +24,8 @@ def rows(request) -> pd.DataFrame:
     """Noise of steps with the covariance NOISE each 10 ms, and of a joint that rests; the first
     half of the run is slow.
     """
-    rate, rng = request.param, default_rng(3)
+    rate = request.param
+    rng = default_rng(3)
     every = round(0.01 * rate)
     samples = every * COUNT
 
@@ -59,7 +60,8 @@ def one_run(seconds: float, fast: float, burst: float = 1.0) -> JointRun:
     """Return a run of two joints at 500 Hz. The errors of their steps of 10 ms are ``fast`` times
     as large at fast steps, and ``burst`` times in the second fifth of the run.
     """
-    rng, count = np.random.default_rng(8), round(100 * seconds)
+    rng = np.random.default_rng(8)
+    count = round(100 * seconds)
     t = np.arange(count + 1) / 100
     command = 0.5 * np.sin(0.4 * np.pi * t[:, None] + [0.0, 1.0])
     speeds = np.abs(np.diff(command, axis=0))

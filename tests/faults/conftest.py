@@ -42,16 +42,18 @@ from pipeline.recordings.depth_takes import (
 
 ROOT = Path(__file__).parents[2]
 SAME = 1e-9  # rad: above the rounding of a sum, below the resolution of any instrument
-STEPS, RATE = 180, 100.0  # of the motion grid
+# of the motion grid
+STEPS = 180
+RATE = 100.0
 GRID = np.arange(STEPS + 1) / RATE
 # s into the dataset's motion, shortly before the arm starts: its speeding up gives the clock offset
 START = 0.1
-FRAMES, FRAME_RATE = 27, 15.0  # of the depth camera
+# of the depth camera
+FRAMES = 27
+FRAME_RATE = 15.0
 # px, and how many of a Kinect's pixels one of these is wide
-SIZE, COARSER = (
-    (141, 170),
-    3.0,
-)
+SIZE = (141, 170)
+COARSER = 3.0
 
 
 class Recovered(NamedTuple):
@@ -90,7 +92,8 @@ class Bench:
                 recovered = self.recover(Path(folder))
             except PipelineError as error:
                 return "refused", error
-        before, after = self.clean.counts, recovered.counts
+        before = self.clean.counts
+        after = recovered.counts
         for name in counted:
             margin = 3 * before.get(f"{name}_standard_error", 0.0)
             if abs(after.get(name, 0.0) - before.get(name, 0.0)) > margin:
@@ -133,7 +136,8 @@ def take_bench(folder: Path, dataset: Dataset, arm: Arm, motion) -> Bench:
     template = np.array(
         [list(link.values()) for link in dataset.mocap.markers.values()],
     )
-    base, rng = dataset.mocap.base, default_rng(1)
+    base = dataset.mocap.base
+    rng = default_rng(1)
     turn = Rotation.from_euler("xyz", base.rpy).as_matrix()
     places = arm.to_base(marker_places(motion(GRID), template, arm.chain)) @ turn.T
     places = (places + np.array(base.position)).reshape(len(GRID), 9, 3)
@@ -170,7 +174,8 @@ def take_bench(folder: Path, dataset: Dataset, arm: Arm, motion) -> Bench:
 
 def depth_bench(folder: Path, dataset: Dataset, arm: Arm, motion) -> Bench:
     """One take of the depth camera, whose clock is set by the markers of a take."""
-    kinect, rng = dataset.laboratory["kinect"], default_rng(2)
+    kinect = dataset.laboratory["kinect"]
+    rng = default_rng(2)
     coarse = {
         name: getattr(kinect, name) / COARSER for name in ("fx", "fy", "cx", "cy")
     }
@@ -184,7 +189,8 @@ def depth_bench(folder: Path, dataset: Dataset, arm: Arm, motion) -> Bench:
     }
     options = KinectOptions(**{**vars(kinect), **coarse, **quiet})
     camera = DepthCamera(arm, options, draw_bias(options, rng))
-    time, take = np.arange(FRAMES) / FRAME_RATE, folder / "kinect/test_001"
+    time = np.arange(FRAMES) / FRAME_RATE
+    take = folder / "kinect/test_001"
     (take / "depth").mkdir(parents=True)
     names = tuple(f"depth/{i:04d}.png" for i in range(FRAMES))
     for name, q in zip(names, motion(time), strict=True):
@@ -216,7 +222,8 @@ def depth_bench(folder: Path, dataset: Dataset, arm: Arm, motion) -> Bench:
             dataset.depth,
             arm,
         )
-        joints, start = dataset.robot.joints, motion(0.0)
+        joints = dataset.robot.joints
+        start = motion(0.0)
         angles = articulate_rows(
             frames,
             clouds,

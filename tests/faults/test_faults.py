@@ -11,7 +11,10 @@ from case_tables import cases_beside
 
 from pipeline.core.typed_yaml import read_yaml
 
-REPAIRED, REFUSED, UNHARMED, UNNOTICED = "repaired", "refused", "unharmed", "unnoticed"
+REPAIRED = "repaired"
+REFUSED = "refused"
+UNHARMED = "unharmed"
+UNNOTICED = "unnoticed"
 SEEDS = 4  # of each fault, from mild to grave
 
 
@@ -50,7 +53,8 @@ def read_faults() -> dict[str, Fault]:
     """The faults of the file beside this module, by pattern and name."""
     faults = {}
     for group in read_yaml(Path(__file__).with_suffix(".yaml"))["faults"]:
-        instrument, pattern = group["instrument"], group["pattern"]
+        instrument = group["instrument"]
+        pattern = group["pattern"]
         for name, ((function, *arguments), *row) in group["damage"].items():
             change = getattr(damage, function)
             if arguments:
@@ -104,7 +108,8 @@ def test_a_repaired_recording_has_the_error_of_a_clean_one(
 def test_a_number_changed_in_silence_is_unnoticed_and_other_line_ends_are_unharmed(
     benches,
 ):
-    bench, name = benches["take"], "optitrack/test_001.csv"
+    bench = benches["take"]
+    name = "optitrack/test_001.csv"
     row = bench.files[name].splitlines()[60]
     head, y, z = row.rsplit(b",", 2)  # the marker's z is normal to the plane of the arm
     digit = b"9" if y[-1:] < b"5" else b"1"

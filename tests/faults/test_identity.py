@@ -29,7 +29,9 @@ from pipeline.recordings.quality import (
 )
 from pipeline.wrench.measured_force import require_own_configuration
 
-TRAIN, TEST, LIMITS = "train_001", "test_001", Limits()
+TRAIN = "train_001"
+TEST = "test_001"
+LIMITS = Limits()
 
 
 @pytest.fixture
@@ -39,7 +41,8 @@ def folder(benches, dataset, tmp_path):
     source = tmp_path / "source.csv"
     source.write_bytes(benches["take"].files["optitrack/test_001.csv"])
 
-    rng, sound = default_rng(4), read_motive(source)
+    rng = default_rng(4)
+    sound = read_motive(source)
     for name in (TRAIN, TEST):
         markers = {}
         for marker, xyz in sound.markers.items():
@@ -113,7 +116,8 @@ def test_a_header_that_names_another_take_is_counted_or_refused(
 
 
 def test_a_late_take_has_a_lag_beyond_the_limit_and_others_have_not(motion):
-    rng, time = default_rng(2), np.arange(160) / 100
+    rng = default_rng(2)
+    time = np.arange(160) / 100
     starts = rng.normal(0, 0.0015, 8)
     takes = np.array([motion(time + start) for start in starts])
     takes += rng.normal(0, 1e-3, takes.shape)
@@ -206,11 +210,13 @@ def test_groups_of_noisy_copies_are_found_whatever_their_number(
 ):
     rng = default_rng(takes)
     q = swaying_takes(takes, motion, rng)
-    sizes, first = np.ones(takes), 0
+    sizes = np.ones(takes)
+    first = 0
     for size in groups:
         group = slice(first, first + size)
         q[group] = q[first] + rng.normal(0, noise, q[group].shape)
-        sizes[group], first = size, first + size
+        sizes[group] = size
+        first = first + size
 
     alike = likeness(q)
 
@@ -228,7 +234,8 @@ def test_an_arm_that_repeats_within_its_noise_has_disturbed_takes_and_no_copies(
     pushed,
 ):
     """All takes are equal within the noise: the likeness cannot be seen, and is not beyond."""
-    rng, time = default_rng(pushed), np.arange(320) / 100
+    rng = default_rng(pushed)
+    time = np.arange(320) / 100
     q = motion(time) + rng.normal(0, 1e-4, (10, 320, 3))
     push = 3e-3 * np.sin(np.linspace(0, np.pi, 30))
     for take in range(pushed):
@@ -248,7 +255,8 @@ def test_a_take_of_three_times_the_deviation_is_disturbed_and_sound_ones_are_not
     takes,
 ):
     """A take that hardly deviates is not found, as three times its deviation is a usual one."""
-    rng, times_found = default_rng(takes), 0
+    rng = default_rng(takes)
+    times_found = 0
     for _ in range(10):
         q = swaying_takes(takes, motion, rng)
         sound = disturbances(q, 100.0)
@@ -273,7 +281,8 @@ def test_a_wrong_focal_length_gives_a_warning_with_its_mean_error(
     factor,
     warned,
 ):
-    bench, name = benches["depth"], "kinect/intrinsics.yaml"
+    bench = benches["depth"]
+    name = "kinect/intrinsics.yaml"
     sound = bench.files[name]
     focal = re.search(rb"data: \[ *([0-9.]+)", sound)[1]
     longer = str(float(focal) * factor).encode()
@@ -295,7 +304,8 @@ SEEN_AT = np.arange(5, 175, 3) / 100  # s
 @pytest.fixture(scope="module")
 def swaying_joints(motion, dataset) -> list[pd.DataFrame]:
     """Joint angles of takes that sway each in its own way, by some tenths of a degree."""
-    rng, time = default_rng(3), np.arange(181) / 100
+    rng = default_rng(3)
+    time = np.arange(181) / 100
     joints = []
     for number in range(OTHERS + 2):
         frequencies = rng.uniform(4, 20, 8)[:, None]
@@ -309,7 +319,8 @@ def swaying_joints(motion, dataset) -> list[pd.DataFrame]:
 
 
 def test_images_of_another_take_have_a_share_beyond_the_limit(swaying_joints, dataset):
-    arm, rng = arm_of(dataset.robot), default_rng(4)
+    arm = arm_of(dataset.robot)
+    rng = default_rng(4)
 
     def share(images: int, name: int, noise: float) -> float:
         """The share of a take ``name`` whose images are of the take ``images``."""
@@ -379,7 +390,8 @@ FORCE = Force(
 @pytest.fixture
 def forces() -> dict[str, np.ndarray]:
     """Configuration → recorded forces (3000, 2) in N."""
-    rng, records = default_rng(6), {}
+    rng = default_rng(6)
+    records = {}
     for name, arranged in FORCE.configurations.items():
         robots = len(arranged.direction)
         size = 3000, robots

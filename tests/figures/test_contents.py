@@ -34,7 +34,8 @@ from pipeline.figures.style import (
 )
 from pipeline.figures.takes import takes
 
-MODELS, JOINTS = ["additive", "wishart", "gaussian"], ["arm_1", "arm_2", "arm_3"]
+MODELS = ["additive", "wishart", "gaussian"]
+JOINTS = ["arm_1", "arm_2", "arm_3"]
 OUT = Path("data/figures")
 FIGURES = figures_in()
 BARE = {"cable_robot"}  # a schematic without axes
@@ -44,7 +45,8 @@ TWICE = {"joint_realizations", "wrench_density"}  # lines, pixels; others in who
 RNG = np.random.default_rng(11)
 SIMULATED = "simulated recordings"
 HORIZONS = ("one sample", "0.1 s", "0.5 s")
-STEPS, SOURCES = range(21), ("measured", "modelled")
+STEPS = range(21)
+SOURCES = ("measured", "modelled")
 
 
 def rows_of(numbers: list[str], **keys) -> pd.DataFrame:
@@ -211,7 +213,8 @@ def test_a_figure_has_units_a_complete_legend_all_glyphs_and_the_same_bytes(
     if name in TWICE:
         save(drawn(name, tables, options), tmp_path, "two")
         for kind in ("svg", "png"):
-            first, second = tmp_path / f"one.{kind}", tmp_path / f"two.{kind}"
+            first = tmp_path / f"one.{kind}"
+            second = tmp_path / f"two.{kind}"
             assert first.read_bytes() == second.read_bytes()
     assert "dc:date" not in (tmp_path / "one.svg").read_text()
     image = Image.open(tmp_path / "one.png").convert("L")
@@ -303,7 +306,8 @@ def test_joint_realizations_shows_every_training_take_their_mean_and_the_noise_o
     figure = motion.joint_realizations(tables["joints"], tables["process_noise"])
 
     for j, joint in enumerate(JOINTS):
-        angles, noise = figure.axes[j], figure.axes[j + 3]
+        angles = figure.axes[j]
+        noise = figure.axes[j + 3]
         lines = of_color(angles, RECORDED["color"])
         assert len(lines) == 5
         assert_array_equal(lines[1].get_ydata(), of_second_take[f"q:{joint}"])
@@ -339,7 +343,8 @@ def test_joint_std_and_mean_error_have_a_line_a_model_readable_beside_an_outlyin
     for axes, quantity in zip(panels, ("error", "bias"), strict=True):
         require_lines(axes, [by_source.loc[model, quantity] for model in models])
 
-    wide, stds = deviation.copy(), columns("s", JOINTS)
+    wide = deviation.copy()
+    stds = columns("s", JOINTS)
     outlying = wide["source"] == "wishart"
     wide.loc[outlying, stds] *= 50
     free = motion.joint_std(wide, MODELS, JOINTS, "free_running", SIMULATED)
@@ -420,13 +425,15 @@ def test_densities_are_drawn_as_measured_and_modelled_on_one_range_and_one_colou
     tables,
     options,
 ):
-    table, configurations = tables["force_density"], options["configurations"]
+    table = tables["force_density"]
+    configurations = options["configurations"]
     by_place = table.set_index(["configuration", "source"])
 
     figure = wrench.wrench_density(table, configurations, SIMULATED)
 
     grid = np.reshape(figure.axes[:-1], (2, 3))[:, 1:]
-    limits, scales = set(), set()
+    limits = set()
+    scales = set()
     for row, name in zip(grid, configurations, strict=True):
         for axes, source in zip(row, SOURCES, strict=True):
             rows = by_place.loc[(name, source)]

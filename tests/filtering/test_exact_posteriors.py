@@ -150,7 +150,8 @@ def remembered(decay: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_a_law_with_a_memory_has_the_exact_posterior_of_its_path():
-    options, seeds = filter_options(1000), range(8)
+    options = filter_options(1000)
+    seeds = range(8)
     exact = exact_posterior(0.7)
 
     assert np.all(
@@ -163,7 +164,8 @@ def test_a_law_with_a_memory_has_the_exact_posterior_of_its_path():
 
 # one joint that turns the tip about the base, from PHASE on, and the tip's height as the task: its
 # step v/cos is nonlinear
-PHASE, VARIANCE = 0.6, 0.015**2
+PHASE = 0.6
+VARIANCE = 0.015**2
 WALLS = (-0.03, 0.6)  # limits of the joint, rad
 FAST = np.full((10, 1), 0.035)
 AT_WALL = Start(np.zeros(1), np.array([[0.03**2]]))
@@ -186,7 +188,8 @@ def integrated(measurements: Measurements) -> tuple[np.ndarray, np.ndarray]:
 
     frames, due, shares = measurements.schedule(len(FAST), DT)
     density = norm.pdf(q, AT_WALL.mean[0], 0.03)
-    means, variances = [], []
+    means = []
+    variances = []
     for k in range(len(FAST) + 1):
         density /= density.sum() * cell
         joint = density[:, None] * kernel  # of the poses before and after the step
@@ -206,7 +209,8 @@ def integrated(measurements: Measurements) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.fixture(scope="module")
 def walled_runs() -> list[Posterior]:
-    identity, turn = np.eye(3), Rotation.from_euler("z", PHASE).as_matrix()
+    identity = np.eye(3)
+    turn = Rotation.from_euler("z", PHASE).as_matrix()
     placements = np.array([[*turn.ravel(), 0, 0, 0], [*identity.ravel(), 1.0, 0, 0]])
     lower, upper = np.array(WALLS)[:, None]
     turning = np.zeros(1, dtype=bool)
@@ -217,7 +221,8 @@ def walled_runs() -> list[Posterior]:
     scalar_runs = []
     for run in runs:
         assert run.outside[0] > 0 and run.outside[1:].any() and run.left_out == 1
-        mean, variance = run.mean[:, 0], run.covariance[:, 0, 0]
+        mean = run.mean[:, 0]
+        variance = run.covariance[:, 0, 0]
         scalar_runs.append(replace(run, mean=mean, covariance=variance))
     return scalar_runs
 

@@ -71,7 +71,8 @@ def test_every_step_has_the_moments_of_the_joint_law_given_the_frames_so_far(n):
         linear.linear_filter(path, -prior, [frames], DT)
 
 
-KEEP, STEPS = 0.8, 120
+KEEP = 0.8
+STEPS = 120
 SPREAD = np.array([[4.0, 1.0], [1.0, 3.0]]) * 1e-4
 NOISE = np.array([[2.0, -0.5], [-0.5, 1.0]]) * 1e-5
 
@@ -92,7 +93,8 @@ def poses() -> np.ndarray:
 
 
 def test_the_autocorrelated_law_is_the_one_that_takes_were_drawn_with(poses):
-    roots, lags = linear.deviation_roots(poses, NOISE), np.arange(1, 8)
+    roots = linear.deviation_roots(poses, NOISE)
+    lags = np.arange(1, 8)
     correlation = linear.autocorrelation(poses, NOISE)
 
     for k in (0, 50, 119):
@@ -108,7 +110,9 @@ def test_the_autocorrelated_law_is_the_one_that_takes_were_drawn_with(poses):
 
 def test_the_autocorrelation_of_few_takes_is_not_biased_by_their_mean():
     """Four takes: with the noise of four, not of three, the first lag would be 8 % too high."""
-    takes, keep, noise = 4, 0.5, 0.25 * SPREAD
+    takes = 4
+    keep = 0.5
+    noise = 0.25 * SPREAD
     first_lags = []
     for seed in range(300):
         poses = measured(takes, seed, noise, keep)

@@ -76,9 +76,11 @@ def wide(function, *arguments) -> bool:
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 def test_the_loops_of_a_step_take_several_poses_at_once():
-    arm, places = revolute_arm(7), block_rows(7, 6)
+    arm = revolute_arm(7)
+    places = block_rows(7, 6)
     constants, block = compiled_arm(arm)
-    q, first = np.zeros((7, 256)), places.jacobian
+    q = np.zeros((7, 256))
+    first = places.jacobian
     loops = {
         "tip": (kinematics.tip, constants, q, 0, 64, block),
         "Jacobian": (kinematics.task_jacobian, constants, block, first, 64),

@@ -68,7 +68,8 @@ def test_without_frames_none_enters_a_step():
 
 
 def test_a_frame_on_the_grid_enters_at_that_very_step_whatever_the_rounding_of_its_time():
-    t, steps = np.arange(321) / 100, np.arange(321)
+    t = np.arange(321) / 100
+    steps = np.arange(321)
     for times in (t, steps * 0.01, np.nextafter(t, 9.0), np.nextafter(t, -9.0)):
         frame, step, share = measurements_at(times).schedule(320, 0.01)
         assert_array_equal(frame, steps)
@@ -114,7 +115,9 @@ def test_every_take_of_the_camera_goes_with_the_noise_that_was_estimated_without
     assert second.t.tolist() == [1] and second.bias[0, 0] == 0.3
 
 
-TAKES, STEPS, DT = 400, 300, 0.01
+TAKES = 400
+STEPS = 300
+DT = 0.01
 SPREAD = np.array([[4.0, 1.0], [1.0, 3.0]]) * 1e-6
 BIAS = 1e-2 * np.linspace(-1, 1, STEPS)
 
@@ -195,12 +198,14 @@ def test_errors_of_a_shorter_stretch_are_of_their_own_size():
 def tables(tmp_path, monkeypatch):
     """Two test takes, a third that track left out, and thirty training ones."""
     monkeypatch.chdir(tmp_path)
-    k, t = np.arange(5), np.arange(9) / 200
+    k = np.arange(5)
+    t = np.arange(9) / 200
     pose = spread("q", LWR4.joints, np.full((5, 7), 0.3))
     uses = {f"train_{number}": "training" for number in range(1, 31)}
     uses |= dict.fromkeys(("test_1", "test_2", "test_3"), "test")
     rng = default_rng(1)
-    joints, read = [], []
+    joints = []
+    read = []
     for take, use in uses.items():
         named = {"take": take, "part": use}
         if take != "test_3":

@@ -113,7 +113,8 @@ def both(
 ) -> tuple[Posterior, Posterior]:
     """Compiled and plain posterior, from streams that end alike."""
     case = model, arm, options, share
-    rng, plain_rng = default_rng(5), default_rng(5)
+    rng = default_rng(5)
+    plain_rng = default_rng(5)
     compiled = on_the_scene(particle_filter, *case, rng)
     plain = on_the_scene(plain_filter, *case, plain_rng)
     assert rng.bit_generator.state == plain_rng.bit_generator.state
@@ -177,9 +178,11 @@ def test_a_law_without_compiled_code_is_filtered_by_its_samples(kind, share):
     compiled = MODELS[kind]
     laws = compiled, Sampled(compiled)
     options = filter_options(PARTICLES)
-    q, v = np.tile(PATH_START, (4, 1)), np.full(3, 1e-3)
+    q = np.tile(PATH_START, (4, 1))
+    v = np.full(3, 1e-3)
 
-    posteriors, steps = [], []
+    posteriors = []
+    steps = []
     for law in laws:
         case = law, ARM, options, share, default_rng(5)
         posteriors.append(on_the_scene(particle_filter, *case))
@@ -385,7 +388,8 @@ def test_counts_have_the_mean_and_the_variance_of_their_scheme_and_of_no_other(
     name,
     weights,
 ):
-    rng, count = default_rng(1), len(weights)
+    rng = default_rng(1)
+    count = len(weights)
     drawn = [chosen_by(name, weights, rng) for _ in range(REPEATS)]
     counts = np.array([np.bincount(chosen, minlength=count) for chosen in drawn])
 

@@ -24,7 +24,8 @@ from pipeline.tools.inspect.command import inspect
 
 cases = cases_beside(__file__)
 CASES = ROOT.parent / "shared/cases"
-IMAGE, INFO = "sensor_msgs/msg/Image", "sensor_msgs/msg/CameraInfo"
+IMAGE = "sensor_msgs/msg/Image"
+INFO = "sensor_msgs/msg/CameraInfo"
 PIXELS = np.arange(12, dtype=np.uint16).reshape(3, 4)
 START = 1700000000.0
 FORMS = (
@@ -48,7 +49,8 @@ def read_all(bag: Path) -> list[tuple[float, int]]:
 
 
 def recorded(folder: Path, form: str, count: int = 5) -> Path:
-    depth, colour = [], []
+    depth = []
+    colour = []
     for number in range(count):
         stamp = START + 0.04 * number
         depth.append((stamp, image(PIXELS + number, stamp)))
@@ -210,7 +212,8 @@ def test_a_topic_that_may_have_the_command_is_named_as_not_read_with_the_remedy(
         read_logged_movement("run", bag, options, 100.0)
 
 
-OLD_POINTS, NEW_POINTS = ("desired", "actual"), ("reference", "feedback")
+OLD_POINTS = ("desired", "actual")
+NEW_POINTS = ("reference", "feedback")
 
 
 def controller_states(
@@ -276,7 +279,8 @@ def test_the_public_case_of_a_controller_state_is_read_as_rosbags_reads_it(run):
         pytest.skip("the cases are not beside the project")
     log = read_joint_bag(case, LogOptions())
     topic = "/scaled_pos_joint_traj_controller/state"
-    desired, actual = [], []
+    desired = []
+    actual = []
     with AnyReader([case]) as reader:
         chosen = [c for c in reader.connections if c.topic == topic]
         for connection, _, content in reader.messages(chosen):

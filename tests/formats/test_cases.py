@@ -85,11 +85,13 @@ def test_the_tip_is_where_forward_kinematics_puts_it_whatever_names_are_shared(
     file.write_text(other_kinds.planar_arm(link))
     joints = [joint for joint in ("shoulder", "elbow", "wrist") if joint not in locked]
     robot = Robot(str(file), joints, "tip", locked=locked, task=["x", "z"])
-    q, lengths = np.array([0.3, -0.7, 0.4]), np.array([0.2, 0.3, 0.4])
+    q = np.array([0.3, -0.7, 0.4])
+    lengths = np.array([0.2, 0.3, 0.4])
 
     tip = chain_of(robot).pose(q[None, : len(joints)])[0, :3]
 
     turned = np.cumsum(q)
-    x, z = lengths @ np.sin(turned), 0.1 + lengths @ np.cos(turned)
+    x = lengths @ np.sin(turned)
+    z = 0.1 + lengths @ np.cos(turned)
     assert_allclose(tip, [x, 0, z], atol=1e-12)
     assert "joints revolute (shoulder, elbow, wrist)" in seen(file)

@@ -154,9 +154,12 @@ def test_a_file_cut_at_any_byte_is_refused_or_holds_only_rows_that_were_whole(
 ):
     # without a process for each cut
     monkeypatch.setattr(intrinsics, "read_alone", lambda read, *args, **_: read(*args))
-    sound, file, refused = SOUND[name], tmp_path / "cut", 0
+    sound = SOUND[name]
+    file = tmp_path / "cut"
+    refused = 0
     sound.write(file)
-    whole, content = sound.rows(sound.read(file)), file.read_bytes()
+    whole = sound.rows(sound.read(file))
+    content = file.read_bytes()
     # all cuts in the last rows, where numbers can lose digits
     last = len(content) - 40
     for cut in [*range(0, last, 31), *range(last, len(content))]:
@@ -195,7 +198,8 @@ def test_dropped_doubled_and_swapped_rows_are_counted_or_refused(
     name,
     picks,
 ):
-    sound, file = SOUND[name], tmp_path_factory.getbasetemp() / "rows.csv"
+    sound = SOUND[name]
+    file = tmp_path_factory.getbasetemp() / "rows.csv"
     sound.write(file)
     whole = sound.rows(sound.read(file))
     lines = file.read_bytes().splitlines(keepends=True)
@@ -287,7 +291,8 @@ def failures(sandbox: Sandbox, name: str, folder: Path) -> list[str]:
     """The kinds of damage, and the ends, of mutants that no reader's check stops; of a library in a
     process of the reader's own the refusal names the file, and is none.
     """
-    file, failed = folder / name.replace("/", " "), []
+    file = folder / name.replace("/", " ")
+    failed = []
     written = MUTATED[name].write(file)
     file = written if isinstance(written, Path) else file
     MUTATED[name].read(file)

@@ -49,7 +49,8 @@ def test_an_example_prints_what_its_page_says(title, tmp_path, monkeypatch):
     assert said.getvalue().split() == printed.split()
 
 
-FILE, KEY = Path("log.csv"), "dataset.here"
+FILE = Path("log.csv")
+KEY = "dataset.here"
 
 
 def sheet(folder: Path, text: str, **options: str) -> Sheet:
@@ -74,7 +75,8 @@ def test_numbers_are_correctly_rounded_as_by_python(form):
 def test_a_cell_that_is_no_finite_number_or_nothing_measures_is_refused_by_its_line(
     cell,
 ):
-    lines, marks = ["1;2", f"3;{cell}"], {"separator": ";", "gaps": True}
+    lines = ["1;2", f"3;{cell}"]
+    marks = {"separator": ";", "gaps": True}
     with pytest.raises(RecordingError) as caught:
         numbers_of(lines, [4, 5], [0, 1], file=FILE, **marks)
     assert caught.value.evidence["line"] == 5 and len(str(caught.value)) < 200

@@ -25,15 +25,18 @@ from pipeline.formats.motion.motive import read_motive
 from pipeline.formats.trajectory import read_trajectory
 
 TEXTS = read_yaml(Path(__file__).with_name("refusals.yaml"))
-TIME, VALUES = np.arange(12) / 500, np.random.default_rng(1).normal(size=(12, 6))
+TIME = np.arange(12) / 500
+VALUES = np.random.default_rng(1).normal(size=(12, 6))
 FORCE, TORQUE = np.hsplit(VALUES, 2)
 NETFT = netft_text(ForceRecord(TIME, FORCE, TORQUE, 500.0, "FT7", "4/2", {}))
-AXES, LABELS = ["t", "fx", "fy", "fz", "tx", "ty", "tz"], "time F1 F2 F3 M1 M2 M3"
+AXES = ["t", "fx", "fy", "fz", "tx", "ty", "tz"]
+LABELS = "time F1 F2 F3 M1 M2 M3"
 COLUMNS = dict(zip(AXES, LABELS.split(), strict=True))
 FORCES = ForceLogOptions(COLUMNS, force_unit="N", torque_unit="N-m", time_unit="s")
 TWO = LogOptions(joints=2, signals={"actual": None})
 BY_NAME = LogOptions(joints=2, signals={"actual": ["q1", "q2"]})
-PNG, TIFF = encoded(".png", SMALL), tiff(SMALL, "", compression="tiff_lzw")
+PNG = encoded(".png", SMALL)
+TIFF = tiff(SMALL, "", compression="tiff_lzw")
 
 
 class Format(NamedTuple):
@@ -90,7 +93,8 @@ TRUNCATED = [PNG[:-60], PGM[:-300], TIFF[:60] + b"\xff" * 30 + TIFF[90:]]
 LONG_NUMBER = '{"fx": 1%s, "fy": 1, "cx": 4, "cy": 3}' % ("0" * 400)
 LONG_GAP = rows_with_gap(range(5, 20))
 GAP_WORDS = "column 2  has no number in a gap of more than 10 of its"
-OTHER_SIZE, BYTES = encoded(".png", frame((9, 9))), SMALL.astype(np.uint8)
+OTHER_SIZE = encoded(".png", frame((9, 9)))
+BYTES = SMALL.astype(np.uint8)
 COLOURS = np.zeros((12, 16, 3), np.uint16)
 FAULTS = [
     Fault("PLY", None, bytes(20_000), ""),
@@ -146,7 +150,8 @@ def test_a_file_with_a_fault_is_refused_by_its_place_and_nothing_is_printed(
 
 @pytest.mark.parametrize("name", FORMATS)
 def test_the_control_is_read_and_no_file_and_a_folder_are_refused(tmp_path, name):
-    file, read = tmp_path / FORMATS[name].file, FORMATS[name].read
+    file = tmp_path / FORMATS[name].file
+    read = FORMATS[name].read
     file.write_bytes(sound_content(name))
     read(file)
     refusal(read, tmp_path / "absent.pcd")

@@ -116,7 +116,8 @@ def c3d(
     """
     xyz = points(5) if xyz is None else xyz
     frames, count, _ = xyz.shape
-    channels, ratio = [*(analogs or {})], max([*(analogs or {}).values(), 0])
+    channels = [*(analogs or {})]
+    ratio = max([*(analogs or {}).values(), 0])
     samples = len(channels) * ratio  # of a frame
 
     of_points = {"USED": word(count), "SCALE": real(-1, processor)}

@@ -20,7 +20,8 @@ def sample_wrench(
     """``samples`` independent wrenches of one ``system``, (samples, n): Eq. (WrenchStatEq) in the
     plane, f and r × f in space; forces alone where the cables meet in one point.
     """
-    force, moment = 0.0, 0.0
+    force = 0.0
+    moment = 0.0
     for i in range(len(system.tension)):
         tension = rng.normal(system.tension[i], system.tension_sd[i], (samples, 1))
         cable = vonmises_fisher(system.direction[i], system.concentration[i], seed=rng)
@@ -36,6 +37,7 @@ def sample_wrench(
 def moment_of(pull: np.ndarray, r: np.ndarray) -> np.ndarray:
     """(samples, 1) or (samples, 3) moments of forces (samples, 2) or (samples, 3) at ``r``."""
     if len(r) == 2:
-        x, y = pull[:, :1], pull[:, 1:]
+        x = pull[:, :1]
+        y = pull[:, 1:]
         return r[0] * y - r[1] * x
     return np.cross(r, pull)

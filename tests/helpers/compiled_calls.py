@@ -24,7 +24,8 @@ def chosen_by(scheme: str, weights: np.ndarray, rng: np.random.Generator) -> np.
     """(P,) indices that a resampling ``scheme`` chooses under ``weights`` (P,), with a longer
     buffer that an earlier use has filled; nothing is written behind the indices.
     """
-    count, longer = len(weights), len(weights) + 200
+    count = len(weights)
+    longer = len(weights) + 200
     chosen = np.full(longer, -1)
     scratch = np.ones((2, longer))
     number = SCHEMES.index(scheme)

@@ -24,7 +24,8 @@ def samples_of_joint(
     commanded to move: the inputs are a constant, the errors ``steps`` and ``steps`` + 1 samples
     before, and speed, acceleration and sign of the command then and now.
     """
-    command, error = run.command[:, j], run.measured[:, j] - run.command[:, j]
+    command = run.command[:, j]
+    error = run.measured[:, j] - run.command[:, j]
     speed = run.rate * np.diff(command, prepend=command[0])
     acceleration = run.rate * np.diff(speed, prepend=speed[0])
     drive = np.stack([speed, acceleration, np.sign(speed)], axis=-1)

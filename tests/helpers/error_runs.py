@@ -6,7 +6,8 @@ from pipeline.models.joint_error.drive import GROWTH, INPUTS
 from pipeline.models.joint_error.law import JointErrorModel
 from pipeline.models.joint_error.samples import JointRun
 
-RATE, JOINTS = 100.0, ("a", "b")
+RATE = 100.0
+JOINTS = ("a", "b")
 # φ, ψ, χ: a fast part of 3 samples and a slow one; b persists with a little pull
 MEMORY = np.array([[1.2, -0.45, 0.2], [0.9, 0.0, 0.05]])
 
@@ -58,12 +59,14 @@ def runs_of_law(
     repeats: int = 2,
 ) -> list[JointRun]:
     """Simulate ``repeats`` runs of each of several motions under ``law``."""
-    runs, zero = [], np.zeros(len(law.joints))
+    runs = []
+    zero = np.zeros(len(law.joints))
     for number in range(motions):
         command = sweep(number)
         steps = np.diff(command, axis=0)
         q = np.tile(command[0], (repeats, 1))
-        memory, path = law.first_memory(q, command[0], rng), [q]
+        memory = law.first_memory(q, command[0], rng)
+        path = [q]
         for step in steps:
             q, memory = law.follow(q, step, memory, rng)
             path.append(q)

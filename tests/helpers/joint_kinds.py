@@ -21,7 +21,8 @@ Columns = Sequence[np.ndarray | Sequence[str]]  # numbers (N,) or (N, n), or wor
 def motion(rows: int = ROWS) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Times (N,) s, measured and commanded angles (N, 6) rad of a motion out and back."""
     k = np.arange(rows)
-    since_start, to_end = k - 60, 340 - k
+    since_start = k - 60
+    to_end = 340 - k
     moved = np.minimum(since_start, to_end) / 90
     phase = np.pi * np.clip(moved, 0, 1)
     share = (1 - np.cos(phase)) / 2

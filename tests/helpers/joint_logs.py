@@ -45,7 +45,10 @@ def write_movement(
     """Logs of ``ways`` out and back of 100 steps with 60 rows at rest between; measured angles
     ``late`` s behind the commanded ones.
     """
-    rate, rest, period = 125, 60, 160  # 1/s; rows
+    # 1/s; rows
+    rate = 125
+    rest = 60
+    period = 160
     rows = np.arange(rest + period * ways)
 
     def angles_at(t: np.ndarray) -> np.ndarray:

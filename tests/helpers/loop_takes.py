@@ -16,7 +16,8 @@ def takes_in_loop(
     """(T, M + 1, n) rad, poses of takes of ``model`` that begin at ``start`` (T, n) and correct
     ``share`` κ of their deviation from the ``path`` at each step.
     """
-    chain, rows = path.chain, len(path.chain.task)
+    chain = path.chain
+    rows = len(path.chain.task)
     poses = [start]
     for target, v in zip(path.poses[:-1], path.v, strict=True):
         deviation = chain.displacement(chain.pose(poses[-1]), chain.pose(target))

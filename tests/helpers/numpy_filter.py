@@ -22,16 +22,20 @@ def plain_filter(
     rng,
 ) -> Posterior:
     """Arguments and result of :func:`pipeline.filtering.particle_filter.particle_filter`."""
-    grid, count = len(commands.v) + 1, options.particles
+    grid = len(commands.v) + 1
+    count = options.particles
     frame, step, share = measurements.schedule(len(commands.v), dt)
     left_out = len(measurements.t) - len(frame)
-    mean, covariance, ess = np.empty((grid, 3)), np.empty((grid, 3, 3)), np.empty(grid)
+    mean = np.empty((grid, 3))
+    covariance = np.empty((grid, 3, 3))
+    ess = np.empty(grid)
     resampled, measured = np.zeros((2, grid), dtype=bool)
     clipped, outside = np.zeros((2, grid), dtype=int)
 
     uniform = np.full(count, 1.0 / count)
     log_uniform = np.log(uniform)
-    weights, log_weights = uniform, log_uniform
+    weights = uniform
+    log_weights = log_uniform
     q, outside[0] = initial_particles(start, chain, count, rng, measurements.take)
     before = q
     for k in range(grid):
@@ -55,14 +59,16 @@ def plain_filter(
                 raise DegenerateFilterError("all weights vanished", step=k)
             weights = np.exp(log_weights - peak)
             log_total = peak + np.log(weights.sum())
-            weights, log_weights = weights / weights.sum(), log_weights - log_total
+            weights = weights / weights.sum()
+            log_weights = log_weights - log_total
 
         mean[k] = weights @ q
         covariance[k] = (weights * (q - mean[k]).T) @ (q - mean[k])
         ess[k] = 1.0 / (weights @ weights)
         if options.scheme != "none" and ess[k] < options.threshold * count:
             q = q[chosen_by(options.scheme, weights, rng)]
-            weights, log_weights = uniform, log_uniform
+            weights = uniform
+            log_weights = log_uniform
             resampled[k] = True
     return Posterior(
         mean,

@@ -18,7 +18,8 @@ def plain_steps(model, chain, q, v, rng) -> tuple[np.ndarray, int]:
     each, and how many were clipped; a block at a time, as the compiled laws draw.
     """
     commands = np.broadcast_to(v, (len(q), np.shape(v)[-1]))
-    draws, clipped = [], 0
+    draws = []
+    clipped = 0
     for first in range(0, len(q), DRAWN):
         block = slice(first, first + DRAWN)
         drawn, clipped_of_block = _block(model, chain, q[block], commands[block], rng)

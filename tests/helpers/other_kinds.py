@@ -208,9 +208,11 @@ def write_robot(
 
 def write_serial(folder: Path, count: int, sensors: int = 0) -> None:
     """Write a URDF of a chain of joints, with ``sensors`` fixed to each of its links."""
-    links, joints = ["l0"], []
+    links = ["l0"]
+    joints = []
     for k in range(count):
-        link, following = f"l{k}", f"l{k + 1}"
+        link = f"l{k}"
+        following = f"l{k + 1}"
         links.append(following)
         joints.append(joint(f"j{k}", link, following))
         for number in range(sensors):

@@ -14,7 +14,8 @@ LENGTHS = np.array([0.155, 0.135, 0.17])  # m
 
 def planar_chain(x=0.0, z=0.0, signs=(1.0, 1.0, 1.0), limit=3.0) -> PlanarChain:
     """The chain of these lengths with its first joint at ``x``, ``z``, straight up at zero."""
-    links, ends = np.stack([np.zeros(3), LENGTHS], axis=1), np.full(3, limit)
+    links = np.stack([np.zeros(3), LENGTHS], axis=1)
+    ends = np.full(3, limit)
     return PlanarChain(
         np.array([x, z]),
         links,

@@ -83,7 +83,8 @@ def copy_project(folder: Path) -> None:
     """
     listed = succeeds("git", "ls-files", "-z", "-co", "--exclude-standard", cwd=ROOT)
     for name in filter(None, listed.split("\0")):
-        source, target = ROOT / name, folder / name
+        source = ROOT / name
+        target = folder / name
         written = name.startswith("reports/") and name not in BY_HAND
         written |= source.name == "dvc.lock"
         if source.is_file() and not written:

@@ -44,7 +44,8 @@ def motion(arm: SerialChain, steps: int, rest: int, size: float = 0.02) -> tuple
     """(steps + 1, n) regular poses in rad of a slow motion, at rest over the first ``rest`` steps,
     and its commands (steps, m) or (steps, m + n).
     """
-    n, m = len(arm.lower), len(arm.task)
+    n = len(arm.lower)
+    m = len(arm.task)
     rng = default_rng(7)
     candidates = rng.uniform(-2, 2, (400, n))
     starts = candidates[regularity(arm, candidates).argsort()[-20:]]

@@ -56,7 +56,8 @@ def on_take(change):
         (first,) = (i for i, line in enumerate(lines) if line.startswith(b",Type"))
         cells = [line.rstrip(b"\r\n").split(b",") for line in lines[first:]]
         count = rows[0] - first  # of the rows of labels
-        labels, frames = cells[:count], cells[count:]
+        labels = cells[:count]
+        frames = cells[count:]
         markers = range(2, len(labels[1]), 3)
         change(labels, frames, markers, severity, rng)
 

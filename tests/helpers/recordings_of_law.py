@@ -18,8 +18,11 @@ from pipeline.models.steps import process_noise
 
 ROOT = Path(__file__).parents[2]
 JOINTS = ["arm_joint_2", "arm_joint_3", "arm_joint_4"]
-INGEST, TRACK = Path("data/ingest/motion"), Path("data/track")
-TAKES, STEPS, REST = 12, 80, 20
+INGEST = Path("data/ingest/motion")
+TRACK = Path("data/track")
+TAKES = 12
+STEPS = 80
+REST = 20
 RATE = 100.0  # 1/s
 TRUE = GaussianModel(alpha=0.05, u=25.0)
 MEASUREMENT = np.array([[4.0, -1.0, 0.0], [-1.0, 5.0, 1.0], [0.0, 1.0, 3.0]]) * 1e-7
@@ -52,7 +55,8 @@ def drawn_takes(chain: PlanarChain) -> tuple[np.ndarray, np.ndarray]:
     steps = np.diff(path, axis=0)
     v = np.matvec(chain.jacobian(path[:-1]), steps)
 
-    rng, takes = np.random.default_rng(1), 2 * TAKES
+    rng = np.random.default_rng(1)
+    takes = 2 * TAKES
     q = np.empty((takes, STEPS + 1, 3))
     q[:, 0] = path[0]
     for k in range(STEPS):

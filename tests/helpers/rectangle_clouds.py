@@ -13,7 +13,8 @@ def motion(frames: int = 97) -> np.ndarray:
     to 1.3 rad a joint.
     """
     phase = (1 - np.cos(np.linspace(0, 2 * np.pi, frames))) / 2
-    first, way = np.array([-55.0, 135.0, -60.0]), np.array([75.0, -70.0, 75.0])
+    first = np.array([-55.0, 135.0, -60.0])
+    way = np.array([75.0, -70.0, 75.0])
     return np.radians(first + phase[:, None] * way)
 
 

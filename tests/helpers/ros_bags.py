@@ -32,7 +32,8 @@ class Message:
 
     def for_version(self, version: str) -> object:
         """The message of a ROS version, with a header and with messages in its fields."""
-        types, fields = STORES[version].types, dict(self.fields)
+        types = STORES[version].types
+        fields = dict(self.fields)
         if "fields" in fields:
             point = types["sensor_msgs/msg/PointField"]
             fields["fields"] = [point(*field) for field in fields["fields"]]
@@ -178,14 +179,17 @@ def write_bag(
     message) or zstd_file (the whole file).
     """
     if form.startswith("ros1"):
-        version, writer = "ros1", ros1_writer(folder, form)
+        version = "ros1"
+        writer = ros1_writer(folder, form)
         serialise = STORES[version].serialize_ros1
     else:
-        version, writer = "ros2", ros2_writer(folder, form)
+        version = "ros2"
+        writer = ros2_writer(folder, form)
         serialise = STORES[version].serialize_cdr
 
     with writer:
-        connections, messages = {}, []
+        connections = {}
+        messages = []
         for topic, entries in recorded.items():
             kind = entries[0][1].kind if entries else kinds[topic]
             connection = writer.add_connection(topic, kind, typestore=STORES[version])

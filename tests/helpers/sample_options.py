@@ -15,7 +15,8 @@ from pipeline.core.options.dataset import (
 )
 
 ORIGIN = Pose([0.0, 0.0, 0.0], [0.0, 0.0, 0.0])
-ROBOT, MOTION = Robot("arm.urdf", ["a", "b", "c"], plane=True), Motion(100.0, 10)
+ROBOT = Robot("arm.urdf", ["a", "b", "c"], plane=True)
+MOTION = Motion(100.0, 10)
 SPACE = Workspace(0.06, 0.05, 0.06, -0.015, 0.0, 30, 1500)
 SAMPLES: dict[type, dict[str, Any]] = {
     ArticulationSection: {

@@ -77,7 +77,8 @@ def write_takes(folder: Path) -> None:
 
 def write_forces(folder: Path) -> None:
     """Logs of a force transducer by both programs of ATI."""
-    time, felt = np.arange(500) / 100, default_rng(4).normal(size=(2, 500, 3))
+    time = np.arange(500) / 100
+    felt = default_rng(4).normal(size=(2, 500, 3))
     record = ForceRecord(time, *felt, 100.0, "FT7", START, {})
     write_daqft(folder / "points.csv", record)
     write_daqft(folder / "commas.csv", record, decimal=",")

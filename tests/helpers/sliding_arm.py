@@ -9,7 +9,8 @@ from pipeline.arm.chain import SerialChain
 
 def sliding_arm(axes: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> SerialChain:
     """Three joints that slide along the unit vectors ``axes`` (3, 3), a row a joint."""
-    placements, before = [], np.eye(3)
+    placements = []
+    before = np.eye(3)
     for axis in np.asarray(axes, dtype=float):
         # its third column along the axis
         frame = np.linalg.svd(axis[None])[2].T[:, [1, 2, 0]]

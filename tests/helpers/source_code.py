@@ -64,7 +64,8 @@ def needed(module: str, harmless: set[str]) -> set[str]:
     """The modules that ``module`` runs on, itself and the packages they lie in included, without
     ``harmless`` ones and what those alone import.
     """
-    reached, waiting = {"pipeline.__init__"}, [module]
+    reached = {"pipeline.__init__"}
+    waiting = [module]
 
     while waiting:
         current = waiting.pop()

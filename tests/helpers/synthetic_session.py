@@ -7,7 +7,8 @@ from pipeline.laboratory.causes import sway
 from pipeline.laboratory.options import DynamicsOptions, TrajectoryOptions
 
 DATASET = dataset_values(CONF / "dataset" / "youbot_sway.yaml")
-ROBOT, LABORATORY = DATASET["robot"], DATASET["laboratory"]
+ROBOT = DATASET["robot"]
+LABORATORY = DATASET["laboratory"]
 ARM = load_arm(ROBOT["urdf"], ROBOT["joints"], ROBOT["tool"], ROBOT["locked"])
 TRAJECTORY = TrajectoryOptions(**LABORATORY["trajectory"])
 DYNAMICS = sway.Options()  # with every disturbance

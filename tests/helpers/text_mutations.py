@@ -33,7 +33,8 @@ def _replace_one(pattern: bytes, new: bytes, content: bytes, rng: Rng) -> bytes:
         return content
     number = int(rng.integers(len(matches)))
     match = matches[number]
-    before, after = content[: match.start()], content[match.end() :]
+    before = content[: match.start()]
+    after = content[match.end() :]
     return before + match.expand(new) + after
 
 

@@ -49,7 +49,8 @@ def test_depth_of_a_box_equals_that_of_analytic_slabs(seed):
     rotation = Rotation.random(rng=rng).as_matrix()
     centre = np.array([*rng.uniform(-0.1, 0.1, 2), 1.2])
     half = np.array([0.1, 0.07, 0.2])
-    x, y = (np.arange(80) - 39.5) / 80, (np.arange(60) - 29.5) / 80
+    x = (np.arange(80) - 39.5) / 80
+    y = (np.arange(60) - 29.5) / 80
 
     solid = place_solid(prism(BOX, -half[1], half[1]), rotation, centre)
     depth, grazing = cast(solid, x, y)
@@ -57,8 +58,10 @@ def test_depth_of_a_box_equals_that_of_analytic_slabs(seed):
     rays = np.stack([*np.meshgrid(x, y), np.ones((60, 80))], axis=-1) @ rotation
     origin = -centre @ rotation
     walls = np.stack([-half - origin, half - origin])[:, None, None] / rays
-    near, far = walls.min(axis=0), walls.max(axis=0)
-    enter, leave = near.max(axis=-1), far.min(axis=-1)
+    near = walls.min(axis=0)
+    far = walls.max(axis=0)
+    enter = near.max(axis=-1)
+    leave = far.min(axis=-1)
     hit = enter < leave
     assert_array_equal(np.isfinite(depth), hit)
     assert_allclose(depth[hit], enter[hit], rtol=1e-9)

@@ -18,7 +18,8 @@ from pipeline.laboratory.dynamics import open_session
 from pipeline.laboratory.force import directions, record_force, slipping, wander
 from pipeline.laboratory.options import Robots, TrajectoryOptions, Transducer
 
-TENSION, DIRECTION = np.array([9.0, 7.0, 8.0]), np.array([0.15, 3.7, 1.6])
+TENSION = np.array([9.0, 7.0, 8.0])
+DIRECTION = np.array([0.15, 3.7, 1.6])
 
 
 def pulled(tension, direction, elevation=None, attachment=None) -> SimpleNamespace:
@@ -47,7 +48,9 @@ def silent_record(cables):
 
 @pytest.mark.parametrize("rate", [62.5, 2.0])
 def test_slipping_has_the_moments_and_correlation_of_its_law_at_any_sampling_rate(rate):
-    slip_rate, recovery, sd = 20.0, 0.25, 1.7
+    slip_rate = 20.0
+    recovery = 0.25
+    sd = 1.7
     robots = replace(ROBOTS, slip_rate=slip_rate, slip_recovery=recovery)
     paths = slipping(np.full(PATHS, sd), robots, 40, rate, default_rng(29)) / sd
     skewness = -2 / np.sqrt(slip_rate * recovery)
@@ -75,7 +78,8 @@ def test_wander_is_a_stationary_ornstein_uhlenbeck_process_at_any_sampling_rate(
 
 
 def test_directions_spread_by_their_concentration_and_tensions_by_their_deviation():
-    kappa, robots = 6.0, 400
+    kappa = 6.0
+    robots = 400
     many = Robots(tension_sd=(1.5,) * robots, concentration=(kappa,) * robots)
     cables = pulled(np.full(robots, 30.0), np.full(robots, 1.0))
     record = record_force(cables, many, SILENT, 0.0, 40.0, default_rng(31))
@@ -122,7 +126,9 @@ def test_in_a_plane_nothing_pulls_out_of_it_and_cables_at_one_point_turn_otherwi
 def test_directions_in_space_spread_by_their_concentration_alike_in_all_directions(
     kappa,
 ):
-    azimuth, elevation, many = 0.4, 0.8, 600
+    azimuth = 0.4
+    elevation = 0.8
+    many = 600
     cables = pulled([1.0] * many, [azimuth] * many, [elevation] * many)
     options = {"tension_sd": (1.0,) * many, "concentration": (kappa,) * many}
     robots = Robots(**options, wander_time=0.4)

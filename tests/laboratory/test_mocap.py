@@ -33,7 +33,8 @@ def planar_angles(frames: int) -> np.ndarray:
 
 def captured(frames: int, **options) -> dict[str, np.ndarray]:
     """Markers of the planar arm, with ``options`` of the motion capture beside SILENT."""
-    q, rng = planar_angles(frames), default_rng(5)
+    q = planar_angles(frames)
+    rng = default_rng(5)
     chosen = replace(SILENT, **options)
     return mocap.capture(ARM, q, TEMPLATE, (WORLD, ORIGIN), chosen, rng)
 
@@ -83,7 +84,8 @@ def test_noise_has_the_stated_deviation():
 
 
 def test_the_error_of_placement_is_drawn_once_with_the_stated_deviation():
-    options, rng = MocapOptions(placement_std=1e-3), default_rng(3)
+    options = MocapOptions(placement_std=1e-3)
+    rng = default_rng(3)
     errors = []
     for _ in range(400):
         errors.append(mocap.place_markers(TEMPLATE, options, rng) - TEMPLATE)
@@ -116,7 +118,8 @@ def test_swaps_exchange_two_labels_of_one_link():
 
 def test_lost_labels_reappear_as_unlabeled_columns():
     markers = captured(3000, lost_label_rate=0.005, lost_label_frames=5)
-    observed, true = labelled(markers), labelled(captured(3000))
+    observed = labelled(markers)
+    true = labelled(captured(3000))
     strays = stray_columns(markers)
 
     assert strays
@@ -168,7 +171,8 @@ def test_without_noise_a_body_is_where_pinocchio_carries_its_mount(rng, link):
 
 
 def test_the_body_of_a_link_is_carried_by_the_arm_as_built():
-    nominal, (link,) = chain_of(LWR4), link_chains(LWR4, ["link_5"], "key").values()
+    nominal = chain_of(LWR4)
+    (link,) = link_chains(LWR4, ["link_5"], "key").values()
     longer = 1.1 * nominal.placements
 
     built = mocap.as_built(link, replace(nominal, placements=longer))

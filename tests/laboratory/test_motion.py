@@ -21,8 +21,10 @@ COMMAND, SPEED = dynamics.desired_joints(T, TRAJECTORY)  # at 1 kHz
 
 
 def test_the_arm_rests_folded_goes_out_rests_and_comes_back_the_same_way():
-    half, rest = TRAJECTORY.duration / 2, TRAJECTORY.rest
-    folded, extended = np.array(TRAJECTORY.folded), np.array(TRAJECTORY.extended)
+    half = TRAJECTORY.duration / 2
+    rest = TRAJECTORY.rest
+    folded = np.array(TRAJECTORY.folded)
+    extended = np.array(TRAJECTORY.extended)
     ends = (T <= rest) | (T >= TRAJECTORY.duration - rest)
     turn = np.abs(T - half) <= rest
     outwards = (T > rest) & (T < half - rest)
@@ -125,7 +127,8 @@ def test_lagged_noise_has_variance_one_and_the_correlation_of_four_lags(
 
 
 def test_a_session_draws_zeros_and_lengths_of_the_stated_size(rng):
-    options, sessions = replace(QUIET, encoder_offset_std=2e-3, length_std=3e-4), 1000
+    options = replace(QUIET, encoder_offset_std=2e-3, length_std=3e-4)
+    sessions = 1000
     opened = [dynamics.open_session(ARM.chain, options, rng) for _ in range(sessions)]
     offsets = np.array([session.encoder for session in opened])
     links = np.array([session.chain.links for session in opened])

@@ -63,7 +63,8 @@ def table_in_text(first: str) -> dict[str, dict[str, str]]:
     return {row[0]: dict(zip(header, row, strict=True)) for row in rows}
 
 
-STATED, EXCLUDING = table_in_text("quantity"), table_in_text("observation")
+STATED = table_in_text("quantity")
+EXCLUDING = table_in_text("observation")
 PAIRS = ((0, 1), (0, 2), (1, 2))
 COUNTED = ("within 0.1", "factor 1.5")  # rules of the published numbers
 
@@ -123,7 +124,8 @@ def recorded(request) -> Session:
 def path_numbers(recorded: Session) -> dict[str, float]:
     """Peak speed in rad/s, greatest ‖J⁻¹‖_F and share of the steps at rest."""
     motion = recorded.trajectory
-    start, end = np.array(motion.folded), np.array(motion.extended)
+    start = np.array(motion.folded)
+    end = np.array(motion.extended)
     moving = motion.duration / 2 - 2 * motion.rest - motion.ramp
     q = start + np.linspace(0, 1, 101)[:, None] * (end - start)
     norms = frobenius(ARM.chain.inverse_jacobian(q))
@@ -155,7 +157,9 @@ def covariance_numbers(recorded: Session) -> dict[str, float]:
 
 def model_numbers(recorded: Session) -> dict[str, float]:
     """σ̂_B and α̂ at û = 18 that have the recorded total variance of a step."""
-    q, v, noise = recorded.seen[:, :-1], recorded.v, recorded.noise
+    q = recorded.seen[:, :-1]
+    v = recorded.v
+    noise = recorded.noise
     steps = Recorded(ARM.chain, q, v, noise, tuple(ROBOT["joints"]))
     sigma_b = estimate(steps, Options(kind="wishart")).estimates["sigma_b"]
 
@@ -172,7 +176,9 @@ def torque_numbers(cause: str) -> dict[str, float]:
     no motor moves the link.
     """
     recorded = session(cause, clearance=0.0)
-    t, q, motion = recorded.take.t, recorded.take.q, recorded.trajectory
+    t = recorded.take.t
+    q = recorded.take.q
+    motion = recorded.trajectory
     speed = np.gradient(q, t[1] - t[0], axis=1)
     acceleration = np.gradient(speed, t[1] - t[0], axis=1)
     _, commanded = desired_joints(np.clip(t, 0.0, motion.duration), motion)
@@ -192,7 +198,8 @@ def torque_numbers(cause: str) -> dict[str, float]:
 def reduced_robot() -> pin.Model:
     """Return the robot with all joints but the moving ones locked."""
     whole = pin.buildModelFromUrdf(str(ROOT / ROBOT["urdf"]))
-    locked, step = [], np.zeros(whole.nv)
+    locked = []
+    step = np.zeros(whole.nv)
     for name in whole.names[1:]:
         number = whole.getJointId(name)
         if name not in ROBOT["joints"]:
@@ -225,7 +232,8 @@ def speed_numbers(recorded: Session) -> dict[str, float]:
 
 def arm_speeds(q: np.ndarray, recorded: Session) -> Mapping[str, float]:
     nominal = ARM.chain.nominal_step(q[:, :-1], recorded.v)
-    limits, names = ARM.chain.max_speed, [f"joint_{j}" for j in (1, 2, 3)]
+    limits = ARM.chain.max_speed
+    names = [f"joint_{j}" for j in (1, 2, 3)]
     rate = recorded.trajectory.rate
     return speed_scores(np.diff(q, axis=1), nominal, limits, rate, names)
 
@@ -237,7 +245,8 @@ def time_numbers(recorded: Session) -> dict[str, float]:
     """Numbers of the noise of joint 2 that the paper does not print: size at rest, size of a pose,
     and what is left a step or a depth frame later.
     """
-    noise, deviation = recorded.noise[..., 1], recorded.deviation[..., 1]
+    noise = recorded.noise[..., 1]
+    deviation = recorded.deviation[..., 1]
     still = ~np.any(recorded.v, axis=-1)
     std = noise.std(axis=0)
     at_rest = std[still].mean() / std[recorded.full_speed].mean()
@@ -306,7 +315,8 @@ def test_the_table_states_every_causes_numbers_and_which_keep_their_rules(record
     obeyed_rows = {name: [] for name in ("published values", "limits")}
     for name, value in numbers.items():
         row = STATED[name]
-        cell, rule = row[recorded.cause], row["rule"]
+        cell = row[recorded.cause]
+        rule = row["rule"]
         # standard error of a variance over 60 correlated takes: about 5 %
         stated = float(cell.strip("*"))
         assert value == pytest.approx(stated, rel=0.08, abs=0.01), name
@@ -376,7 +386,8 @@ def test_the_default_cause_keeps_most_limits_of_those_that_reproduce_most_number
 
 
 def test_steps_know_of_each_other_and_the_models_steps_do_not(recorded):
-    noise, moving = recorded.noise, recorded.full_speed
+    noise = recorded.noise
+    moving = recorded.full_speed
     # a short motion sees slow noise as a part of its mean
     slow = recorded.cause == "poses"
     correlation, _ = later_noise(
@@ -388,7 +399,9 @@ def test_steps_know_of_each_other_and_the_models_steps_do_not(recorded):
     assert np.all(np.abs(correlation) > 0.3)
     assert {*np.sign(correlation)} == ({-1} if recorded.cause == "timing" else {1})
 
-    q, v, rng = recorded.seen, recorded.v, default_rng(13)
+    q = recorded.seen
+    v = recorded.v
+    rng = default_rng(13)
     nominal = q[:, 1:] - noise
     models = (
         AdditiveModel(mean_covariance(noise)),

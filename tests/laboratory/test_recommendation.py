@@ -31,7 +31,10 @@ from pipeline.models.joint_error.samples import JointRun
 from pipeline.models.joint_error.search import JUMP_INPUTS
 from pipeline.studies.simulated import SIZES, disturb
 
-RATE, STEPS, REST, REPEATS = 100.0, 160, 20, 6
+RATE = 100.0
+STEPS = 160
+REST = 20
+REPEATS = 6
 POSE_NOISE = 3e-5  # rad, of a joint angle from the motion capture
 PHYSICS = {
     "as it is": {},
@@ -52,11 +55,16 @@ OPTIONS = {  # of the disturbances, beside the factors on their sizes
     "lasting": dict(sway_time=0.054, clearance_time=0.02),
 }
 # response of an angle to a jump of the speed: rad per rad/s, and its time constant in s
-JUMP_GAIN, JUMP_TIME = 4e-3, 0.06
+JUMP_GAIN = 4e-3
+JUMP_TIME = 0.06
 # shares of the time and of the way between which the speed is constant
 UNEVEN = (0.0, 0.25, 0.5, 0.75, 1.0), (0.0, 0.4, 0.5, 0.9, 1.0)
-LAG, LAG_STD = 8e-3, 3e-3  # s, of the runs
-KNOWN, FRESH = 6, 4  # motions to fit and choose by, to score on
+# s, of the runs
+LAG = 8e-3
+LAG_STD = 3e-3
+# motions to fit and choose by, to score on
+KNOWN = 6
+FRESH = 4
 WIDTH = 0.3  # rad between poses
 MIDDLE = np.array([0.1, 0.7, 0.0, -1.2, 0.0, 0.8, 0.5])  # rad, pose
 LAWS = ("joint_step", "joint_error_normal")
@@ -69,7 +77,8 @@ def simulated(physics: str, seed: int) -> list[JointRun]:
     joints JOINTS. With jumps of the speed, each angle misses its command after a jump; with a lag
     by run, the angles are measured LAG ± LAG_STD after the command.
     """
-    jumps, lagging = physics == "jumps of the speed", physics == "lag by run"
+    jumps = physics == "jumps of the speed"
+    lagging = physics == "lag by run"
     rng = np.random.default_rng(seed)
     nominal = chain_of(LWR4)
     values = read_yaml(CONF / "dataset/lwr4_lab.yaml")["laboratory"]["dynamics"]
@@ -134,8 +143,10 @@ def response_to_jumps(command: np.ndarray) -> np.ndarray:
 
 def judged(physics: str, seed: int) -> tuple[str | None, dict[str, float]]:
     """Choose a law on the known motions; score all on the fresh ones, mean over horizons."""
-    runs, options = simulated(physics, seed), model_options(LAWS)
-    fitted, fresh = runs[: KNOWN * REPEATS], runs[KNOWN * REPEATS :]
+    runs = simulated(physics, seed)
+    options = model_options(LAWS)
+    fitted = runs[: KNOWN * REPEATS]
+    fresh = runs[KNOWN * REPEATS :]
     chosen, _ = chosen_law(held_out(fitted, options)["joint_scores"])
     scores = {}
     for name, law_options in options.items():
@@ -159,7 +170,8 @@ def test_the_recommended_law_is_among_the_best_on_fresh_motions_of_every_physics
 @pytest.mark.parametrize("name", ["jumps of the speed", "lag by run"])
 def test_sigma_on_fresh_motions_is_right_after_jumps_and_with_an_unknown_lag(name):
     runs = simulated(name, [*PHYSICS].index(name) + 1)
-    fitted, fresh = runs[: KNOWN * REPEATS], runs[KNOWN * REPEATS :]
+    fitted = runs[: KNOWN * REPEATS]
+    fresh = runs[KNOWN * REPEATS :]
     options = model_options(["joint_error_normal"])["joint_error_normal"]
     law = fit_joint_error(fitted, **options.law())
     lag_known = name != "lag by run"
@@ -175,7 +187,8 @@ def test_sigma_on_fresh_motions_is_right_after_jumps_and_with_an_unknown_lag(nam
         fresh = [at_lag(run, law.lag) for run in fresh]
         # control: without the spread of the lag
         differing = replace(law, lag_std=np.zeros(len(JOINTS)))
-    ratios, scores = {}, {}
+    ratios = {}
+    scores = {}
     for key, scored in {"law": law, "differing": differing}.items():
         rows = pd.DataFrame(score_runs(scored, fresh, lag_known=lag_known)[0])
         commanded = rows[rows["samples"] == "commanded"]
@@ -222,7 +235,8 @@ def cost_of_choices(blocks: int, spread: float) -> tuple[float, float]:
     that the richer law needs an interval above zero: the loss is that to the law that is better on
     all motions. The true margin of the richer law is N(0, 1), that on a block N(true, spread²).
     """
-    rng, losses = np.random.default_rng(blocks), []
+    rng = np.random.default_rng(blocks)
+    losses = []
     for _ in range(60):
         true = rng.standard_normal()
         gains = true + spread * rng.standard_normal(blocks)
@@ -270,9 +284,11 @@ def test_ten_takes_confirm_a_right_law_and_not_a_standard_deviation_wrong_by_hal
     most,
 ):
     # most: one in twenty; least: sixteen in twenty, of ten takes of 6 s each
-    sessions, rng = 20, np.random.default_rng(5)
+    sessions = 20
+    rng = np.random.default_rng(5)
     runs = runs_of_law(known_law(), rng, motions=10, repeats=sessions)
-    law, rows = known_law(scale=factor**2 * known_law().scale), []
+    law = known_law(scale=factor**2 * known_law().scale)
+    rows = []
     for number, run in enumerate(runs):
         place = {"model": "law", "motion": run.motion, "session": number % sessions}
         rows += [place | row for row in score_runs(law, [run])[0]]
@@ -283,7 +299,8 @@ def test_ten_takes_confirm_a_right_law_and_not_a_standard_deviation_wrong_by_hal
 
 @pytest.mark.slow
 def test_a_law_without_memory_is_recognised_and_one_with_memory_too():
-    rng, options = np.random.default_rng(11), model_options(LAWS)
+    rng = np.random.default_rng(11)
+    options = model_options(LAWS)
     for law, expected in (
         (persistent_law(), "joint_step"),
         (known_law(), "joint_error_normal"),

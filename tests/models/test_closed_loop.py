@@ -29,7 +29,9 @@ from pipeline.models.wishart.decomposition import Decomposition
 from pipeline.models.wishart.fit import Options as Wishart
 from pipeline.models.wishart.law import WishartModel
 
-TAKES, STEPS, REST = 30, 60, 10
+TAKES = 30
+STEPS = 60
+REST = 10
 JOINTS = ("a", "b", "c")
 POSE = np.array([3e-3, 3e-3, 4e-3])  # rad, standard deviation of a measured pose
 COVARIANCE = 1e-5 * np.array([[3.0, -2.0, 1.0], [-2.0, 4.0, -1.5], [1.0, -1.5, 9.0]])
@@ -95,7 +97,8 @@ def takes_about_their_mean(path: closed_loop.MeanPath, v: np.ndarray, share: flo
     """(20, STEPS + 1, 3) poses of takes without noise under the commands ``v`` that correct
     ``share`` of their deviation from the mean of the takes, as in the fit.
     """
-    chain, off = path.chain, 1e-3 * default_rng(2).standard_normal((20, 3))
+    chain = path.chain
+    off = 1e-3 * default_rng(2).standard_normal((20, 3))
     poses = [path.poses[0] + off]
     for command in v:
         q = poses[-1]
@@ -105,7 +108,8 @@ def takes_about_their_mean(path: closed_loop.MeanPath, v: np.ndarray, share: flo
 
 
 def test_the_noise_left_in_a_loop_is_what_was_put_in_with_the_measurements(path):
-    chain, share = path.chain, 0.4
+    chain = path.chain
+    share = 0.4
     v = path.v + 1e-9
     v[:5] = 0.0
     q = takes_about_their_mean(path, v, share)
@@ -192,7 +196,8 @@ def test_its_interval_covers_the_truth_as_it_says_and_the_regressions_does_not(
     """At least 12 of 16 intervals of 95 % cover the truth, which nine in 10 000 such sets miss, and
     the mean deviation is within one standard error. Control: regression.
     """
-    likelihood, regressed = [], []
+    likelihood = []
+    regressed = []
     for seed in range(16):
         recorded = takes_of(kind, path, 0.4, seed)
         fit = fitted(kind, recorded)
@@ -235,7 +240,8 @@ def log_likelihoods(
 
     # rows of e_k − e_0 in (e_0, w_0, w_1, …)
     first = np.eye(n, n * poses)
-    row, rows = first, []
+    row = first
+    rows = []
     for k in range(steps):
         transition = space.drift[k] - share * space.correction[k]
         row = transition @ row + np.eye(n, n * poses, n * (k + 1))
@@ -252,7 +258,9 @@ def log_likelihoods(
 
 def test_the_likelihood_is_that_of_the_whole_motion_as_one_normal_vector():
     rng = default_rng(4)
-    n, steps, takes = 2, 5, 6
+    n = 2
+    steps = 5
+    takes = 6
     space = closed_loop.StateSpace(
         drift=np.eye(n) + 0.1 * rng.standard_normal((steps, n, n)),
         correction=np.eye(n) + 0.1 * rng.standard_normal((steps, n, n)),

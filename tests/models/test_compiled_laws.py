@@ -40,7 +40,9 @@ ARMS = {
         [-1.0, 1.0, -1.0],
     ),
 }
-POSE, DRAWS, SIGMA_B = np.array([0.4, 1.7, -0.3]), 20_000, 0.2
+POSE = np.array([0.4, 1.7, -0.3])
+DRAWS = 20_000
+SIGMA_B = 0.2
 
 
 @pytest.fixture
@@ -74,7 +76,8 @@ def test_every_compiled_law_is_its_formula_in_numpy(model, name, v):
     sound = condition < 400
     assert sound.mean() > 0.98
 
-    compiled_rng, plain_rng = default_rng(2), default_rng(2)
+    compiled_rng = default_rng(2)
+    plain_rng = default_rng(2)
     moved, clipped = draw_steps(model, arm, q, v, compiled_rng)
     expected, expected_clipped = plain_steps(model, arm, q, v, plain_rng)
 
@@ -256,7 +259,8 @@ def test_wishart_steps_have_the_moments_of_the_closed_form_whatever_the_size(
     """Bands: five standard errors of the mean and of the covariance, which has heavy tails."""
     chain, q, command = arm_and_command(n, m)
     decomposition = Decomposition(name)
-    v, jacobian = command[:m], chain.jacobian(q)
+    v = command[:m]
+    jacobian = chain.jacobian(q)
     a, back, _ = split(jacobian, v, decomposition)
     d = (m + 1) / SIGMA_B**2
     of_task = d / (d - m - 1) * np.linalg.pinv(jacobian) @ v

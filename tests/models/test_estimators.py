@@ -30,7 +30,8 @@ from pipeline.randommatrix.wishart import normalized_std
 from pipeline.studies.recovery.stage import draw_data
 
 MEASUREMENT = np.diag([0.6, 1.5, 1.7]) * 1e-6
-TAKES, REST = 60, 20
+TAKES = 60
+REST = 20
 
 
 @pytest.fixture
@@ -200,7 +201,8 @@ def test_a_motion_at_rest_throughout_is_refused(record, kind, estimator):
 
 def test_the_curve_over_the_weight_falls_through_the_moment_estimate(record):
     data = record(WishartModel(0.5), takes=20, speed=0.1)
-    options, rng = wishart("moments"), default_rng(3)
+    options = wishart("moments")
+    rng = default_rng(3)
     fitted = estimate(data, options)
 
     _, tables = diagnose(data, options, fitted, 1, rng)
@@ -208,7 +210,8 @@ def test_the_curve_over_the_weight_falls_through_the_moment_estimate(record):
 
     for _, points in tables["sigma_b_weights"].groupby("source"):
         rows = dict([*points.groupby("point")])
-        curve, ratio = rows["curve"], rows["moments"]["ratio"].item()
+        curve = rows["curve"]
+        ratio = rows["moments"]["ratio"].item()
         near = np.interp(np.log(ratio), np.log(curve["ratio"]), curve["sigma_b"])
         assert near == pytest.approx(fitted.estimates["sigma_b"], rel=0.15)
         assert curve["sigma_b"].iloc[-1] < 0.5 * curve["sigma_b"].iloc[0]
@@ -231,7 +234,8 @@ def test_the_papers_estimate_follows_the_bound_where_the_bound_holds_steps(
     ratio_of_ends,
 ):
     data = record(WishartModel(sigma_b), takes=20, speed=speed)
-    options, rng = wishart("moments"), default_rng(3)
+    options = wishart("moments")
+    rng = default_rng(3)
 
     metrics, tables = diagnose(data, options, estimate(data, options), 1, rng)
 
@@ -252,7 +256,9 @@ every_arm = pytest.mark.parametrize(
 )
 
 
-COUNT, STEPS = 40, 80  # takes, and steps of each, on the arms below
+# takes, and steps of each, on the arms below
+COUNT = 40
+STEPS = 80
 
 
 def scene(n: int, m: int):

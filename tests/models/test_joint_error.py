@@ -51,8 +51,10 @@ LAWS = {
 @pytest.mark.parametrize("name", LAWS)
 @pytest.mark.parametrize("steps", [1, 10, 50])
 def test_draws_have_the_mean_and_the_variance_of_the_prediction(name, steps):
-    law, rng = LAWS[name], np.random.default_rng(5)
-    start, draws = 200, 4000
+    law = LAWS[name]
+    rng = np.random.default_rng(5)
+    start = 200
+    draws = 4000
     command = sweep(1)[: start + steps + 1]
     dq = np.diff(command, axis=0)
     q = np.tile(command[0], (draws, 1))
@@ -60,7 +62,9 @@ def test_draws_have_the_mean_and_the_variance_of_the_prediction(name, steps):
     path = [q[0]]
     for step in dq[:start]:
         q, memory = law.follow(q, step, memory, rng)
-        q[:], memory[:] = q[:1], memory[:1]  # all draws have one past
+        # all draws have one past
+        q[:] = q[:1]
+        memory[:] = memory[:1]
         path.append(q[0])
     drift = np.split(memory, 10, axis=-1)[-1]
     drift[:] = rng.standard_normal(drift.shape)  # which the errors do not show
@@ -84,9 +88,12 @@ def test_draws_have_the_mean_and_the_variance_of_the_prediction(name, steps):
 
 
 def test_predictions_of_a_whole_run_are_those_of_each_sample():
-    law, rng = LAWS["tails and drift"], np.random.default_rng(6)
+    law = LAWS["tails and drift"]
+    rng = np.random.default_rng(6)
     (run,) = runs_of_law(law, rng, motions=1, repeats=1)
-    error, command, steps = run.measured - run.command, run.command, 7
+    error = run.measured - run.command
+    command = run.command
+    steps = 7
     outlook = law.outlook(error, law.inputs(command), steps)
     for k in (50, 200, 431):
         count = k + 1
@@ -124,15 +131,20 @@ def test_the_cells_of_quantised_angles_have_probability_one_together(degrees):
 def test_the_compiled_loss_is_that_of_the_laws_own_predictions(name):
     law = LAWS[name]
     (run,) = runs_of_law(law, np.random.default_rng(6), motions=1, repeats=1)
-    error, inputs = run.measured - run.command, law.inputs(run.command)
-    past, horizons, least = law.residuals(error, inputs), [1, 10, 50], 1e-11
+    error = run.measured - run.command
+    inputs = law.inputs(run.command)
+    past = law.residuals(error, inputs)
+    horizons = [1, 10, 50]
+    least = 1e-11
     ends = [np.arange(60, 600, 7), np.arange(60, 600, 9), np.arange(60, 600, 11)]
     for j in range(2):
         expected = 0.0
         degrees = law.degrees[j]
-        factor, density = 1.0, norm
+        factor = 1.0
+        density = norm
         if np.isfinite(degrees):
-            factor, density = 1 - 2 / degrees, student(df=degrees)
+            factor = 1 - 2 / degrees
+            density = student(df=degrees)
         for steps, samples in zip(horizons, ends, strict=True):
             outlook = law.outlook(error, inputs, steps)
             off = (error[steps:] - outlook.mean)[samples - steps, j]
@@ -162,10 +174,12 @@ def commanded_rows(law: JointErrorModel, runs: Sequence[JointRun]) -> list[dict]
 
 
 def test_the_memory_of_a_known_law_is_recovered_and_predicts_fresh_runs():
-    law, rng = known_law(), np.random.default_rng(7)
+    law = known_law()
+    rng = np.random.default_rng(7)
     fitted = fit_joint_error(runs_of_law(law, rng), tails=False)
     # 300 samples by horizon: about .06 a coefficient; .2 is three standard errors of a response
-    impulse, true_impulse = fitted.response(50)[1], law.response(50)[1]
+    impulse = fitted.response(50)[1]
+    true_impulse = law.response(50)[1]
     np.testing.assert_allclose(impulse[:10], true_impulse[:10], atol=0.2)
     # control: the errors do not persist
     assert np.abs(MEMORY - [1.0, 0.0, 0.0]).max() > 0.4
@@ -183,13 +197,12 @@ def test_the_memory_of_a_known_law_is_recovered_and_predicts_fresh_runs():
 @pytest.mark.slow
 def test_sigma_at_the_horizons_is_determined_and_memory_and_sigma_at_full_speed_are_not():
     """Errors fade in 0.095 s, and their variance grows with the square of the speed."""
-    decay, reach = 0.095, 1.0
-    fade = np.exp(-1 / (RATE * decay))
+    fade = np.exp(-1 / (RATE * 0.095))
     scale = np.zeros((2, len(GROWTH)))
     scale[:, GROWTH.index("rest")] = 1e-10
     scale[:, GROWTH.index("growth")] = (384e-6) ** 2 * (1 - fade**2)
     memory = np.tile([fade, 0.0, 0.0], (2, 1))
-    law = known_law(memory=memory, scale=scale, power=2.0, reach=np.full(2, reach))
+    law = known_law(memory=memory, scale=scale, power=2.0, reach=np.ones(2))
     runs = runs_of_law(law, np.random.default_rng(1), motions=6, repeats=20)
     fresh = runs_of_law(law, np.random.default_rng(2), motions=6, repeats=2)
 
@@ -224,7 +237,8 @@ def test_predictions_of_rounded_angles_include_the_rounding():
             runs.append(replace(run, measured=rounded, quantum=quantum))
         return runs
 
-    law, fresh = fit_joint_error(rounded_runs(8), tails=False), rounded_runs(9)
+    law = fit_joint_error(rounded_runs(8), tails=False)
+    fresh = rounded_runs(9)
     for row in commanded_rows(law, fresh):
         # without the variance of the rounding a ratio would be below 0.8
         assert 0.85 < row["predicted_rad"] / row["measured_rad"] < 1.3, row
@@ -250,7 +264,8 @@ def jumping_runs(rng, motions: int = 4, repeats: int = 2) -> list[JointRun]:
     """Runs of two joints whose speed jumps: each error rings down after a jump, Δc·τ·e^(−t/τ), and
     has white noise of 50 µrad.
     """
-    runs, samples = [], 600
+    runs = []
+    samples = 600
     fade = np.exp(-1 / (RATE * 0.06))
     for motion in range(motions):
         speed = np.zeros((samples, 2))
@@ -281,7 +296,8 @@ def jumping_runs(rng, motions: int = 4, repeats: int = 2) -> list[JointRun]:
 
 def test_the_law_is_right_after_jumps_of_the_commanded_speed():
     rng = np.random.default_rng(3)
-    runs, fresh = jumping_runs(rng), jumping_runs(rng)
+    runs = jumping_runs(rng)
+    fresh = jumping_runs(rng)
     law = fit_joint_error(runs, tails=False)
     rows = pd.DataFrame(score_runs(law, fresh)[0])
     for kind in ("commanded", "settled"):
@@ -292,7 +308,8 @@ def test_the_law_is_right_after_jumps_of_the_commanded_speed():
     about_command = [(run.measured - run.command)[run.moving] for run in fresh]
     assert error < 0.5 * np.sqrt(np.mean(np.concatenate(about_command) ** 2))
     # control: without what a jump adds, the law has twice the error
-    gain, scale = law.mean_gain.copy(), law.scale.copy()
+    gain = law.mean_gain.copy()
+    scale = law.scale.copy()
     gain[:, -2:] = 0.0
     scale[:, JUMPS] = 0.0
     blind = replace(law, mean_gain=gain, scale=scale)
@@ -326,7 +343,8 @@ def runs_of_three_joints(rng: np.random.Generator) -> list[JointRun]:
     ):
         three = {"joints": ("a", "b", "c"), "lag": np.zeros(3), "quantum": np.zeros(3)}
         for name in ("command", "measured"):
-            jumping, still = getattr(run, name), getattr(smooth, name)
+            jumping = getattr(run, name)
+            still = getattr(smooth, name)
             three[name] = np.concatenate([jumping, still[:, :1]], axis=1)
         runs.append(replace(run, **three))
     return runs
@@ -349,10 +367,8 @@ def test_the_errors_of_a_joint_without_jumps_have_the_whole_size_after_one():
 
 def test_runs_of_the_only_motion_with_jumps_determine_the_response_to_one():
     rng = np.random.default_rng(3)
-    jumping, smooth = (
-        jumping_runs(rng, motions=1, repeats=4),
-        runs_of_law(known_law(), rng),
-    )
+    jumping = jumping_runs(rng, motions=1, repeats=4)
+    smooth = runs_of_law(known_law(), rng)
     smooth = [replace(run, motion=f"smooth {run.motion}") for run in smooth]
     law = fit_joint_error([*jumping, *smooth], tails=False)
     fresh = [run for run in jumping_runs(rng, motions=2) if run.motion == "1"]
@@ -380,16 +396,22 @@ def test_a_command_between_the_rows_of_a_gap_in_the_clock_is_no_speed():
 
 @pytest.mark.parametrize("steps", [1, 10, 50])
 def test_a_lag_that_is_not_known_widens_the_predictions_by_its_spread(steps):
-    rng, command, last = np.random.default_rng(4), sweep(0), 250
-    mean, spread = np.array([5e-3, -8e-3]), 4e-3
+    rng = np.random.default_rng(4)
+    command = sweep(0)
+    last = 250
+    mean = np.array([5e-3, -8e-3])
+    spread = 4e-3
     law = known_law(lag=mean, lag_std=np.full(2, spread))
-    of_mean_lag, of_own_lag = [], []  # squared errors
+    # squared errors
+    of_mean_lag = []
+    of_own_lag = []
     wide = narrow = None  # variances
     for run in runs_of_law(known_law(), rng, motions=1, repeats=60):
         lag = mean + spread * rng.standard_normal(2)
         delayed = delayed_angles(command, RATE * lag)
         about_sent = run.measured - run.command + delayed - command
-        recorded, target = about_sent[:last], about_sent[last + steps - 1]
+        recorded = about_sent[:last]
+        target = about_sent[last + steps - 1]
 
         predicted, wide = law.predict(recorded, command, steps)
         of_mean_lag.append((target - predicted) ** 2)
@@ -404,8 +426,10 @@ def test_a_lag_that_is_not_known_widens_the_predictions_by_its_spread(steps):
 
 
 def test_without_known_errors_the_arm_starts_at_rest():
-    law, rng = known_law(), np.random.default_rng(6)
-    command, draws = sweep(1)[:80], 3000
+    law = known_law()
+    rng = np.random.default_rng(6)
+    command = sweep(1)[:80]
+    draws = 3000
     mean, covariance = law.predict(np.empty((0, 2)), command, 80)
     std = np.sqrt(np.diag(covariance))
 
@@ -422,7 +446,8 @@ def test_without_known_errors_the_arm_starts_at_rest():
 
 def test_the_lags_of_a_law_are_those_of_its_logs():
     runs = runs_of_law(known_law(), np.random.default_rng(1), motions=3, repeats=1)
-    first, second = np.array([1e-3, 2e-3]), np.array([3e-3, 2e-3])
+    first = np.array([1e-3, 2e-3])
+    second = np.array([3e-3, 2e-3])
     lags = (first, second, second)  # two runs of one log
     runs = [replace(run, lag=lag) for run, lag in zip(runs, lags, strict=True)]
     assert len(lags_of_logs(runs)) == 2

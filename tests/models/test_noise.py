@@ -91,7 +91,8 @@ def model_trace(model, recorded) -> float:
 @pytest.mark.parametrize("size", [1e-4, 1e-1])
 @pytest.mark.parametrize("name", MODELS)
 def test_at_the_recorded_level_the_total_variance_is_the_recorded_one(name, size, m):
-    data, model = recorded(size, m), MODELS[name]
+    data = recorded(size, m)
+    model = MODELS[name]
     if m == 2 and name == "wishart":
         model = replace(model, decomposition=Decomposition("qr"))
 
@@ -165,7 +166,8 @@ def test_without_noise_single_steps_start_where_the_recording_was_and_a_free_run
     step,
     rng,
 ):
-    q, v = takes(poses, 5, 8), np.tile(step, (8, 1))
+    q = takes(poses, 5, 8)
+    v = np.tile(step, (8, 1))
     before = q.copy()
     (single, *lost), (run, *lost_run) = (
         realize(SILENT, chain, q, v, mode, rng) for mode in MODES
@@ -186,7 +188,8 @@ def test_the_deviation_of_single_steps_has_no_spread_of_the_recorded_poses(
     step,
     rng,
 ):
-    q, v = takes(poses, 5, 8), np.tile(step, (8, 1))
+    q = takes(poses, 5, 8)
+    v = np.tile(step, (8, 1))
     single, run = (realize(SILENT, chain, q, v, mode, rng)[0] for mode in MODES)
     _, deviation = realized_moments(chain, q, v, "one_step", single)
     assert deviation.max() < 1e-12 < single.std(axis=0).min()
@@ -219,7 +222,8 @@ def test_the_bias_of_a_step_is_the_mean_of_many_draws_and_zero_for_a_normal_law(
 
 
 def test_a_free_run_that_reaches_a_singular_pose_is_lost_and_counted(chain, poses, rng):
-    q, v = takes(poses, 3, 4), np.zeros((4, 3))
+    q = takes(poses, 3, 4)
+    v = np.zeros((4, 3))
     first = q[0, 0]
     straight = first.copy()
     straight[1] = chain.straight
@@ -243,7 +247,8 @@ def test_the_spread_stays_step_by_step_and_grows_with_the_root_of_time_running_f
     poses,
     rng,
 ):
-    count, steps = 2000, 16
+    count = 2000
+    steps = 16
     q = np.tile(poses[0], (count, steps + 1, 1))
     drawn, *_ = realize(NOISY, chain, q, np.zeros((steps, 3)), mode, rng)
     spread = drawn.std(axis=0)[1:]

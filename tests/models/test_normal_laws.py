@@ -69,9 +69,11 @@ def test_a_singular_covariance_is_a_model_without_a_density(
     step,
 ):
     model = FLAT[kind]
-    q, v = np.array([0.0, np.deg2rad(20.0), 0.0]), step
+    q = np.array([0.0, np.deg2rad(20.0), 0.0])
+    v = step
     if is_at_rest:
-        q, v = poses[0], np.zeros(3)
+        q = poses[0]
+        v = np.zeros(3)
     mean = model.mean(chain, q, v)
     total = model.covariance(chain, q, v) + MEASUREMENT
 
@@ -116,7 +118,8 @@ def test_the_papers_covariance_is_about_the_mean_of_each_step():
 def test_shrinkage_is_nearer_to_the_truth_where_takes_are_few_and_vanishes_where_they_are_many():
     rng = default_rng(5)
     true = np.diag([1.0, 1.5, 2.0])
-    shrunk, unshrunk = [], []
+    shrunk = []
+    unshrunk = []
     for _ in range(200):
         noise = rng.multivariate_normal(np.zeros(3), true, (3, 4))
         covariance, intensity = shrunk_covariance(noise)
@@ -153,7 +156,8 @@ def test_the_closed_form_solves_the_log_det_problem(norm, alpha, u):
 
 
 def test_a_wrong_scale_is_seen(monkeypatch):
-    norms, right = np.array([13.6, 16.4]), convex.noise_scale
+    norms = np.array([13.6, 16.4])
+    right = convex.noise_scale
     assert convex.noise_covariance_gap(norms, 0.1, 18.0, 3, 3) < 1e-3
 
     monkeypatch.setattr(convex, "noise_scale", lambda *values: 1.05 * right(*values))

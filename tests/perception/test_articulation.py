@@ -24,7 +24,8 @@ from pipeline.perception.articulation import (
     variables,
 )
 
-OPTIONS, FREE = made(Articulation), made(Articulation, end_point="fitted")
+OPTIONS = made(Articulation)
+FREE = made(Articulation, end_point="fitted")
 RANK = from_python(rank)
 GAMMAS = (FREE.gamma1, FREE.gamma2)
 AWAY = np.array([0.05, -0.05, 0.05])  # rad, of a start from the pose
@@ -62,7 +63,8 @@ def plain_halved(v, points, o1, bounds, gamma1: float, gamma2: float) -> float:
     nodes = fitted_nodes(v, o1, bounds)
     nearest, sides = _distances(points, nodes)
     distance, side = sides.pop()
-    middle, tool = nodes[2:].mean(axis=0), nodes[3] - nodes[2]
+    middle = nodes[2:].mean(axis=0)
+    tool = nodes[3] - nodes[2]
     beyond = (points - middle) @ tool > 0
     for half_of_tool in (beyond, ~beyond):
         sides.append((distance[half_of_tool], side[half_of_tool]))
@@ -77,9 +79,11 @@ def _distances(
     """Distance of every point to the nearest segment; of every segment the distances of its own
     points, and of the others 0, and on which side all are.
     """
-    distances, sides = [], []
+    distances = []
+    sides = []
     for start, end in pairwise(nodes):
-        way, from_start = end - start, points - start
+        way = end - start
+        from_start = points - start
         share = np.clip(from_start @ way / (way @ way), 0.0, 1.0)
         to_closest = from_start - np.outer(share, way)
         distances.append(np.linalg.norm(to_closest, axis=1))
@@ -132,7 +136,8 @@ def problem(points: np.ndarray, q: np.ndarray) -> Frame:
     return frame_of(points.T, CHAIN.origin, ee, limits(FREE.length_range), GAMMAS)
 
 
-RNG, Q = default_rng(7), motion()
+RNG = default_rng(7)
+Q = motion()
 CLOUDS = [cloud(pose, RNG) for pose in Q]
 
 
@@ -141,7 +146,8 @@ EVERY_EIGHTH = range(0, 97, 8)
 
 @pytest.mark.parametrize("frame", EVERY_EIGHTH)
 def test_the_objective_is_the_printed_one(frame) -> None:
-    points, nodes = CLOUDS[frame], CHAIN.points(Q[frame])
+    points = CLOUDS[frame]
+    nodes = CHAIN.points(Q[frame])
     nodes[1:3] += default_rng(frame).normal(scale=0.01, size=(2, 2))
     value = ranked(points, nodes, 0.9, 0.7, 0.4)
     assert value == pytest.approx(plain_objective(points, nodes, 0.7, 0.4), rel=1e-12)
@@ -151,7 +157,8 @@ def test_the_objective_is_the_printed_one(frame) -> None:
 def test_the_objective_of_the_fitted_end_has_an_asymmetry_for_each_half_of_the_tool(
     frame,
 ) -> None:
-    points, nodes = CLOUDS[frame], CHAIN.points(Q[frame])
+    points = CLOUDS[frame]
+    nodes = CHAIN.points(Q[frame])
     free = problem(points, Q[frame])
     away = default_rng(frame).normal(scale=0.01, size=5)
     v = variables(free, nodes[1:], "fitted") + away
@@ -169,7 +176,8 @@ def test_a_point_at_a_joint_is_of_both_segments():
 def test_poses_of_lengths_out_of_range_rank_behind_by_their_violation():
     nodes = CHAIN.points(Q[0])
     nodes[1] += 0.2 * (nodes[1] - nodes[0])
-    v, gammas = nodes[1:3].ravel(), (1.0, 0.3)
+    v = nodes[1:3].ravel()
+    gammas = (1.0, 0.3)
     plain = plain_rank(v, CLOUDS[0], *nodes[[0, 3]], limits(), *gammas)
     assert ranked(CLOUDS[0], nodes, 0.05, *gammas) == pytest.approx(plain, rel=1e-12)
     assert plain > INFEASIBLE + 0.02
@@ -277,7 +285,8 @@ def test_too_many_frames_with_too_few_points_in_a_row_are_refused() -> None:
 
 def test_an_arm_that_was_lost_over_missing_frames_is_found_again(monkeypatch) -> None:
     frames = [*range(43, 48), *range(80, 90)]
-    clouds, q = [CLOUDS[frame] for frame in frames], Q[frames]
+    clouds = [CLOUDS[frame] for frame in frames]
+    q = Q[frames]
     assert np.abs(fit(clouds, q).q - q).max() < 0.2
     # the control: without the search over all poses the elbow stays on the wrong side
     monkeypatch.setattr("pipeline.perception.articulation.LOST", np.inf)

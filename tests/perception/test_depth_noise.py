@@ -24,7 +24,8 @@ BIAS = np.array([0.01, -0.02, 0.005])
 FRAMES = 12
 JOINTS = ("shoulder", "elbow", "wrist")
 ERRORS = columns("e", JOINTS)
-MEAN, COVARIANCE = columns("b", JOINTS), pairs("r", JOINTS)
+MEAN = columns("b", JOINTS)
+COVARIANCE = pairs("r", JOINTS)
 UPPER = np.triu_indices(3)
 
 
@@ -33,7 +34,8 @@ ROOT = 1e-3 * np.array([[4.0, 0.0, 0.0], [-3.0, 2.0, 0.0], [1.0, -1.0, 5.0]])
 
 def errors(takes: int) -> pd.DataFrame:
     """Errors whose mean and covariance grow over the motion."""
-    rng, frames = default_rng(41), np.arange(FRAMES)
+    rng = default_rng(41)
+    frames = np.arange(FRAMES)
     growing = 1 + frames[:, None] / FRAMES
     tables = []
     for take in range(takes):
@@ -111,7 +113,8 @@ def test_fewer_takes_than_a_covariance_needs_are_refused(takes, window, enough):
 
 
 def test_a_frames_error_is_against_the_motion_at_its_own_time_and_none_is_outside_the_motion():
-    t, exposed = np.arange(5) * 0.01, np.array([-0.001, 0.0, 0.0135, 0.04, 0.0401])
+    t = np.arange(5) * 0.01
+    exposed = np.array([-0.001, 0.0, 0.0135, 0.04, 0.0401])
     slopes = np.arange(1, 4)
     measured = spread("q", JOINTS, np.outer(t, slopes))
     joints = pd.DataFrame({"take": "test_1", "t": t} | measured)
@@ -127,9 +130,14 @@ def test_a_frames_error_is_against_the_motion_at_its_own_time_and_none_is_outsid
     assert np.abs(later[ERRORS[2]] - 0.3).min() > 0.01
 
 
-PAIR, STEP, TAKES, SAMPLES = ("a", "b"), 0.01, 40, 101
+PAIR = ("a", "b")
+STEP = 0.01
+TAKES = 40
+SAMPLES = 101
 SLOPE = np.array([0.0, -0.6])
-DEVIATION, NOISE = 5e-3, 4e-3  # rad, of arm and camera
+# rad, of arm and camera
+DEVIATION = 5e-3
+NOISE = 4e-3
 NONE = np.zeros((2, 2))
 
 
@@ -153,7 +161,8 @@ def recordings(
     k = np.arange(SAMPLES)
     frames = np.arange(0, SAMPLES - 1, 3)
     at_frames = path[frames] + share * (path[frames + 1] - path[frames])
-    joints, angles = [], []
+    joints = []
+    angles = []
     for number in range(2 * TAKES):
         at_samples, between = rng.normal(scale=DEVIATION, size=(2, SAMPLES, 2))
         if lasts:

@@ -16,8 +16,12 @@ from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.perception.markers import JointTrack, fill_gaps, track
 from pipeline.perception.posture import points_in_plane, points_in_space
 
-FRAMES, NOISE = 120, 5e-5  # m
-UPPER, FORE, HAND = slice(0, 3), slice(3, 6), slice(6, 9)
+# m
+FRAMES = 120
+NOISE = 5e-5
+UPPER = slice(0, 3)
+FORE = slice(3, 6)
+HAND = slice(6, 9)
 
 
 Q = motion(FRAMES)  # of the UR5
@@ -52,7 +56,8 @@ def test_exact_points_give_exact_angles():
     assert not any(result.counts.values())
 
 
-ARM, MODEL = arm_of(YOUBOT), pin.buildModelFromUrdf(YOUBOT.urdf)
+ARM = arm_of(YOUBOT)
+MODEL = pin.buildModelFromUrdf(YOUBOT.urdf)
 BENT = np.array([[2.0, -4.2, 1.2]])
 
 
@@ -66,7 +71,8 @@ def of_youbot(q: np.ndarray) -> np.ndarray:
     """(9, 3) m, where Pinocchio has the youBot's markers at ``q`` (3,) rad: fixed to its joints as
     the segments hold them at zero.
     """
-    data, held = MODEL.createData(), pin.neutral(MODEL)
+    data = MODEL.createData()
+    held = pin.neutral(MODEL)
     joints = [MODEL.getJointId(name) for name in YOUBOT.joints]
     for name, angle in YOUBOT.locked.items():
         held[MODEL.joints[MODEL.getJointId(name)].idx_q] = angle
@@ -285,7 +291,8 @@ def test_labels_swapped_within_and_between_links_are_put_right_and_counted():
         (slice(10), [6, 7, 8], [8, 6, 7]),
     ):
         swapped[frames, markers] = clean[frames, labels]
-    reference, repaired = of_plane(clean), of_plane(swapped)
+    reference = of_plane(clean)
+    repaired = of_plane(swapped)
 
     assert_allclose(repaired.q, reference.q, atol=1e-9)
     relabelled = 2 * 50 + 2 * 80 + 3 * 10
@@ -319,7 +326,8 @@ def test_short_gaps_are_filled_linearly_counted_and_have_no_residual():
 
 
 def test_gaps_of_turning_joints_are_filled_the_short_way_round_and_of_sliding_ones_as_they_are():
-    turning, sliding = [3.1, np.nan, -3.1], [0.0, np.nan, 3.8]
+    turning = [3.1, np.nan, -3.1]
+    sliding = [0.0, np.nan, 3.8]
     q = np.stack([turning, sliding], axis=1)
     solved = np.array([True, False, True])
     is_sliding = np.array([False, True])

@@ -48,7 +48,8 @@ def ideal_pixels() -> np.ndarray:
     ideal = np.stack([x, y, np.ones(x.shape)], axis=-1)
     target = ideal[:, :2].copy()
 
-    still, identity = np.zeros(3), np.eye(3)
+    still = np.zeros(3)
+    identity = np.eye(3)
     distortion = np.array(CAMERA.distortion)
     for _ in range(30):
         seen, _ = cv2.projectPoints(ideal, still, still, identity, distortion)
@@ -129,7 +130,8 @@ def test_a_flying_pixel_alone_beside_the_arm_is_left_out() -> None:
 
 def test_patches_base_and_points_beyond_the_stated_numbers_are_left_out() -> None:
     depth, hit = render()
-    total, everything = int(hit.sum()), segmenter()(depth)
+    total = int(hit.sum())
+    everything = segmenter()(depth)
     # turntable and floor
     x, z = (everything - CHAIN.origin).T
     base = ((np.abs(x) <= 0.05) & (z <= 0.05)) | (everything[:, 1] <= 0.12)

@@ -57,9 +57,12 @@ def inverse_wishart_of_the_same_constraints(d: float, n: int):
 def test_of_two_laws_that_meet_the_constraints_the_wishart_law_has_the_greater_entropy(
     sigma_b,
 ):
-    n, draws, rng = 3, 4000, default_rng(1)
+    n = 3
+    draws = 4000
+    rng = default_rng(1)
     d = wishart.degrees_of_freedom(sigma_b, n)
-    law, rival = maxent(d, n), inverse_wishart_of_the_same_constraints(d, n)
+    law = maxent(d, n)
+    rival = inverse_wishart_of_the_same_constraints(d, n)
     of_rival = rival.rvs(draws, random_state=rng)
     of_law = law.rvs(draws, random_state=rng)
     log_density = law.logpdf(np.moveaxis(of_law, 0, -1))
@@ -78,7 +81,8 @@ def test_of_two_laws_that_meet_the_constraints_the_wishart_law_has_the_greater_e
 
 @pytest.mark.parametrize("n", [2, 3, 6])
 def test_theta_follows_the_papers_equation_for_any_size(n):
-    mean, sigma_b = np.eye(n), 0.3
+    mean = np.eye(n)
+    sigma_b = 0.3
     ratio = np.trace(mean) ** 2 / np.trace(mean @ mean)
     printed = (1 + ratio) / sigma_b**2 - (n + 1)
     assert wishart.maxent_theta(sigma_b, n) == pytest.approx(printed, rel=1e-14)
@@ -90,7 +94,8 @@ def test_the_limits_of_the_dispersion_are_where_density_mean_and_variance_of_the
         assert 4 / largest**2 == pytest.approx(d)
 
 
-POSES, BUFFER = 20_000, block_rows(7, 6)
+POSES = 20_000
+BUFFER = block_rows(7, 6)
 
 
 @pytest.mark.parametrize("sigma_b", [0.0, -0.2, np.sqrt(2), 3.0, np.nan])
@@ -109,8 +114,10 @@ def test_chi_squares_are_numpys_and_so_are_the_normals_behind_them(
 ):
     freedom = np.array([degrees, 5.0])
     block = np.full((BUFFER.size, POSES), np.nan)
-    rng, numpy_rng = default_rng(7), default_rng(7)
-    first, then = BUFFER.chi_square, BUFFER.normal
+    rng = default_rng(7)
+    numpy_rng = default_rng(7)
+    first = BUFFER.chi_square
+    then = BUFFER.normal
 
     from_python(draw_variates)(freedom, normals, block, first, then, 0, count, rng)
 

@@ -22,7 +22,8 @@ def path(t: np.ndarray) -> np.ndarray:
     """A centroid (m) that goes 12 cm out and back between 0 and 3.2 s, symmetric in time."""
     phase = 2 * np.pi * np.clip(t / 3.2, 0, 1)
     p = (1 - np.cos(phase)) / 2
-    x, z = 0.12 * p, 0.05 * np.sin(np.pi * p) + 0.02 * p
+    x = 0.12 * p
+    z = 0.05 * np.sin(np.pi * p) + 0.02 * p
     return np.stack([x, z], axis=-1)
 
 
@@ -103,7 +104,8 @@ def test_signals_that_tell_no_offset_are_refused_with_the_take(fault, search, wo
         find_offset(t_a, a, t_b, b, search=(-search, search), take="take-2")
 
 
-RATE, JOINTS = 100.0, ("a", "b", "c", "d")
+RATE = 100.0
+JOINTS = ("a", "b", "c", "d")
 PAIR = {"rate": RATE, "limit": 0.05, "joints": JOINTS}
 
 
@@ -129,7 +131,8 @@ def there_and_back(t: np.ndarray) -> np.ndarray:
 
 
 def without_rest(t: np.ndarray) -> np.ndarray:
-    first, second = np.sin(0.9 * t), np.cos(1.3 * t)
+    first = np.sin(0.9 * t)
+    second = np.cos(1.3 * t)
     third = 0.6 * np.sin(0.9 * t + 1)
     return np.stack([first, second, third, 0 * t], axis=1)
 

@@ -28,7 +28,8 @@ from pipeline.recordings.depth_takes import (
 
 ROTATION = Rotation.from_euler("z", 0.4).as_matrix()
 ARM = Arm(planar_chain(0.02, 0.1), ROTATION, np.array([0.03, -0.02, 0.0]))
-WIDTH, HEIGHT = 128, 106
+WIDTH = 128
+HEIGHT = 106
 CAMERA = Intrinsics(91.4, 91.0, 63.7, 51.3, WIDTH, HEIGHT)
 
 
@@ -184,7 +185,8 @@ def recorded_cloud(place: np.ndarray) -> np.ndarray:
     rows, columns = np.nonzero(depth)
     patch = depth[rows, columns, None] * rays_of(rows, columns)
 
-    near, far = [-1, -1, 0.2], [1, 1, 3]
+    near = [-1, -1, 0.2]
+    far = [1, 1, 3]
     clutter = np.random.default_rng(4).uniform(near, far, size=(40, 3))
     unmeasured = np.full((UNMEASURED, 3), np.nan)
     return np.concatenate([patch, clutter, unmeasured])
@@ -270,7 +272,9 @@ def test_a_bag_that_contradicts_the_description_is_refused(tmp_path, changes, wo
         read(bag, replace(depth, **changes), tmp_path)
 
 
-TIME, MOTION = np.arange(40) / 30.0, np.arange(160) / 100.0  # s
+# s
+TIME = np.arange(40) / 30.0
+MOTION = np.arange(160) / 100.0
 
 
 PLANAR = load_arm(

@@ -15,8 +15,12 @@ from pipeline.formats.force.daqft import write_daqft
 from pipeline.formats.force.record import ForceRecord
 from pipeline.recordings.force import force_rows, remove_bias
 
-RATE, TARE, NOISE = 250.0, 2.0, 0.01  # 1/s, s, N
-BIAS, LOAD = np.array([0.4, -1.1, 7.0]), np.array([3.0, 5.0, 0.0])
+# 1/s, s, N
+RATE = 250.0
+TARE = 2.0
+NOISE = 0.01
+BIAS = np.array([0.4, -1.1, 7.0])
+LOAD = np.array([3.0, 5.0, 0.0])
 ARRANGED = {
     "file": "log.csv",
     "direction": [0.0],
@@ -53,13 +57,15 @@ def options(**log: object) -> Force:
 
 @pytest.mark.parametrize("netft", [False, True])
 def test_a_record_gives_the_loaded_samples_without_their_bias(tmp_path, netft):
-    log, write = record(), write_netft if netft else write_daqft
+    log = record()
+    write = write_netft if netft else write_daqft
     write(tmp_path / "log.csv", log)
     section = options(format="netft" if netft else "daqft")
 
     rows, quality = force_rows(tmp_path, "C1", section)
 
-    loaded, logged = log.time >= TARE, np.hstack([log.force, log.torque])
+    loaded = log.time >= TARE
+    logged = np.hstack([log.force, log.torque])
     assert_allclose(rows["t"], log.time[loaded], rtol=0, atol=1e-9)
     axes = ["fx", "fy", "fz", "mx", "my", "mz"]
     assert list(rows) == ["configuration", "t", *axes]
@@ -83,7 +89,8 @@ def test_a_record_that_its_instrument_tared_stays_as_it_is():
 
 def test_moments_are_about_the_stated_point_whatever_the_bias(tmp_path):
     """A force at the point makes no moment about it, whatever it makes about the origin."""
-    point, log = np.array([0.02, -0.03, 0.05]), record()
+    point = np.array([0.02, -0.03, 0.05])
+    log = record()
     offset = np.array([0.2, -0.1, 0.3])  # N·m, of the sensor
     log.torque[:] = np.cross(point, log.force - BIAS) + offset
     write_daqft(tmp_path / "log.csv", log)

@@ -27,7 +27,8 @@ from pipeline.recordings.motion_capture import find_takes, marker_rows, trajecto
 
 cases = cases_beside(__file__)
 STEPS = 40
-ARM, JOINTS = arm_of(YOUBOT), np.linspace([1.6, -4.8, 2.0], [2.2, -4.2, 2.6], STEPS + 1)
+ARM = arm_of(YOUBOT)
+JOINTS = np.linspace([1.6, -4.8, 2.0], [2.2, -4.2, 2.6], STEPS + 1)
 TEMPLATE = {
     f"link{j}": {f"{name}{j}": at for name, at in zip("abc", link, strict=True)}
     for j, link in enumerate(PLACES.tolist(), 1)
@@ -141,7 +142,8 @@ def test_markers_and_bodies_give_back_the_joints_that_carried_them(tmp_path):
 def test_bodies_and_markers_mix_link_by_link_and_lost_poses_are_missing_markers(
     tmp_path,
 ):
-    bodies, markers = bodies_of(), markers_of()
+    bodies = bodies_of()
+    markers = markers_of()
     bodies["B2"].position[5:8] = bodies["B2"].quaternion[5:8] = np.nan
     bodies["B2"].quaternion[20:] *= -1  # the same rotations
     on_others = {n: points for n, points in markers.items() if not n.endswith("2")}
@@ -269,11 +271,9 @@ def commanded(robot=UR5, rate: float = 100.0) -> Dataset:
 
 
 def test_the_steps_take_the_arm_from_each_commanded_pose_to_the_next(file):
-    table, chain, q = (
-        trajectory_rows(file, commanded()),
-        chain_of(UR5),
-        motion(GRID + 1),
-    )
+    table = trajectory_rows(file, commanded())
+    chain = chain_of(UR5)
+    q = motion(GRID + 1)
     steps = chain.displacement(chain.pose(q[:-1]), chain.pose(q[1:]))
 
     assert_allclose(values(table, "v")[:-1] / 100, steps, atol=1e-12)

@@ -37,7 +37,8 @@ DAMAGE = ("cut_rows", "blank_rows", "doubled_rows")
 def test_logs_of_one_movement_are_paired_row_by_row_as_far_as_the_shortest_goes(
     tmp_path,
 ):
-    first, second = log(100, seed=1), log(93, seed=2)
+    first = log(100, seed=1)
+    second = log(93, seed=2)
     write_joint_log(tmp_path / "a.csv", first)
     write_joint_log(tmp_path / "b.csv", second)
 
@@ -101,8 +102,10 @@ def test_wrapped_angles_are_unwrapped_counted_and_taken_beside_their_command(
     actual,
     target,
 ):
-    file, joints = tmp_path / "run.npz", ["a", "b"]
-    measured, commanded = WRAP[actual](TURNING + 1e-5), WRAP[target](TURNING)
+    file = tmp_path / "run.npz"
+    joints = ["a", "b"]
+    measured = WRAP[actual](TURNING + 1e-5)
+    commanded = WRAP[target](TURNING)
     time = np.arange(60) / 100
     np.savez(file, time=time, actual=measured, target=commanded)
     options = made(Log, joints=joints, signals=PAIRED, time="time")
@@ -148,11 +151,14 @@ RAIL = """<robot name="rail"><link name="base"/><link name="cart"/><link name="a
 
 def test_a_spike_of_any_size_is_no_turn():
     time, angles, _ = motion()
-    rng, errors = default_rng(1), []
-    small, great = rng.uniform(0.78, 1.78, 300), rng.uniform(1.78, 14, 100)
+    rng = default_rng(1)
+    errors = []
+    small = rng.uniform(0.78, 1.78, 300)
+    great = rng.uniform(1.78, 14, 100)
     for size in 10 ** np.concatenate([small, great]):
         spiked = angles.copy()
-        row, joint = rng.integers(400), rng.integers(6)
+        row = rng.integers(400)
+        joint = rng.integers(6)
         spiked[row, joint] += rng.choice([-1, 1]) * size
         with suppress(RecordingError):
             unwrapped, _ = unwrap(spiked, time)
@@ -173,7 +179,9 @@ def test_a_wrap_beside_noise_is_a_turn_and_a_step_of_the_command_is_none():
     assert jumps > 900 and np.ptp(wrapped - noisy, axis=0).max() < 1e-12
 
 
-SLIDE, TURN_ANGLES = np.linspace(0, 12, 60), TURNING[:, 0]  # m; rad
+# m; rad
+SLIDE = np.linspace(0, 12, 60)
+TURN_ANGLES = TURNING[:, 0]
 SLIDE[30:] += 3.5
 WRAPPED = WRAP["to ±π"](TURN_ANGLES)
 
@@ -193,10 +201,8 @@ def test_a_prismatic_joint_is_not_circular(rail):
 
 @pytest.mark.parametrize("unit", ["rad", "deg"])
 def test_positions_of_a_prismatic_joint_are_metres_and_never_unwrapped(tmp_path, unit):
-    file, angles = (
-        tmp_path / "run.npz",
-        np.degrees(WRAPPED) if unit == "deg" else WRAPPED,
-    )
+    file = tmp_path / "run.npz"
+    angles = np.degrees(WRAPPED) if unit == "deg" else WRAPPED
     np.savez(file, time=np.arange(60) / 100, q=np.stack([SLIDE, angles], axis=1))
     signals = {"actual": ["q"]}
     options = LogOptions("time", joints=2, angle_unit=unit, signals=signals)
@@ -217,7 +223,8 @@ def test_turns_beside_the_command_of_a_prismatic_joint_are_no_whole_turns(
     tmp_path,
     rail,
 ):
-    file, time = tmp_path / "run.npz", np.arange(60) / 100
+    file = tmp_path / "run.npz"
+    time = np.arange(60) / 100
     target = np.stack([SLIDE, WRAPPED], axis=1)
     apart = np.array([TURN, 0.0])
     np.savez(file, time=time, actual=target + apart, target=target)
@@ -304,7 +311,8 @@ def test_logs_of_other_joints_are_refused(raw, options, words):
         encoder_rows(raw[0], encoder_dataset(**options))
 
 
-RATE, JOINTS = 100.0, ["joint_2", "joint_3", "joint_4"]
+RATE = 100.0
+JOINTS = ["joint_2", "joint_3", "joint_4"]
 TIME = np.arange(301) / RATE
 POSITIONS, VELOCITIES = (columns(family, ("x", "z", "phi")) for family in "xv")
 
@@ -340,7 +348,8 @@ WRONG = {
 @pytest.mark.parametrize("wrong", WRONG)
 def test_a_path_or_velocities_in_another_unit_order_or_clock_are_refused(wrong):
     tracked = Q + default_rng(1).normal(0, 5e-3, Q.shape)
-    trajectory, spoil = trajectory_table(CHAIN, Q, RATE), WRONG[wrong]
+    trajectory = trajectory_table(CHAIN, Q, RATE)
+    spoil = WRONG[wrong]
     commands.require_commanded(tracked, trajectory, CHAIN, "a")
 
     words = r"not on the commanded path.*suspected"

@@ -213,7 +213,9 @@ def test_each_step_says_what_it_found_kept_and_left_out():
     ]
 
 
-LOGGED, LIMIT = 125.0, 6.0  # 1/s; robust standard deviations
+# 1/s; robust standard deviations
+LOGGED = 125.0
+LIMIT = 6.0
 PUSH = np.sin(np.pi * (np.arange(31) + 0.5) / 31)  # a quarter of a second
 
 
@@ -289,7 +291,8 @@ def test_the_paths_of_takes_have_the_tips_course_and_why_a_take_is_left_out():
     paths = take_paths(logs, beside_limits(measures, {"disturbance": 6.0}), chain)
 
     by_take = dict(list(paths.groupby("take")))
-    pushed, sound = by_take["pushed"], by_take["sound"]
+    pushed = by_take["pushed"]
+    sound = by_take["sound"]
     assert len(pushed) == len(sound) == 101
     assert set(pushed["reason"]) == {"disturbance 9 beyond 6"}
     assert set(sound["reason"]) == {""}

@@ -9,7 +9,8 @@ from pipeline.recordings import repetitions
 from pipeline.recordings.lags import in_phase, lag, stretch
 
 RATE = 125.0
-HOME, AWAY = np.array([0.3, -2.0, -1.9, -0.4]), np.array([-0.2, -3.0, -0.2, -1.5])
+HOME = np.array([0.3, -2.0, -1.9, -0.4])
+AWAY = np.array([-0.2, -3.0, -0.2, -1.5])
 STEPS = 100
 
 
@@ -43,8 +44,10 @@ def log(*parts: tuple, creep: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     return angles + resting[:, None] * noise, speeds
 
 
-OUT, BACK = way(HOME, AWAY), way(AWAY, HOME)
-AT_HOME, AT_AWAY = rest(50, HOME), rest(50, AWAY)
+OUT = way(HOME, AWAY)
+BACK = way(AWAY, HOME)
+AT_HOME = rest(50, HOME)
+AT_AWAY = rest(50, AWAY)
 OUT_AND_BACK = (AT_HOME, OUT, AT_AWAY, BACK)
 WHOLE = (*OUT_AND_BACK, *OUT_AND_BACK, AT_HOME, OUT, AT_AWAY)
 
@@ -112,7 +115,8 @@ def test_the_lag_of_the_measured_angles_is_recovered_and_none_at_rest(delay):
     def curve(t: np.ndarray) -> np.ndarray:
         return np.stack([np.sin(2 * t), np.cos(3 * t)], axis=1)
 
-    time, rng = np.arange(300) / RATE, default_rng(2)
+    time = np.arange(300) / RATE
+    rng = default_rng(2)
     noise = rng.normal(0, 1e-4, (300, 2))
     measured = curve(time - delay) + noise
     # standard error 1e-4 / sqrt(Σ q̇²) = 3 µs
@@ -124,12 +128,14 @@ def test_the_lag_of_the_measured_angles_is_recovered_and_none_at_rest(delay):
 def periodic(rows: int, period: float) -> np.ndarray:
     """A command (rows, 2) in rad without rest that repeats after ``period`` rows."""
     phase = 2 * np.pi * np.arange(rows) / period
-    first, second = np.sin(phase), 0.5 * np.cos(2 * phase) + 0.2 * np.sin(phase)
+    first = np.sin(phase)
+    second = 0.5 * np.cos(2 * phase) + 0.2 * np.sin(phase)
     return np.stack([first, second], axis=1)
 
 
 def test_a_motion_in_passing_is_found_in_each_period_and_brought_in_phase():
-    period, steps = 251.3274, 180
+    period = 251.3274
+    steps = 180
     command = periodic(800, period)
     reference = command[20:201]
     ends = reference[0], reference[-1]

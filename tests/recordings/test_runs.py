@@ -23,7 +23,8 @@ from pipeline.recordings.runs import find_quantum, joint_runs
 from pipeline.tools.characterize.logs import folder_logs
 
 cases = cases_beside(__file__)
-RATE, N = 200.0, 1600
+RATE = 200.0
+N = 1600
 SHARED = ROOT.parent / "shared/recordings"
 SINES = np.array([0.3, 0.5, 0.7])  # Hz
 
@@ -37,13 +38,15 @@ def wave(t: np.ndarray, phase: float = 0.0) -> np.ndarray:
 
 def movement(target: np.ndarray, actual: np.ndarray) -> LoggedMovement:
     joints = [f"joint_{j}" for j in range(1, target.shape[1] + 1)]
-    motions, turning = excursions(target, RATE), np.ones(len(joints), bool)
+    motions = excursions(target, RATE)
+    turning = np.ones(len(joints), bool)
     return LoggedMovement(joints, actual, target, motions, {}, turning)
 
 
 def stops(ways: int, seed: int, late: float = 0.0) -> LoggedMovement:
     """Out and back ``ways`` times with rests of 0.4 s, measured ``late`` s later with noise."""
-    rng, t = default_rng(seed), np.arange(280 * ways + 80) / RATE
+    rng = default_rng(seed)
+    t = np.arange(280 * ways + 80) / RATE
 
     def command(at: np.ndarray) -> np.ndarray:
         rows = np.clip(at * RATE - 80, 0, None)
@@ -64,7 +67,8 @@ def several(names: str, ways: int) -> dict[str, LoggedMovement]:
 
 @pytest.mark.parametrize("late", [0.0017, -0.0081])
 def test_each_run_loses_its_own_lag_also_a_joints_own_and_below_one_sample(late):
-    t, rng = np.arange(N) / RATE, default_rng(1)
+    t = np.arange(N) / RATE
+    rng = default_rng(1)
     lags = [late, late, late + 0.006]
     actual = rng.normal(0, 1e-4, (N, 3))
     for joint, lag in enumerate(lags):
@@ -140,15 +144,18 @@ def test_a_file_that_was_copied_is_no_second_recording():
 
 def test_an_export_with_fewer_digits_and_a_copy_with_noise_are_named_as_copies():
     """Each log sways in its own way; one is rounded to fewer digits, one has noise of its own."""
-    rng, logs = default_rng(1), several("abcde", ways=2)
+    rng = default_rng(1)
+    logs = several("abcde", ways=2)
     for log in logs.values():
         t = np.arange(len(log.actual))[:, None] / RATE
-        frequency, phase = rng.uniform(9, 20, 3), rng.uniform(0, 6, 3)
+        frequency = rng.uniform(9, 20, 3)
+        phase = rng.uniform(0, 6, 3)
         log.actual[:] += 1e-3 * np.sin(frequency * t + phase)
     _, unused = joint_runs(logs, RATE)
     assert unused == {}
 
-    a, b = logs["a"].actual, logs["b"].actual
+    a = logs["a"].actual
+    b = logs["b"].actual
     noise = rng.normal(0, 2e-5, a.shape)
     logs["noisy"] = logs["a"]._replace(actual=a + noise)
     logs["rounded"] = logs["b"]._replace(actual=b.round(4))
@@ -189,9 +196,12 @@ def test_a_second_way_that_runs_repeat_is_no_disturbance():
 
 @pytest.mark.parametrize("pushed", [None, 3])
 def test_motions_to_analyse_have_ends_steps_pauses_and_repetitions(pushed):
-    home, away = np.array([-1.2, 1.4, -1.0]), np.array([-0.4, 0.9, -0.7])
-    names, log = ["joint_2", "joint_3", "joint_4"], stops(10, 1)
-    target, actual = log.target + home, log.actual + home
+    home = np.array([-1.2, 1.4, -1.0])
+    away = np.array([-0.4, 0.9, -0.7])
+    names = ["joint_2", "joint_3", "joint_4"]
+    log = stops(10, 1)
+    target = log.target + home
+    actual = log.actual + home
     log = log._replace(joints=names, target=target, actual=actual)
     if pushed is not None:
         first = 80 + 560 * pushed + 60

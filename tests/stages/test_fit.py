@@ -230,14 +230,16 @@ def test_every_other_reading_has_evidence_of_the_wishart_model_and_of_no_other(
 
 def test_every_step_of_a_take_is_scored_by_the_density_of_its_law(known_project):
     _, chain, q, v = known_project
-    training, take = q[:TAKES], q[TAKES]
+    training = q[:TAKES]
+    take = q[TAKES]
     noise = process_noise(chain, training, v)
     recorded = Recorded(chain, training[:, :-1], v, noise, tuple(JOINTS))
 
     scores, _ = score_steps(build_model(MODELS["gaussian"]), recorded, take)
 
     for k in (0, REST + 29):
-        before, after = take[k], take[k + 1]
+        before = take[k]
+        after = take[k + 1]
         mean = before + np.linalg.solve(chain.jacobian(before), v[k])
         covariance = TRUE.covariance(chain, before, v[k]) + recorded.measurement
         error = after - mean

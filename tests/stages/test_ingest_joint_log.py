@@ -73,7 +73,8 @@ def test_recordings_that_are_not_there_are_refused_by_their_folder(
     log_project,
     tmp_path,
 ):
-    nowhere, inventory = tmp_path / "nowhere", tmp_path / "inventory.csv"
+    nowhere = tmp_path / "nowhere"
+    inventory = tmp_path / "inventory.csv"
     log_project("ur5_planar", nowhere)
     for run in (files.run, lambda: command.run(nowhere, inventory)):
         with pytest.raises(RecordingError, match="exist") as caught:

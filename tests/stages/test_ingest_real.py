@@ -76,7 +76,8 @@ def test_the_real_logs_go_from_raw_files_to_process_noise(
     assert all(0.3e-3 < quality("lag_behind_command", take) < 1.0e-3 for take in names)
 
     trajectory = contracts.read("trajectory", Path("data/ingest/motion"))
-    velocity, pose = values(trajectory, "v")[:-1], values(trajectory, "x")
+    velocity = values(trajectory, "v")[:-1]
+    pose = values(trajectory, "x")
     still = ~velocity.any(axis=1)
 
     assert still[:34].all() and still[-35:].all() and not still[34:-35].any()

@@ -26,7 +26,8 @@ WRITTEN = [
     "reports/datasets.md",
     "reports/equations.md",
 ]
-YOUBOT, CLAIMS = Path("reports/datasets/youbot.json"), Path("claims.yaml")
+YOUBOT = Path("reports/datasets/youbot.json")
+CLAIMS = Path("claims.yaml")
 COPIED = (YOUBOT, "reports/youbot/captions.json", "data/raw/youbot/dataset.yaml")
 
 
@@ -78,7 +79,8 @@ def decided() -> pd.Series:
 
 
 def test_every_claim_has_its_verdict_in_both_forms():
-    verdicts, stated = decided(), config.read_yaml(CLAIMS)["claims"]
+    verdicts = decided()
+    stated = config.read_yaml(CLAIMS)["claims"]
     assert {*verdicts.index.get_level_values("dataset")} == {"youbot", "no recording"}
     names = [claim["id"] for claim in stated]
     assert list(dict.fromkeys(verdicts.index.get_level_values("claim"))) == names
@@ -111,7 +113,8 @@ def test_every_link_of_the_report_leads_to_a_file_that_a_run_has():
 
 @pytest.mark.slow
 def test_the_results_in_the_readme_are_those_of_the_papers_scale_and_equal_runs_give_equal_bytes():
-    before, after = (ROOT / "README.md").read_text(), Path("README.md").read_text()
+    before = (ROOT / "README.md").read_text()
+    after = Path("README.md").read_text()
     assert "computations without a recording" in BLOCK.search(after)[0]
     assert BLOCK.sub("", after) == BLOCK.sub("", before)
 
@@ -122,7 +125,8 @@ def test_the_results_in_the_readme_are_those_of_the_papers_scale_and_equal_runs_
 
 
 def test_a_trial_has_pages_of_its_own_without_verdicts_and_leaves_the_results():
-    before, readme = written(), Path("README.md").read_text()
+    before = written()
+    readme = Path("README.md").read_text()
     trial = replace(read_run(YOUBOT), scale="smoke")
     place = Path("reports/trials")
     for file in (place / "datasets/youbot.json", place / "youbot/captions.json"):
@@ -156,7 +160,8 @@ def test_evidence_of_a_trial_is_not_counted_and_of_another_version_is_named():
 
 @pytest.mark.slow
 def test_an_altered_number_a_dataset_of_the_paper_and_another_dataset_are_seen():
-    first, run = written(), read_run(YOUBOT)
+    first = written()
+    run = read_run(YOUBOT)
     # a dataset named as the paper's own decides what is said of its robot
     names = "recordings_of_the_paper: []", "recordings_of_the_paper: [youbot]"
     CLAIMS.write_text(CLAIMS.read_text().replace(*names))
@@ -187,7 +192,8 @@ def test_malformed_claims_or_evidence_are_refused_and_earlier_pages_are_left(
     new,
     words,
 ):
-    before, edited = written(), Path(file)
+    before = written()
+    edited = Path(file)
     text = edited.read_text() if edited.exists() else ""
     if old is None:
         edited.unlink()

@@ -33,7 +33,9 @@ from pipeline.statistics.takes import (
     share_between,
 )
 
-STEPS, DRAWS, TAKES = 160, 25, 40
+STEPS = 160
+DRAWS = 25
+TAKES = 40
 JOINTS = ("elbow", "wrist")
 NOT_STEADY = np.zeros(STEPS, dtype=bool)
 LAWS = {
@@ -80,7 +82,8 @@ def test_a_true_model_passes_in_all_joints_and_constant_noise_fails_as_often_as_
     of_many,
 ):
     takes = 50 if variation == of_many else 4
-    std, rng = curve(variation), default_rng(takes)
+    std = curve(variation)
+    rng = default_rng(takes)
 
     def tested(truth: np.ndarray) -> pd.DataFrame:
         """Rows of tests of ``std``, of noise with the standard deviations ``truth``."""
@@ -96,7 +99,8 @@ def test_a_true_model_passes_in_all_joints_and_constant_noise_fails_as_often_as_
         passed = rows["correlation"] >= limits
         return passed.groupby(rows["draw"]).all().mean()
 
-    of_model, of_constant = tested(std), tested(constant(std))
+    of_model = tested(std)
+    of_constant = tested(constant(std))
     error = np.sqrt(RECOGNISED * (1 - RECOGNISED) / DRAWS)
     rejected = np.mean(of_constant["correlation"] < of_constant["limit"])
     power = of_model["power"].mean()
@@ -121,10 +125,13 @@ def test_few_takes_with_heavy_tails_refute_no_true_model_and_vary_no_constant_no
     verdicts over five joints at once are within 3.5 standard errors of 1 − RECOGNISED.
     """
     rng = default_rng(1)
-    joints, repeats = "abcde", 40
+    joints = "abcde"
+    repeats = 40
     std = np.repeat(curve(0.6)[:, :1], len(joints), axis=1)
     flat = np.full_like(std, std.mean())
-    refuted, rejected, varied = [], [], []
+    refuted = []
+    rejected = []
+    varied = []
     for _ in range(repeats):
         draws = rng.standard_normal((4, *std.shape))
         if np.isfinite(law):
@@ -241,7 +248,8 @@ def resampled(a: np.ndarray, b: np.ndarray, rng: np.random.Generator):
 def test_the_interval_of_a_paired_difference_is_that_of_the_paired_t_test():
     rng = default_rng(9)
     takes = rng.normal(0, 5, 12)  # what a take is like, which both models share
-    a, b = takes + rng.normal(0.3, 0.2, 12), takes + rng.normal(0, 0.2, 12)
+    a = takes + rng.normal(0.3, 0.2, 12)
+    b = takes + rng.normal(0, 0.2, 12)
     expected = ttest_rel(a, b).confidence_interval(0.95)
 
     differences = paired_difference(a, b)

@@ -108,7 +108,8 @@ def rejections(draw_pair, count, seed):
 
 def test_the_distance_of_one_variable_is_twice_the_integrated_squared_difference():
     rng = default_rng(60)
-    a, b = rng.normal(size=(40, 1)), rng.normal(0.5, 2.0, (70, 1))
+    a = rng.normal(size=(40, 1))
+    b = rng.normal(0.5, 2.0, (70, 1))
     # SciPy's is the root of it
     expected = energy_distance(a[:, 0], b[:, 0]) ** 2
     assert energy_test(a, b, rng)[0] == pytest.approx(expected, rel=1e-10)
@@ -127,7 +128,8 @@ def test_the_true_division_counts_among_the_permutations():
 def test_p_values_of_one_law_are_uniform_and_of_two_are_not(shift, is_uniform):
     p_values = []
     for rng in default_rng(62).spawn(400):
-        a, b = rng.standard_normal((40, 2)), rng.standard_normal((80, 2))
+        a = rng.standard_normal((40, 2))
+        b = rng.standard_normal((80, 2))
         _, p_value = energy_test(a + shift, b, rng)
         p_values.append(p_value)
 
@@ -147,14 +149,16 @@ def test_thinned_correlated_records_are_rejected_as_often_as_stated_and_whole_on
 
     # 300 tests at 0.05: within the central 99.9 % of the binomial law, widened to 0.08 for the
     # correlation that thinning leaves
-    least, most = binom(300, 0.05).ppf(5e-4), binom(300, 0.08).ppf(1 - 5e-4)
+    least = binom(300, 0.05).ppf(5e-4)
+    most = binom(300, 0.08).ppf(1 - 5e-4)
     assert least <= rejections(thin, 300, 63) <= most
     assert rejections(whole, 30, 64) > 24
 
 
 def test_the_autocorrelation_time_is_that_of_the_slowest_component():
     rng = default_rng(67)
-    slow, fast = record(200_000, DECAY, rng), record(200_000, 0.3, rng)
+    slow = record(200_000, DECAY, rng)
+    fast = record(200_000, 0.3, rng)
     both = np.column_stack([fast[:, 0], slow[:, 0]])
     white = rng.standard_normal((200_000, 2))
 

@@ -13,7 +13,9 @@ from pipeline.statistics.takes import paired_difference
 
 COVARIANCE = np.array([[2.0, -0.9, 0.1], [-0.9, 1.5, 0.4], [0.1, 0.4, 0.8]])
 JOINTS = ("hip", "knee")
-TAKES, STEPS, FRAMES = 30, 200, 100
+TAKES = 30
+STEPS = 200
+FRAMES = 100
 
 
 def test_the_normal_log_score_is_the_log_density():

@@ -55,9 +55,11 @@ def effects(
 
 def shares(results: list[SpeedEffect]) -> tuple[float, float]:
     """Return the shares of runs whose interval is above the margin, and within it."""
-    above, within = [], []
+    above = []
+    within = []
     for result in results:
-        low, high = result.difference.low, result.difference.high
+        low = result.difference.low
+        high = result.difference.high
         above.append(low > MARGIN)
         within.append(-low < MARGIN and high < MARGIN)
     return np.mean(above), np.mean(within)

@@ -45,7 +45,8 @@ def test_too_few_takes_and_dependent_parts_have_no_p_value():
 
 
 def test_the_ratio_of_fast_to_slow_steps_is_found_within_each_take():
-    rng, speeds = default_rng(4), np.linspace(0, 1, 300)[:, None]
+    rng = default_rng(4)
+    speeds = np.linspace(0, 1, 300)[:, None]
     noise = np.where(speeds > 0.5, 4.0, 1.0) * rng.standard_normal((4, 300, 1))
     (ratio,) = fast_against_slow(noise, speeds)
     assert ratio.low < np.log(4.0) < ratio.high and ratio.degrees == 3

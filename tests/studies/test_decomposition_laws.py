@@ -69,7 +69,8 @@ def test_the_reading_that_made_the_numbers_is_the_most_likely_on_its_path(
     stated,
     reading,
 ):
-    number, most_likely = laws.READINGS.index(reading), []
+    number = laws.READINGS.index(reading)
+    most_likely = []
     for path in range(0, 120, 6):
         models, printed = made_by(drawn, stated, reading, path)
         quantities = laws.log_quantities(models, printed)
@@ -119,7 +120,8 @@ def test_every_path_keeps_the_limits_and_the_bound(arm, stated, paths, kind):
     assert_allclose(np.diff(q, axis=1), step[:, :-1], atol=1e-12)
 
 
-SIGMA_B, DRAWS = 0.25, 40_000
+SIGMA_B = 0.25
+DRAWS = 40_000
 
 
 def test_lines_are_straight(arm, paths):
@@ -141,7 +143,8 @@ def first_factor(reading, jacobian):
     if reading not in PLAIN:
         return printed_algorithms.first_factor(jacobian, Decomposition(reading))
     order = list(PLAIN[reading])
-    rows, first = jacobian[order], np.eye(3)
+    rows = jacobian[order]
+    first = np.eye(3)
     for k in range(2):
         for i in range(k + 1, 3):
             exchanged = [*range(k), i]

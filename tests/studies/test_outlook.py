@@ -52,7 +52,8 @@ def displacement(start: np.ndarray, legs: np.ndarray) -> np.ndarray:
         poses = moved(poses, steps[..., 0])
     assert_allclose(legs_at(OPTIONS, poses)[0], legs, atol=1e-10)
 
-    after, before = poses[:, 3:].reshape(-1, 3, 3), start[3:].reshape(3, 3)
+    after = poses[:, 3:].reshape(-1, 3, 3)
+    before = start[3:].reshape(3, 3)
     turn = Rotation.from_matrix(after @ before.T).as_rotvec()
     return np.hstack([poses[:, :3] - start[:3], OPTIONS.length * turn])
 
@@ -76,7 +77,8 @@ def wishart_steps(law, k: int, draws: int, rng, transposed: bool) -> np.ndarray:
     jacobian = np.linalg.inv(MOTION.inverse[k])
     if transposed:
         q, r = np.linalg.qr(jacobian.T)
-        first, second = r.T, q.T
+        first = r.T
+        second = q.T
     else:
         first, second = np.linalg.qr(jacobian)
     d = 7 / law.sigma_b**2
@@ -103,7 +105,9 @@ def test_laws_have_the_noise_of_the_options(name):
 
 @pytest.mark.parametrize("name", LAWS)
 def test_the_noise_of_the_pose_is_that_of_drawn_legs_through_newtons_method(name):
-    law, k, rng = LAWS[name], 75, default_rng(7)
+    law = LAWS[name]
+    k = 75
+    rng = default_rng(7)
     q = MOTION.q[k]
     share = k / (len(MOTION.q) - 1)
     turn = Rotation.from_rotvec(share * np.array(OPTIONS.turn[1])).as_matrix()
@@ -122,7 +126,8 @@ def test_the_noise_of_the_pose_is_that_of_drawn_legs_through_newtons_method(name
 
 
 def test_the_inverse_jacobian_is_that_of_finite_differences_of_the_legs():
-    pose, h = POSES[0], 1e-6
+    pose = POSES[0]
+    h = 1e-6
     poses = np.tile(pose, (6, 1))
     ahead, _ = legs_at(OPTIONS, moved(poses, h * np.eye(6)))
     behind, _ = legs_at(OPTIONS, moved(poses, -h * np.eye(6)))

@@ -34,10 +34,12 @@ OPTIONS = options_of("planning")
 
 def numerical_jacobian(task: PathTask, q: np.ndarray) -> np.ndarray:
     """(m, n) central differences of the pose at ``q`` (n,)."""
-    step, chain = 1e-6, task.chain
+    step = 1e-6
+    chain = task.chain
     columns = []
     for direction in step * np.eye(len(q)):
-        behind, ahead = chain.pose(q - direction), chain.pose(q + direction)
+        behind = chain.pose(q - direction)
+        ahead = chain.pose(q + direction)
         columns.append(chain.displacement(behind, ahead) / (2 * step))
     return np.stack(columns, axis=-1)
 
@@ -92,7 +94,8 @@ def starts_by_self_motion(task: PathTask, start: np.ndarray) -> np.ndarray:
 def test_half_the_duration_of_a_step_leaves_a_quarter_of_the_distance_from_the_path(
     arm,
 ):
-    coarse, finer = path_task(arm, 50), path_task(arm, 100)
+    coarse = path_task(arm, 50)
+    finer = path_task(arm, 100)
     q, *_ = feasible_motions(coarse, 64)
     (fine,) = motions_from(finer, q[:1])
     assert off_path(finer, fine) == pytest.approx(off_path(coarse, q) / 4, rel=0.1)
@@ -114,7 +117,8 @@ def test_starts_of_a_redundant_arm_lie_on_the_path(arm):
 
 @pytest.mark.parametrize("law", LAWS)
 def test_a_plan_keeps_its_limits_and_has_the_least_sum_of_all_starts(law):
-    task, model = path_task("planar", 40), build_model(LAWS[law])
+    task = path_task("planar", 40)
+    model = build_model(LAWS[law])
     chain = task.chain
     plan = least_uncertain(model, task, feasible_motions(task, 1024))
 

@@ -189,7 +189,8 @@ def camera_noise() -> dict[str, pd.DataFrame]:
 
     def moved(t: np.ndarray, noise: float) -> pd.DataFrame:
         """Takes of a motion at constant speed, their angles at the times ``t``."""
-        rng, tables = default_rng(3), []
+        rng = default_rng(3)
+        tables = []
         for take in OFFSETS.index:
             q = np.outer(t, SPEED) + noise * rng.standard_normal((len(t), 3))
             place = {"take": take, "frame": np.arange(len(t)), "t": t}
@@ -212,7 +213,8 @@ def test_a_clock_that_is_off_alike_goes_into_the_bias(camera_noise):
 
 def test_a_clock_that_is_not_off_alike_widens_the_noise(camera_noise):
     variance = ["r:a:a", "r:b:b", "r:c:c"]
-    not_aligned, aligned = camera_noise["not aligned"], camera_noise["aligned"]
+    not_aligned = camera_noise["not aligned"]
+    aligned = camera_noise["aligned"]
     widened = not_aligned[variance] - aligned[variance]
     assert_allclose(widened.mean(), SPEED**2 * OFFSETS.var(), rtol=0.1)
 

@@ -28,7 +28,8 @@ STILL = dict.fromkeys(SIZES, 0.0)
 def test_a_condition_without_factors_moves_as_the_recorded_takes_of_its_seed(
     laboratory,
 ):
-    options, stream = laboratory.dynamics, rng.stream(5, "record.session")
+    options = laboratory.dynamics
+    stream = rng.stream(5, "record.session")
     session = dynamics.open_session(laboratory.chain, options, stream)
     poses, seen = perform(laboratory, {}, 5, "test", 2)
     for number in range(2):
@@ -48,7 +49,8 @@ def test_a_factor_scales_its_disturbances_alone(laboratory):
 
 @pytest.mark.parametrize("cause", cause_names())
 def test_the_size_of_a_cause_scales_what_the_cause_sets(cause):
-    options, shared = dynamics_type(cause)(), DynamicsOptions()
+    options = dynamics_type(cause)()
+    shared = DynamicsOptions()
     twice = dynamics_of_cause(cause, 2.0)
     assert dynamics_of_cause(cause, 1.0) == options != twice
 
@@ -61,7 +63,8 @@ def test_the_size_of_a_cause_scales_what_the_cause_sets(cause):
 def test_measured_poses_have_the_noise_of_the_motion_capture_times_its_factor(
     laboratory,
 ):
-    (poses, _), factor = perform(laboratory, STILL, 5, "train", 8), 3.0
+    poses, _ = perform(laboratory, STILL, 5, "train", 8)
+    factor = 3.0
     stream = default_rng(3)
     noise = measure_poses(poses, laboratory.pose_noise, factor, stream) - poses
     root = factor * np.linalg.cholesky(laboratory.pose_noise)

@@ -216,7 +216,9 @@ def test_drawn_noise_has_the_covariance_of_its_law_and_of_the_measurement(record
         noise=recorded.noise[:, ::20],
         known_measurement=recorded.measurement,
     )
-    chain, q, v = thinned.chain, thinned.q, thinned.v
+    chain = thinned.chain
+    q = thinned.q
+    v = thinned.v
     model = WishartModel(0.25, Decomposition("pivoted_lu"))
     rng = default_rng(4)
     noise = np.stack([draw_data(model, thinned, rng).noise for _ in range(1500)])

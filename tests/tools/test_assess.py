@@ -24,7 +24,8 @@ from pipeline.stages import ingest, track
 from pipeline.tools.assess import command
 from pipeline.tools.characterize.logs import folder_logs
 
-JOINTS, POSE = ["a", "b", "c"], np.diag([1.0, 2.0, 1.5]) * 1e-6
+JOINTS = ["a", "b", "c"]
+POSE = np.diag([1.0, 2.0, 1.5]) * 1e-6
 
 
 TAKES = 60
@@ -35,7 +36,8 @@ def drawn_takes(model) -> tuple[np.ndarray, np.ndarray]:
     """Commanded poses of the task before each of TASK_STEPS (40, 3), and measured joint angles
     (TAKES, 41, 3) in rad that the model draws.
     """
-    rng, start = default_rng(1), np.array([0.3, 1.5, -0.4])
+    rng = default_rng(1)
+    start = np.array([0.3, 1.5, -0.4])
     path = [start]
     for step in TASK_STEPS:
         path.append(path[-1] + model.chain.nominal_step(path[-1], step))

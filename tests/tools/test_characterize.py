@@ -79,7 +79,8 @@ def test_a_folder_without_a_usable_log_names_the_reason(tmp_path):
         tool_call("characterize", [str(tmp_path)])()
 
     t = np.linspace(0, 6, 601)
-    first, second = 0.5 * np.sin(t), 0.8 * np.sin(1.7 * t) ** 2
+    first = 0.5 * np.sin(t)
+    second = 0.8 * np.sin(1.7 * t) ** 2
     labels = "time (s),target_1 (rad),target_2 (rad),actual_1 (rad),actual_2 (rad)"
     exchanged = [second + 1e-4 * np.sin(9 * t), first]
     table = np.stack([t, first, second, *exchanged], axis=1)

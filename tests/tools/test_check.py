@@ -62,7 +62,8 @@ def files(root, logs) -> tuple[Path, Path]:
     shutil.copytree(ROOT / "pipeline/conf", root / "conf", dirs_exist_ok=True)
     write_motive(logs / "take.csv", random_take(101, body=False), start=START)
 
-    sheet, option = root / "data/raw/lab/dataset.yaml", root / "conf/dataset/lab.yaml"
+    sheet = root / "data/raw/lab/dataset.yaml"
+    option = root / "conf/dataset/lab.yaml"
     sheet.parent.mkdir(parents=True)
     sheet.write_text(SHEET.format(folder=logs))
     option.write_text(OPTION)

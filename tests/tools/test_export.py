@@ -99,7 +99,8 @@ def test_both_readers_need_only_numpy_and_give_the_bits_of_compiled_code(
     write_model(file, kind, chain)
     done = alone(module, file)
     assert done.returncode == 0, done.stderr
-    got, model = json.loads(done.stdout), load(file)
+    got = json.loads(done.stdout)
+    model = load(file)
     assert got["took"] < 1.0
 
     q = np.array([0.3, 1.5, -0.4]) + 0.1 * np.arange(5)[:, None]
@@ -113,7 +114,8 @@ def test_both_readers_need_only_numpy_and_give_the_bits_of_compiled_code(
 def test_equal_names_in_two_modules_of_the_reader_stay_apart(folder, monkeypatch):
     reader = copied_reader(folder, monkeypatch)
     for name in ("pipeline.models.joint_error.drive", "pipeline.arm.rows"):
-        module, copied = import_module(name), reader._module(name)
+        module = import_module(name)
+        copied = reader._module(name)
         assert copied.TURN == module.TURN
     assert (
         import_module(name).TURN
@@ -143,14 +145,17 @@ def errors(folder) -> Path:
     return folder / "errors.json"
 
 
-KNOWN, AHEAD = 154, 6  # samples
+# samples
+KNOWN = 154
+AHEAD = 6
 COMMANDED = sweep(1)[: KNOWN + AHEAD]
 
 
 @pytest.fixture(scope="module")
 def off(errors) -> np.ndarray:
     """(400, KNOWN + AHEAD + 1, 2) errors in rad of drawn arms about COMMANDED."""
-    model, steps = load(errors, period=0.01), np.diff(COMMANDED, axis=0)
+    model = load(errors, period=0.01)
+    steps = np.diff(COMMANDED, axis=0)
     rng = default_rng(2)
     start = COMMANDED[0]
     poses = model.sample(start, start, joint_steps=steps, size=400, rng=rng)
@@ -220,7 +225,8 @@ def test_a_law_whose_bands_the_recordings_do_not_confirm_is_warned_of(tmp_path):
 
 
 def test_histories_of_other_shapes_and_gaps_are_refused(errors, off):
-    model, past = load(errors), off[0, :KNOWN]
+    model = load(errors)
+    past = off[0, :KNOWN]
     gap = past.copy()
     gap[7, 1] = np.nan
 
@@ -290,7 +296,9 @@ def test_the_covariance_of_a_measured_pose_is_half_of_a_steps(
     chain,
     monkeypatch,
 ):
-    rng, takes, steps = default_rng(3), 6, 20
+    rng = default_rng(3)
+    takes = 6
+    steps = 20
     q = np.array([0.3, 1.5, -0.4]) + 0.1 * rng.standard_normal((takes, steps, 3))
     v = np.tile([1e-3, -1e-3, 1e-2], (steps, 1))
     pose = np.diag([1e-6, 4e-6, 9e-6])  # rad², of one pose; a step has two
@@ -378,5 +386,6 @@ def test_the_readmes_filters_are_nearer_than_measured_and_its_planner_swings_out
     assert 0.004 < measured < 0.006
     assert max(error(names, "by_ukf"), error(names, "by_particles")) < 0.7 * measured
     # the swing is less uncertain than the straight way and than one to the other side
-    best, cost = names["best"], names["variance"]
+    best = names["best"]
+    cost = names["variance"]
     assert abs(best) > 0.002 and cost(best) < min(cost(0.0), cost(-best))

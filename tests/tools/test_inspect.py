@@ -55,7 +55,8 @@ def test_every_format_is_recognised_in_a_folder_as_alone(zoo, findings):
 
 @pytest.mark.parametrize("name", STATED)
 def test_what_a_recording_states_and_leaves_open_is_shown(findings, name):
-    finding, stated = findings[name], STATED[name]
+    finding = findings[name]
+    stated = STATED[name]
     open_options = options(finding)
 
     for attribute, value in stated.get("shown", {}).items():
@@ -79,7 +80,8 @@ def test_markers_are_named_and_the_topics_of_a_bag_are_a_choice(findings):
 
 
 def test_a_robot_states_its_arms_and_planar_chains(tmp_path, zoo, findings):
-    robot, urdf = findings["three.urdf"], (zoo / "three.urdf").read_text()
+    robot = findings["three.urdf"]
+    urdf = (zoo / "three.urdf").read_text()
     assert robot.facts["joints"] == {"revolute": ["j1", "j2", "j3"], "fixed": ["j4"]}
     assert robot.facts["chains"] == [{"joints": ["j1", "j2", "j3"], "tools": ["tip"]}]
     assert not robot.open

@@ -52,7 +52,8 @@ def test_the_entries_of_a_lock_are_sorted_as_its_pipeline(project, capsys):
     (project / "params.yaml").write_text("models: [a, b]\n")
     text = "stages:\n  track: {cmd: r}\n  fit: {cmd: f, matrix: {model: '${models}'}}\n"
     (project / "dvc.yaml").write_text(text)
-    head, lock = LOCK[: LOCK.index("  files:")], project / "dvc.lock"
+    head = LOCK[: LOCK.index("  files:")]
+    lock = project / "dvc.lock"
     track, a, b, gone = map(ENTRY.format, ("track", "fit@a", "fit@b", "gone"))
     lock.write_text(head + b + gone + track + a)
 

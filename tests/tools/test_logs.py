@@ -105,7 +105,8 @@ def test_only_the_rate_is_missing_where_labels_name_the_angles(tmp_path):
 @pytest.mark.parametrize("joints", [slice(0, 6), slice(2, 3)])
 def test_a_recording_in_which_joints_stand_still_removes_no_joint(tmp_path, joints):
     labels = ["time", *labels_of("q_actual_#,q_target_#")]
-    measured, still = ACTUAL + 1e-5 * NOISE[:, :6], ACTUAL.copy()
+    measured = ACTUAL + 1e-5 * NOISE[:, :6]
+    still = ACTUAL.copy()
     still[:, joints] = ACTUAL[0, joints]
     for run in range(3):
         write(tmp_path / f"run_{run}.csv", labels, TIME, measured, TARGET)

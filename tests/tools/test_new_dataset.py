@@ -55,7 +55,8 @@ def exports(tmp_path) -> Path:
 @pytest.fixture
 def space_exports(tmp_path) -> Path:
     """Takes of rigid bodies alone, with a controller's logs of their names, and a URDF."""
-    folder, takes = tmp_path / "space", ("move_1", "move_2", "hold_1")
+    folder = tmp_path / "space"
+    takes = ("move_1", "move_2", "hold_1")
     write_takes(folder / "mocap", *takes, bodies=True)
     rows = [
         ",".join(f"{0.01 * k + column:.3f}" for column in range(4)) for k in range(9)

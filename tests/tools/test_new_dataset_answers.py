@@ -196,7 +196,8 @@ def test_motions_through_a_singular_pose_or_made_once_are_offered_last(monkeypat
         ends = np.zeros(2), np.ones(2)
         return FoundMotion(*ends, steps, None, places, [], least_singular)
 
-    twice, once = [("a", 0), ("a", 9)], [("a", 0)]
+    twice = [("a", 0), ("a", 9)]
+    once = [("a", 0)]
     motions = [motion(0, twice, 1e-3), motion(1, once, 1.0), motion(2, twice, 0.9)]
     dataset = SimpleNamespace(robot=None, motion=SimpleNamespace(rate=1.0))
     monkeypatch.setattr(command, "find_motions", lambda *_: motions)

@@ -17,7 +17,8 @@ POSES = np.random.default_rng(1).uniform(-1.0, 1.0, (20, 3))
 
 
 def test_the_skeleton_of_a_planar_arm_is_its_closed_form():
-    arm, nodes = arm_of(YOUBOT), skeletons(YOUBOT, POSES)
+    arm = arm_of(YOUBOT)
+    nodes = skeletons(YOUBOT, POSES)
     assert_array_equal(nodes[:, 0], 0.0)
 
     plane = arm.to_plane(nodes[:, 1:])
@@ -33,7 +34,8 @@ def test_the_file_holds_arm_cloud_and_angles_with_their_bounds(monkeypatch, tmp_
         rerun = command._rerun()
     except PipelineError:
         pytest.skip("rerun-sdk is absent; `make test-all` installs it in .venv-view")
-    t, file = 0.1 * np.arange(20), tmp_path / "take.rrd"
+    t = 0.1 * np.arange(20)
+    file = tmp_path / "take.rrd"
     tracks = {"measured": Track(t, POSES)}
     tracks["wishart"] = Track(t, POSES + 0.1, np.full_like(POSES, 0.2))
     write_recording(rerun, file, "test 1", YOUBOT, tracks, [(0.5, np.ones((7, 3)))])

@@ -63,7 +63,8 @@ def metric(key: str) -> dict[str, str]:
 
 def evidence_of(numbers: dict[str, float | None]) -> pd.DataFrame:
     """The table of the ``numbers`` of :func:`metric`; low and high are ends of the difference."""
-    low, high = numbers.get("low", np.nan), numbers.get("high", np.nan)
+    low = numbers.get("low", np.nan)
+    high = numbers.get("high", np.nan)
     difference = evidence_row("std", -0.1, low, high, model="wishart", rival="a")
     rows = [difference]
     for name, value in numbers.items():
@@ -107,7 +108,8 @@ TABLE = pd.DataFrame(
 )
 KINDS = {"a": "additive", "g": "gaussian", "gf": "gaussian"}
 EVIDENT = evidence_table([evidence_row("sigma_s", 1 / 3, configuration=3, entry="01")])
-METRICS, TABLES = {"motion": {"x": 1 / 3}}, {"scores": TABLE, "evidence": EVIDENT}
+METRICS = {"motion": {"x": 1 / 3}}
+TABLES = {"scores": TABLE, "evidence": EVIDENT}
 RUN = Run("lab", "paper", False, ["base", "elbow"], ["x", "z"], KINDS, METRICS, TABLES)
 
 
@@ -142,7 +144,8 @@ def test_the_run_at_hand_comes_first_and_a_file_that_is_no_run_is_refused_by_nam
         read_runs(tmp_path, tmp_path / "d.json")
 
     twice = replace(RUN, tables={"evidence": pd.concat([EVIDENT] * 2)}).to_json()
-    copy, deep = replace(RUN, dataset="ur5").to_json(), "[" * 10**5
+    copy = replace(RUN, dataset="ur5").to_json()
+    deep = "[" * 10**5
     broken = (
         twice,
         copy,
@@ -181,7 +184,8 @@ BETWEEN = CASES["definitions"]["between"]
 
 @pytest.mark.parametrize("case", CASES["verdicts"], ids=str)
 def test_a_verdict_follows_from_rule_numbers_and_recordings(case):
-    changes, numbers = case.get("claim", {}), case.get("numbers", {})
+    changes = case.get("claim", {})
+    numbers = case.get("numbers", {})
 
     result = verdict(case["recordings"], more=numbers, **changes)
 

@@ -82,10 +82,12 @@ def test_the_printed_scale_and_bound_mean_a_third_of_the_noise_level(norm):
 
 def test_noise_of_the_published_size_breaks_the_speed_limit_of_the_joints():
     """A joint at rest or at its commanded peak speed, with the published std of the third joint."""
-    std, limit = published_results()["sigma-omega"]["33"] ** 0.5, arm().max_speed
+    std = published_results()["sigma-omega"]["33"] ** 0.5
+    limit = arm().max_speed
     assert RATE * std == pytest.approx(limit[2], rel=0.01)
     draws = std * default_rng(3).standard_normal((500, 2, 3))
-    at_rest, at_peak = np.full(3, 1e-9), limit / RATE
+    at_rest = np.full(3, 1e-9)
+    at_peak = limit / RATE
     nominal = np.broadcast_to([at_rest, at_peak], draws.shape)
 
     noisy = speed_scores(nominal + draws, nominal, limit, RATE, "abc")
@@ -120,7 +122,8 @@ def test_noise_of_a_corrected_deviation_is_anticorrelated_and_white_noise_is_not
     """ω = e_{k+1} − e_k of e_{k+1} = (1 − κ)e_k + w_k has the lag-one correlation −κ/2. Band: 5
     standard errors; the control is w itself, which would add up to √M times its size.
     """
-    takes, steps = 200, 320
+    takes = 200
+    steps = 320
     w = default_rng(9).standard_normal((takes, steps))
     e = np.zeros((takes, steps + 1))
     for k in range(steps):
@@ -173,7 +176,8 @@ def test_steps_through_the_inverse_of_a_gaussian_matrix_have_no_variance():
     Gaussian it falls faster than any power.
     """
     rng = default_rng(1)
-    chain, size = arm(), 400_000
+    chain = arm()
+    size = 400_000
     noise = 0.05 * rng.standard_normal((size, 3, 3))
     drawn = chain.jacobian(POSE) + noise
 
@@ -194,7 +198,9 @@ def test_steps_through_the_inverse_of_a_gaussian_matrix_have_no_variance():
 def test_half_of_the_matrices_exceed_the_bound_at_full_level():
     """tr{nΣ} ≤ u² − ‖J̲‖² bounds E‖J‖² by u², and no single norm."""
     rng = default_rng(2)
-    inverse, u, draws = arm().inverse_jacobian(POSE), 18.0, 100_000
+    inverse = arm().inverse_jacobian(POSE)
+    u = 18.0
+    draws = 100_000
     scale = np.sqrt(noise_scale(np.linalg.norm(inverse), 1.0, u, 3, 3))
 
     def norms_at(level: float) -> np.ndarray:
@@ -253,7 +259,8 @@ def test_of_two_motions_neither_has_the_lesser_sum_and_trace_and_determinant_dis
     task = path_task("planar", 40)
     chain = task.chain
     law = build_model(LAWS["pivoted_lu"])
-    sums, log_determinants = [], []
+    sums = []
+    log_determinants = []
     for q in feasible_motions(task, 256):
         poses = chain.pose(q)
         v = chain.displacement(poses[:-1], poses[1:])
@@ -313,14 +320,16 @@ def test_under_the_wishart_model_by_qr_of_the_transpose_it_is_the_motion_of_leas
 
 
 CONFIGURATIONS = ("C1", "C2", "C3")
-PUBLISHED_SYSTEMS, CABLES = 1000, 3
+PUBLISHED_SYSTEMS = 1000
+CABLES = 3
 
 
 @pytest.fixture(scope="module")
 def bounds() -> dict[str, Bounds]:
     """The printed bounds of each configuration."""
     force = config.read_yaml(ROOT / "data/config.yaml")["dataset"]["force"]
-    tension, std = force["tension_bounds"], force["tension_std_bounds"]
+    tension = force["tension_bounds"]
+    std = force["tension_std_bounds"]
     kappa = force["kappa_bounds"]
 
     of_configurations = {}
@@ -338,7 +347,8 @@ def test_of_the_published_sigma_s_the_second_entry_of_c2_alone_is_doubtful_and_o
     """Beyond the 5 % limit of one normal distance, and on that of six (2.638) once the standard
     error is known to a percent.
     """
-    distance, control = np.empty((3, 2)), np.empty((3, 2))
+    distance = np.empty((3, 2))
+    control = np.empty((3, 2))
     for i, name in enumerate(CONFIGURATIONS):
         rng = default_rng(i)
         expected = np.diag(expected_sigma_s(bounds[name], CABLES, rng)["diagonal"].mean)
@@ -362,7 +372,8 @@ def averaged_diagonal(bounds: Bounds, systems: int, rng: np.random.Generator):
 
 
 def test_a_smaller_theta_meets_the_printed_constraints_with_a_greater_entropy():
-    n, gamma = 3, 2
+    n = 3
+    gamma = 2
     entropies = {}
     for theta in (3, 2 * gamma):
         d = theta + n + 1
@@ -403,7 +414,8 @@ def test_the_covariances_of_two_columns_are_no_multiples_of_one_matrix(
     second,
     representable,
 ):
-    rng, kappa = default_rng(5), 400.0
+    rng = default_rng(5)
+    kappa = 400.0
     covariances = []
     for angle in (0.0, second):
         angles = rng.vonmises(angle, kappa, 20_000)

@@ -90,7 +90,8 @@ def predicted(half: float = 0.1, **matrix: float) -> Run:
     """Return a run of one joint with the log scores ``matrix`` of models and BASELINES, with
     intervals of ± ``half``.
     """
-    means, rows = BASELINES | matrix, []
+    means = BASELINES | matrix
+    rows = []
     for model, mean in means.items():
         ends = {
             "difference": mean - 10,
@@ -290,7 +291,8 @@ def test_a_matrix_model_is_recommended_for_this_motion_by_its_intervals_alone(
 
 
 def test_the_card_holds_parameters_ranges_takes_and_other_datasets():
-    run, other = predicted(wishart=12.0), predicted(wishart=10.7)
+    run = predicted(wishart=12.0)
+    other = predicted(wishart=10.7)
     page = model_card(run, [other])
     assert "| wishart | s | 0.5 | 0.0125 | [0.48, 0.53] |" in page
     assert (

@@ -167,7 +167,8 @@ def test_the_page_of_datasets_has_each_verdict_and_a_sentence_where_they_differ(
 
 
 def test_the_results_of_the_readme_are_between_its_marks(grouped):
-    before, after = "A.\n\n<!-- results -->\n", "<!-- /results -->\n\nB.\n"
+    before = "A.\n\n<!-- results -->\n"
+    after = "<!-- /results -->\n\nB.\n"
     rows = tally(grouped)
 
     text = report_page.readme_with_results(f"{before}earlier\n{after}", grouped, rows)

@@ -78,7 +78,8 @@ def test_nothing_that_the_paper_numbers_is_forgotten():
 @cache
 def parsed(file: str) -> tuple[dict[str, ast.AST], dict[str, str]]:
     """Return by name what a test file defines at its top, and dotted paths of what it imports."""
-    named, imported = {}, {}
+    named = {}
+    imported = {}
     for node in ast.parse((ROOT / file).read_text()).body:
         if isinstance(node, ast.FunctionDef | ast.ClassDef):
             named[node.name] = node
@@ -112,7 +113,9 @@ def used(file: str, test: str) -> set[str]:
     """Return the dotted paths that a test names, itself or through its file or a helper of the
     tests.
     """
-    names, waiting, visited = set(), [(file, test)], set()
+    names = set()
+    waiting = [(file, test)]
+    visited = set()
 
     while waiting:
         place, name = waiting.pop()
@@ -266,7 +269,8 @@ def test_every_claim_has_evidence_that_a_stage_writes(youbot):
 
 
 def test_reasons_of_claims_name_datasets_and_errata_and_hold_no_number(errata):
-    datasets, reasons = set(), []
+    datasets = set()
+    reasons = []
     for claim in CLAIMS:
         datasets |= {*claim.why}
         reasons += claim.why.values()

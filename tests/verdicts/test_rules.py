@@ -39,7 +39,9 @@ from pipeline.verdicts.rules import (
 )
 from pipeline.verdicts.run import ArmNames
 
-REPEATS, STEPS, JOINTS = 100, 80, ("elbow", "wrist")
+REPEATS = 100
+STEPS = 80
+JOINTS = ("elbow", "wrist")
 
 
 parametrised = cases_beside(__file__)
@@ -120,7 +122,8 @@ def change_of_mean(rng: np.random.Generator, side: int) -> list[dict]:
 
 def followed(rng: np.random.Generator, side: int) -> list[dict]:
     """Correlations of the standard deviation with a curve, their limits and powers."""
-    takes, steady = noise(rng, 0.2 + 0.2 * side), np.zeros(STEPS, dtype=bool)
+    takes = noise(rng, 0.2 + 0.2 * side)
+    steady = np.zeros(STEPS, dtype=bool)
     rows = following_tests(curve(0.4), takes, steady, JOINTS, rng)
     rows = rows.rename(columns={"correlation": "value", "limit": "threshold"})
     return rows[["value", "threshold", "power"]].to_dict("records")
@@ -174,7 +177,8 @@ def test_a_rule_passes_just_on_the_true_side_fails_just_on_the_false_and_errs_as
     sides = (-1, 1) if rule in SHARP else (-1, 0, 1)
     rng = default_rng(7)
 
-    confirmed, refuted = {}, {}
+    confirmed = {}
+    refuted = {}
     for side in sides:
         outcomes = [decided(rule, *DRAWN[rule](rng, side)) for _ in range(repeats)]
         confirmed[side] = np.mean([all(holds) for holds in outcomes])
@@ -197,7 +201,8 @@ def test_noise_of_few_takes_varies_where_it_grows_with_the_speed_within_them(
     least,
     greatest,
 ):
-    rng, holds = default_rng(11), []
+    rng = default_rng(11)
+    holds = []
     for _ in range(REPEATS):
         holds += decided("varies", *varied_within(rng, ratio))
 
@@ -216,7 +221,9 @@ def test_no_rule_decides_without_its_numbers():
 
 
 def test_one_of_many_true_cases_of_few_takes_is_not_refuted_by_chance():
-    rng, corrected, uncorrected = default_rng(3), [], []
+    rng = default_rng(3)
+    corrected = []
+    uncorrected = []
     for _ in range(400):  # 12 cases of 4 takes, in which the claim is just true
         cases = [mean_of(rng.normal(0.0, 1.0, 4)) for _ in range(12)]
         corrected.append(False in decided("less", *cases))
@@ -240,7 +247,9 @@ def test_holm_rejects_in_order_and_stops_at_the_first_that_passes():
 
 def test_an_interval_of_few_takes_has_the_tails_of_its_degrees_of_freedom():
     """4 takes, of which a normal interval would confirm a mean of zero too often."""
-    rng, of_student, of_normal = default_rng(5), [], []
+    rng = default_rng(5)
+    of_student = []
+    of_normal = []
     for _ in range(2000):
         case = mean_of(rng.normal(0.0, 1.0, 4), yardstick=0.0)
         of_student += decided("above", case)

@@ -46,7 +46,8 @@ CLAIMS = parse_claims(
         STUDY | {"id": "study", "about": "method"},
     ],
 )
-ARM, OTHER = ("a", "b"), ("a", "b", "c")
+ARM = ("a", "b")
+OTHER = ("a", "b", "c")
 
 
 def a_run(

@@ -180,10 +180,8 @@ def test_forces_alone_go_through_every_stage_and_are_scored_on_all_rows(
     assert results.synthetic and results.joints == [] == list(results.task)
     moments = results.tables["force_moments"].set_index(["configuration", "source"])
     for name in files:
-        measured, modelled = (
-            moments.loc[name, "measured"],
-            moments.loc[name, "modelled"],
-        )
+        measured = moments.loc[name, "measured"]
+        modelled = moments.loc[name, "modelled"]
         size = np.sqrt([measured[f"var_{row}"] for row in rows])
         # a record of some seconds has few independent samples
         assert np.all(np.abs(measured[rows] - modelled[rows]) < 2 * size), name

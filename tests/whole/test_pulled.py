@@ -12,7 +12,8 @@ from project_copy import GIT, ROOT, succeeds
 from pipeline.core.errors import RecordingError
 from pipeline.recordings.inventory import listing, raw_folder
 
-PULLED, BESIDE = ROOT / "data/recordings", ROOT.parent / "shared/recordings"
+PULLED = ROOT / "data/recordings"
+BESIDE = ROOT.parent / "shared/recordings"
 IMPORTS = sorted(PULLED.rglob("*.dvc"))
 beside = pytest.mark.skipif(
     not BESIDE.is_dir(),

@@ -31,7 +31,8 @@ pytestmark = pytest.mark.slow
 
 IN_SPACE = {"wrench_marginals"}  # of six rows, where cables do not lie in a plane
 FIGURES = {*figures_in()} - IN_SPACE
-MODELS, CONTROL = ("additive", "wishart", "gaussian"), "no_noise"
+MODELS = ("additive", "wishart", "gaussian")
+CONTROL = "no_noise"
 SHOWN = {"score", "figures", "publish", "report", "page"}
 FILTERS = {f"filter@{model}" for model in MODELS}
 MOTION = {"ingest@motion", "track", "articulate", "predict", "readings"} | FILTERS
@@ -129,7 +130,8 @@ def test_the_same_seed_gives_the_same_bytes_whatever_the_number_of_workers(copy)
 def test_an_edit_reruns_what_depends_on_it_and_going_back_restores_the_committed_bytes(
     copy,
 ):
-    before, parameters = outputs(copy), copy / "params.yaml"
+    before = outputs(copy)
+    parameters = copy / "params.yaml"
     sound = parameters.read_text()
     set_parameters(copy, filter="multinomial")
     plan = reruns(copy)
@@ -180,7 +182,8 @@ def test_an_edit_reruns_what_depends_on_it_and_going_back_restores_the_committed
 
 
 def test_a_stage_that_fails_names_the_commands_that_restore_its_results(copy):
-    code, before = copy / "pipeline/stages/wrench.py", outputs(copy, "wrench")
+    code = copy / "pipeline/stages/wrench.py"
+    before = outputs(copy, "wrench")
     sound = code.read_text()
     first = "\n    settings = config"
     assert first in sound
@@ -197,7 +200,8 @@ def test_a_stage_that_fails_names_the_commands_that_restore_its_results(copy):
 
 
 def test_a_bad_parameter_stops_with_one_message_and_keeps_all_results(copy):
-    before, sound = contents(copy / "data"), (copy / "params.yaml").read_text()
+    before = contents(copy / "data")
+    sound = (copy / "params.yaml").read_text()
     # output of the stage choose, which fails
     chosen = {"dataset.txt": before["dataset.txt"]}
 

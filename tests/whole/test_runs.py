@@ -35,12 +35,14 @@ pytestmark = pytest.mark.slow
 KILLED = "choose configure record files ingest@motion ingest@depth track".split()
 WRITTEN = "data/ingest data/track data/raw/youbot/recordings .dvc/cache".split()
 LAST = "articulate"
-KILLS, KILL_SEED = 10, 2017
+KILLS = 10
+KILL_SEED = 2017
 DELAY = (0.5, 4.0)  # s between start and kill
 PATIENCE = 120  # s; a worker without work ends by itself sooner
 LONGEST = 400  # s that the experiment may take
 # the option that was set, and a result that depends on it
-SET, FITTED = "overrides.models.wishart.decomposition", "sigma_b"
+SET = "overrides.models.wishart.decomposition"
+FITTED = "sigma_b"
 
 
 def kill_after(seconds: float, whole: bool, cwd: Path) -> bool:
@@ -67,7 +69,8 @@ def kill_after(seconds: float, whole: bool, cwd: Path) -> bool:
 
 
 def test_a_run_killed_at_any_moment_completes_to_the_same_bytes(reproduced, tmp_path):
-    folder, rng = tmp_path / "killed", np.random.default_rng(KILL_SEED)
+    folder = tmp_path / "killed"
+    rng = np.random.default_rng(KILL_SEED)
     mend = ["make", "-o", ".venv/.ready", "mend"]
     copy_project(folder)
     set_parameters(folder, **SMOKE)

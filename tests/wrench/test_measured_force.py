@@ -127,9 +127,11 @@ def test_moments_of_measured_wrenches_are_over_the_length():
 
 
 def test_six_rows_of_a_record_of_the_cables_have_the_moments_of_the_matrix_model():
-    system, rng = TOWED.in_units_of(LENGTH), default_rng(45)
+    system = TOWED.in_units_of(LENGTH)
+    rng = default_rng(45)
     record = pd.DataFrame(sample_wrench(TOWED, 20_000, rng), columns=SIX)
-    model, sigma_s = models.matrix_model(system), sigma_s_of(system)
+    model = models.matrix_model(system)
+    sigma_s = sigma_s_of(system)
     wrenches = {
         "measured": measured_wrenches(record, system, LENGTH),
         "modelled": models.sample_wrenches(model, sigma_s, 20_000, rng),

@@ -79,7 +79,8 @@ def test_the_mean_length_has_its_limits_at_no_and_at_great_concentration(p):
     [(0.0, 0.5), (0.7, 4.0), (2.5, 169.35), (4.0, 2416.0)],
 )
 def test_moments_of_one_cable_equal_those_integrated_over_its_direction(theta, kappa):
-    tension, sd = 5.0, 1.3
+    tension = 5.0
+    sd = 1.3
     law = vonmises(kappa, loc=0.0)
     edge = min(np.pi, 15 / np.sqrt(kappa))
 
@@ -125,7 +126,8 @@ def test_simulated_wrenches_have_the_closed_forms_moments_and_the_small_angle_la
     system = SYSTEMS[place]
     samples = sample_wrench(system, 100_000, default_rng(1))
     # the small-angle law
-    maps, columns = system.maps(), system.jacobian()
+    maps = system.maps()
+    columns = system.jacobian()
     across = system.tension**2 / system.concentration
     along = system.tension_sd**2 - across
     small_angle = np.einsum("mip,m,mjp->ij", maps, across, maps)
@@ -212,14 +214,16 @@ def test_the_optimum_has_the_conditions_of_a_minimum_and_no_feasible_step_from_i
 ):
     rng = default_rng(6)
     systems = random_systems(400, 2, rng)
-    model, covariance = matrix_model(systems), wrench_covariance(systems)
+    model = matrix_model(systems)
+    covariance = wrench_covariance(systems)
     mask = np.eye(2) if form == "diagonal" else np.ones((2, 2))
     unbounded = unbounded_sigma_s(systems)
     closed, held = optimal_sigma_s(unbounded, form)
 
     # Karush-Kuhn-Tucker of min ‖Σ − M‖ over Σ ≥ 0, a convex problem
     target = unbounded * mask
-    multiplier, size = closed - target, np.abs(target).max()
+    multiplier = closed - target
+    size = np.abs(target).max()
     product = np.trace(closed @ multiplier, axis1=1, axis2=2)
     for matrix in (closed, multiplier):
         assert np.linalg.eigvalsh(matrix).min() > -1e-12 * size

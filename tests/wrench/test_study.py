@@ -65,7 +65,8 @@ def test_systems_stay_within_their_bounds_and_fill_them(bounds):
 
     for name, (low, high) in stated.items():
         margin = 0.01 * (high - low)
-        least, greatest = drawn[name].min(), drawn[name].max()
+        least = drawn[name].min()
+        greatest = drawn[name].max()
         assert low - 1e-12 <= least < low + margin
         assert high + 1e-12 >= greatest > high - margin
 
@@ -254,7 +255,8 @@ def test_without_the_random_matrix_the_error_is_larger_and_hardly_falls():
 
 @pytest.mark.slow
 def test_the_error_falls_with_the_number_of_cables_in_every_repeat():
-    rng, agents = default_rng(14), np.array([3, 5, 10, 15, 20])
+    rng = default_rng(14)
+    agents = np.array([3, 5, 10, 15, 20])
     _, _, spread = run_study(study_options(agents.tolist(), 5), rng)
     means = spread.pivot(index="repeat", columns="agents", values="mean").to_numpy()
     alike = []  # errors of one covariance for every system

@@ -81,7 +81,8 @@ def connect(compute: Compute) -> Iterator[Client]:
     """Yield a client of the cluster of ``compute``, or of a new cluster; else ComputeError."""
     for logger in ("distributed", "distributed.client"):  # ComputeError says the same
         logging.getLogger(logger).setLevel(logging.CRITICAL)
-    address, timeout = compute.dask.address, compute.dask.timeout
+    address = compute.dask.address
+    timeout = compute.dask.timeout
     with ExitStack() as stack:
         stack.enter_context(dask.config.set(SILENT))
         if address is None:
@@ -104,7 +105,8 @@ def connect(compute: Compute) -> Iterator[Client]:
 
 def workers_of(client: Client, compute: Compute) -> int:
     """Return the number of workers, at least one; ComputeError without one for the timeout."""
-    timeout, address = compute.dask.timeout, compute.dask.address
+    timeout = compute.dask.timeout
+    address = compute.dask.address
     try:
         cores = client.sync(client.scheduler.ncores, callback_timeout=timeout)
         if not cores:
@@ -144,7 +146,8 @@ def result_of(future: Future, client: Client, compute: Compute) -> bytes:
 def run_on_worker(shared: bytes, trial: bytes) -> bytes:
     """Return the pickled result; ComputeError where this worker might compute other bytes."""
     expected, function = pickle.loads(shared)
-    worker, threads = get_worker(), "the number of a worker's threads"
+    worker = get_worker()
+    threads = "the number of a worker's threads"
     # threads of one process would share the state of libraries
     there = fingerprint() | {threads: str(worker.state.nthreads)}
     for name, state in (expected | {threads: "1"}).items():

@@ -235,7 +235,8 @@ class Arrangement:
 
     @model_validator(mode="after")
     def _one_value_a_cable(self) -> Self:
-        cables, axes = len(self.direction), 2 if self.elevation is None else 3
+        cables = len(self.direction)
+        axes = 2 if self.elevation is None else 3
         if len(self.tension) != cables:
             raise Fault(
                 "tension",
@@ -416,7 +417,8 @@ class Dataset:
             raise Fault("robot.task", message)
         if self.joint_log is None:
             return self
-        arm, log = self.robot.joints, self.joint_log
+        arm = self.robot.joints
+        log = self.joint_log
         if absent := [name for name in arm if name not in log.joints]:
             message = f"{', '.join(absent)} of robot.joints is not logged; the log has "
             raise Fault("joint_log.joints", message + ", ".join(log.joints))

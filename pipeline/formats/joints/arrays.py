@@ -45,7 +45,8 @@ def read_arrays(file: Path, options: LogOptions) -> JointLog:
     content.stand_upright({len(content.arrays[name]) for name in clocks})
     named = clocks if isinstance(options.time, int) else [options.time]
     clock = named[0] if len(named) == 1 else None
-    time, time_unit = None, ""
+    time = None
+    time_unit = ""
     if clock is not None:
         time_unit = "s" if clock in content.dated else _unit("time", named, file)
         factor = UNITS["time"][time_unit or options.time_unit]
@@ -53,19 +54,23 @@ def read_arrays(file: Path, options: LogOptions) -> JointLog:
 
     stated = {name: labels for name, labels in options.signals.items() if labels}
     wanted = options.signals or ("actual", "target")
-    guesses, guessed, advice = {}, {}, ""
+    guesses = {}
+    guessed = {}
+    advice = ""
     if {*wanted} - {*stated}:
         signals_by_name, reasons = content.signals(time)
         if reasons and not meanings.possibly_speed(signals_by_name["target"]):
             if options.guess:
-                guesses, guessed = reasons, signals_by_name
+                guesses = reasons
+                guessed = signals_by_name
             else:
                 suggested = str(signals_by_name).replace("'", "")
                 advice = f". {'; '.join(reasons.values())}: signals may be {suggested}"
                 del signals_by_name["target"]
         stated = signals_by_name | stated
 
-    signals, angle_units = {}, []
+    signals = {}
+    angle_units = []
     for name in wanted:
         labels = stated.get(name, ())
         unit = _unit("angle", labels, file)

@@ -50,10 +50,13 @@ def read_joint_bag(file: Path, options: LogOptions) -> JointLog:
     joints. Raises RecordingError for an unreadable bag, and for no topic or several; with
     the message's number (from 0), where a joint has no value or the time does not increase.
     """
-    joints, counts, logs = tuple(options.names), Counter(), {}
+    joints = tuple(options.names)
+    counts = Counter()
+    logs = {}
     for signal, topic in sorted(_topics(file, options).items()):
         log = _read_topic(file, topic, signal, joints)
-        joints, values = log.joints, log.signals[signal]
+        joints = log.joints
+        values = log.signals[signal]
         counts += log.counts
         if signal in ANGLES:
             evidence = {"signal": signal, "file": file, "circular": options.circular}
@@ -139,7 +142,8 @@ def _joint_values(message: object, signal: str) -> tuple[float, dict[str, float]
     """Return the time in s and joint → value of the ``signal``, NaN for a missing value."""
     field = FIELDS.get(signal, "effort")
     if hasattr(message, "joint_names"):  # the state of a controller
-        joints, values = message.joint_names, []
+        joints = message.joint_names
+        values = []
         commanded = signal in COMMANDED_SIGNALS
         for name in COMMANDED_POINTS if commanded else MEASURED_POINTS:
             point = getattr(message, name, None)
@@ -147,7 +151,8 @@ def _joint_values(message: object, signal: str) -> tuple[float, dict[str, float]
             if len(numbers) and not values:
                 values = numbers.tolist()
     else:
-        joints, values = message.name, getattr(message, field).tolist()
+        joints = message.name
+        values = getattr(message, field).tolist()
     present = dict(zip(joints, values, strict=False))
     return rosbag.seconds(message), dict.fromkeys(joints, np.nan) | present
 

@@ -66,7 +66,8 @@ def increasing(log: JointLog, place: Callable[[int], dict[str, object]]) -> Join
     backward = (np.diff(time) <= 0) & ~doubled
     if backward.any():
         row = int(np.argmax(backward)) + 1
-        before, after = float(time[row - 1]), float(time[row])
+        before = float(time[row - 1])
+        after = float(time[row])
         raise RecordingError(
             f"the time does not increase (from {before:.16g} to {after:.16g} s): choose another "
             "column of times, or print its fraction with all its digits; if the file holds several "

@@ -58,7 +58,9 @@ def meaning(name: str) -> Meaning:
     number = int(words.pop(places[-1])) if places else None
     if len(words) > 1:  # tq as the only word is a commanded q
         words = ["torque" if word == "tq" else word for word in words]
-    role, quantity, rest = "", "", []
+    role = ""
+    quantity = ""
+    rest = []
     for word in " ".join(SHORT.get(word, word) for word in words).split():
         if word in WORDS["measured"] or word in WORDS["state"]:
             role = role or ("actual" if word in WORDS["measured"] else "state")
@@ -94,7 +96,8 @@ def named_like(quantity: str, names: Iterable[str]) -> list[str]:
 
 def _named_like_time(names: Iterable[str]) -> list[str]:
     """Return the ``names`` that are a word of time, else those whose last part is one."""
-    whole, last = [], []
+    whole = []
+    last = []
     for name in names:
         parts = re.split(r"[./]", bare(name).lower())
         if re.sub("[^a-z]", "", "".join(parts)) in TIME:
@@ -294,7 +297,8 @@ def other_content(labels: Sequence[str], units: Sequence[str | None]) -> str | N
     }
     if any("w" in columns for columns in vectors.values()):
         return "poses of a body (position and quaternion)"
-    stated, words = set(), set()
+    stated = set()
+    words = set()
     for stem, columns in vectors.items():
         stated.add(re.sub(r"[\s^*/·]", "", units[columns["x"]] or ""))
         words |= {*re.findall(r"[a-z]+", stem)}
@@ -366,9 +370,11 @@ def signals_of_groups(
             first = groups[name][0]
             guessed["actual"] = f"{first} … are joints by their names alone"
     if len(actual) == len(target) == 1:
-        joints, commands = len(groups[actual[0]]), len(groups[target[0]])
+        joints = len(groups[actual[0]])
+        commands = len(groups[target[0]])
         if joints != commands:
-            actual, target = (actual if commands == 1 else []), []
+            actual = actual if commands == 1 else []
+            target = []
 
     measured = actual[0] if len(actual) == 1 else ""
     commanded = target[0] if len(target) == 1 else ""

@@ -20,7 +20,8 @@ def read_joint_table(file: Path, options: LogOptions) -> JointLog:
 
 
 def _sheet_of(file: Path, options: LogOptions) -> Sheet:
-    separator, decimal = options.separator, options.decimal
+    separator = options.separator
+    decimal = options.decimal
     return read_sheet(file, separator=separator, decimal=decimal, key=OPTION)
 
 
@@ -46,7 +47,8 @@ def log_of_sheet(sheet: Sheet, options: LogOptions) -> JointLog:
         time = values[:, 0]
     else:
         time = _times_of_rows(sheet, samples.rows, options)
-    signals, start = {}, len(clock)
+    signals = {}
+    start = len(clock)
     for signal in options.signals:
         names = [name for name in wanted if name.endswith(f" ({signal})")]
         end = start + len(names)

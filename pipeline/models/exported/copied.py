@@ -7,7 +7,8 @@ from pathlib import Path
 from pipeline.models import kinds
 
 HERE = Path(__file__).parent
-READER_NAME, READER = "read_motion_model.py", "pipeline.models.exported.reader"
+READER_NAME = "read_motion_model.py"
+READER = "pipeline.models.exported.reader"
 KINDS = "pipeline.models.kinds"
 # module → module whose text is in the reader in its place
 STAND_INS = {"pipeline.core.compiled": "pipeline.core.interpreted"}

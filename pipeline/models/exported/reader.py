@@ -20,7 +20,8 @@ from pipeline.models.model import corrected_command
 FORMAT = "motion model 2"
 UNLIMITED = {"lower": -np.inf, "upper": np.inf, "max_speed": np.inf}  # null in the file
 # a value beyond its range by more than MARGIN·width + SLACK (range's unit) causes a warning
-MARGIN, SLACK = 0.05, 1e-3
+MARGIN = 0.05
+SLACK = 1e-3
 SCORED = 0.5  # s, longest horizon at which a joint error law is fitted and scored
 # errors of a file that is not an exported model
 INVALID = (
@@ -86,7 +87,8 @@ class Exported:
         ranges = self.record["ranges"].get(what, {})
         columns = np.moveaxis(values, -1, 0)
         for (name, ends), column in zip(ranges.items(), columns, strict=False):
-            low, high = ends["least"], ends["greatest"]
+            low = ends["least"]
+            high = ends["greatest"]
             slack = SLACK + MARGIN * (high - low)
             beyond = column[(column < low - slack) | (column > high + slack)]
             topic = f"{what} of {name}"
@@ -160,7 +162,8 @@ class ExportedModel(Exported):
 
     def _arrays(self, q: ndarray, v: ndarray) -> tuple[ndarray, ndarray]:
         """Return ``q`` and ``v`` as arrays; warn of values outside the ranges of the fit."""
-        n, m = len(self.chain.lower), len(self.chain.task)
+        n = len(self.chain.lower)
+        m = len(self.chain.task)
         q = self._array("q", q, (n,), "rad")
         sizes = (m, m + n) if n > m else (m,)
         v = self._array("v", v, sizes, f"steps of {self.chain.task}")
@@ -370,7 +373,8 @@ def _require_valid(record: Any) -> None:
     """Raise ContractError with key and value for invalid contents of a file."""
     stated = record.get("format") if isinstance(record, dict) else type(record).__name__
     _require(stated == FORMAT, "format", repr(FORMAT), repr(stated))
-    rate, share = record["rate_per_s"], record["closed_loop_share"]
+    rate = record["rate_per_s"]
+    share = record["closed_loop_share"]
     _require(_is_number(rate) and rate > 0, "rate_per_s", "a number > 0", repr(rate))
     sound = _is_number(share) and 0 <= share <= 1
     _require(sound, "closed_loop_share", "a number from 0 to 1", repr(share))

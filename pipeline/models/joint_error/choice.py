@@ -112,7 +112,8 @@ def faults_of(scores: pd.DataFrame, model: str) -> list[str]:
     for (joint, horizon), row in by_horizon.iterrows():
         few = row["count"] < FEW
         factor = GROSS if few else WRONG
-        ratio, covered = row["ratio"], row["two_sigma"]
+        ratio = row["ratio"]
+        covered = row["two_sigma"]
         if np.isfinite(ratio) and not 1 / factor <= ratio <= factor:
             faults.append(
                 f"predicted σ of {joint} at {horizon} is {ratio:.2g} times the measured "
@@ -211,7 +212,8 @@ def chosen_law(scores: pd.DataFrame) -> tuple[str | None, str]:
             f"at most {most} commanded samples of a joint are predicted {LONGEST} ahead"
         )
         return None, f"{reason} (required: {FEW}); record for longer"
-    sound, unsound = [], []
+    sound = []
+    unsound = []
     for model in moving["model"].unique():
         faults = faults_of(moving, model)
         if faults:

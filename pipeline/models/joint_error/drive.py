@@ -54,7 +54,9 @@ def drive_of(
     """Return the inputs of speed in rad/s, acceleration without jumps, sign and ``young`` parts:
     two of the sign, then two of the jumps.
     """
-    constant, zero, size = np.ones_like(speed), np.zeros_like(speed), np.abs(speed)
+    constant = np.ones_like(speed)
+    zero = np.zeros_like(speed)
+    size = np.abs(speed)
     late = [young[1] ** 2, young[3] ** 2]
     if power == 0:
         growth = [constant, zero, zero, zero, zero]

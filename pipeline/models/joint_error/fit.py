@@ -89,7 +89,8 @@ def runs_of(recorded: Recorded) -> list[JointRun]:
         raise ModelDomainError(
             "the joint error law needs the rate of the recorded steps",
         )
-    poses, chain = recorded.poses, recorded.chain
+    poses = recorded.poses
+    chain = recorded.chain
     command = np.empty_like(poses)
     command[:, 0] = poses[:, 0].mean(axis=0)
     for k in range(command.shape[1] - 1):
@@ -134,7 +135,9 @@ def fit_joint_error(
         )
         raise ModelDomainError(message, runs=len(runs))
     unfitted = unfitted_law(runs, power)
-    laws, few, jumping = [], [], []
+    laws = []
+    few = []
+    jumping = []
     for j in range(len(unfitted.joints)):
         law = unfitted.of_joint(j)
         samples = joint_samples(law, runs, j, memory)
@@ -176,7 +179,8 @@ def unfitted_law(runs: Sequence[JointRun], power: float | str) -> JointErrorMode
     """Return the law of errors that persist without noise, with the ranges, steps of the angles and
     lags of ``runs``.
     """
-    rate, n = runs[0].rate, len(runs[0].joints)
+    rate = runs[0].rate
+    n = len(runs[0].joints)
     speeds = np.concatenate([lasting_speeds(run) for run in runs])
     lags = lags_of_logs(runs)
     lag_std = np.zeros(n)

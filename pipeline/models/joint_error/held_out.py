@@ -119,7 +119,9 @@ def held_out(
     results = map_trials(partial(_score_part, laws=laws, parts=parts), trials)
     first_motion = next(iter(parts))
     longest = max(parts[first_motion].scored, key=lambda run: len(run.command))
-    rows, parameters, predictions = [], [], []
+    rows = []
+    parameters = []
+    predictions = []
     standard: dict[str, list[list[ndarray]]] = {}
     for (model, motion), result in zip(trials, results, strict=True):
         rows += [{"model": model, "motion": motion} | row for row in result.rows]
@@ -153,7 +155,8 @@ def run_predictions(law: JointErrorModel, run: JointRun) -> pd.DataFrame:
     """Return the error of ``run`` at about DRAWN samples with mean and standard deviation of its
     predictions in rad: a row for each joint, horizon but one sample, and time ``t`` in s.
     """
-    error, inputs = run.measured - run.command, law.inputs(run.command)
+    error = run.measured - run.command
+    inputs = law.inputs(run.command)
     columns = ["recording", "joint", "horizon", "t", "error", "mean", "std"]
     tables = [pd.DataFrame(columns=columns)]
     for name, steps in zip(HORIZON_NAMES, horizon_samples(law.rate), strict=True):
@@ -279,7 +282,8 @@ def score_runs(
     rows by joint, horizon, kind of samples and block of the runs' time, and the standardised errors
     of one commanded sample by joint.
     """
-    rows, standard = [], [np.empty(0)] * len(law.joints)
+    rows = []
+    standard = [np.empty(0)] * len(law.joints)
     steps_ahead = horizon_samples(law.rate)
     for number in horizons:
         steps = steps_ahead[number]
@@ -289,7 +293,8 @@ def score_runs(
         of_runs = [_predictions(law, run, steps, blocks, lag_known) for run in long]
         together = Predictions(*map(np.concatenate, zip(*of_runs, strict=True)))
         for j, joint in enumerate(law.joints):
-            moving, calm = together.moving[:, j], together.calm[:, j]
+            moving = together.moving[:, j]
+            calm = together.calm[:, j]
             kinds = {MOVING: moving, SETTLED: moving & calm, RESTING: ~moving}
             for samples, mask in kinds.items():
                 place = {"joint": joint, "horizon": HORIZON_NAMES[number]}
@@ -332,7 +337,8 @@ def _block_rows(
     rows = []
     for number in np.unique(predictions.block[mask]):
         inside = mask & (predictions.block == number)
-        off, variance = predictions.off[inside, j], predictions.variance[inside, j]
+        off = predictions.off[inside, j]
+        variance = predictions.variance[inside, j]
         z = off / np.sqrt(variance)
         numbers = {
             "score": predictions.score[inside, j].mean(),
@@ -383,7 +389,8 @@ def determined_ranges(refits: pd.DataFrame) -> pd.DataFrame:
     ``refits`` without each held-out motion, as columns ``least:NUMBER`` and ``greatest:NUMBER``.
     """
     by_joint = refits.drop(columns=["model", "motion"]).groupby("joint", sort=False)
-    least, greatest = by_joint.min(), by_joint.max()
+    least = by_joint.min()
+    greatest = by_joint.max()
     return least.add_prefix("least:").join(greatest.add_prefix("greatest:"))
 
 
@@ -398,7 +405,8 @@ def joint_tables(
     ``runs``, ``motions``, ``motion_ranges`` and ``unused_recordings`` (name → reason, ``unused``).
     """
     tables = held_out(runs, laws, map_trials)
-    refits, predictions = tables.pop("held_out_parameters"), tables.pop("held_out_run")
+    refits = tables.pop("held_out_parameters")
+    predictions = tables.pop("held_out_run")
     shown = chosen_law(tables["joint_scores"])[0] or [*laws][-1]
     unused_recordings = pd.DataFrame(unused.items(), columns=["recording", "reason"])
     return {

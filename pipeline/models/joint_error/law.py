@@ -48,7 +48,9 @@ from pipeline.models.joint_error.likelihood import companion_of
 from pipeline.models.joint_error.outlook import Outlook
 from pipeline.models.model import MotionModel, Traits, trace_factor
 
-MEMORY, DRIFT = 0.1, 0.1  # s, time constants of z and u
+# s, time constants of z and u
+MEMORY = 0.1
+DRIFT = 0.1
 # parameters with more than a number a joint: shape of the numbers of a joint
 SHAPES = {"memory": (3,), "mean_gain": (len(INPUTS),), "scale": (len(GROWTH),)}
 # parameters that may be negative, or are bounded
@@ -213,7 +215,8 @@ class JointErrorModel(MotionModel):
         """(K, n) variances in rad² of errors whose innovation i samples ago adds a standard
         deviation ``response`` (steps, K, n) in rad.
         """
-        keep, share = self.persistence, self.drift
+        keep = self.persistence
+        share = self.drift
         variances = (1 - share) * response**2
         white = variances.sum(axis=0)
         if not np.any(share > 0):
@@ -340,7 +343,8 @@ class JointErrorModel(MotionModel):
         (n,), in a filter the mean of the training takes' first poses.
         """
         zero = np.zeros_like(q)
-        command, offset = zero + commanded, zero + self.mean_gain[:, 0]
+        command = zero + commanded
+        offset = zero + self.mean_gain[:, 0]
         r = q - commanded - offset
         memory = Memory(
             command=command,
@@ -383,7 +387,8 @@ class JointErrorModel(MotionModel):
         speed = self.rate * dq
         change = self.rate * (speed - before.speed)
         smooth = self.smooth_part(change)
-        sign, jump = np.tanh(speed / TURN), (change - smooth) / self.rate
+        sign = np.tanh(speed / TURN)
+        jump = (change - smooth) / self.rate
 
         fresh, late = self.keeps
         fresh_sign = fresh * before.fresh_sign + (1 - fresh) * sign
@@ -404,7 +409,8 @@ class JointErrorModel(MotionModel):
         noise += np.sqrt(self.drift) * drift
         next_r = expected + self.innovation_std(inputs) * noise
 
-        command, mean = before.command + dq, self.mean_error(inputs)
+        command = before.command + dq
+        mean = self.mean_error(inputs)
         after = Memory(
             command=command,
             speed=speed,

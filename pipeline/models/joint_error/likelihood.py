@@ -83,9 +83,11 @@ def composite_loss(
     weights = weights_ahead(law.memory, keep, longest)
     impulse = weights[:, 0] + (1 - keep) * weights[:, 2]
     least = residuals.least
-    loss, first = 0.0, 0
+    loss = 0.0
+    first = 0
     for number in range(len(residuals.horizons)):
-        horizon, count = residuals.horizons[number], residuals.counts[number]
+        horizon = residuals.horizons[number]
+        count = residuals.counts[number]
         if count == 0:  # no part is as long as the horizon
             continue
         ends = residuals.ends[first : first + count]
@@ -93,7 +95,8 @@ def composite_loss(
         variance = variances(impulse[:horizon], std, ends, law.drift, persistence)
         square = squared_errors(weights[horizon], residuals, ends, horizon)
         loss -= mean_log_density(square, variance, law.degrees, least)
-        predicted, measured = variance.sum() / count, square.sum() / count
+        predicted = variance.sum() / count
+        measured = square.sum() / count
         excess = math.log((predicted + least) / (measured + least))
         loss += CALIBRATION * excess**2
     return loss
@@ -125,7 +128,9 @@ def variances(
     ``impulse`` (horizon,) is the response to an innovation, ``std`` (N,) their standard deviation.
     """
     count = len(ends)
-    white, drifted, response = np.zeros(count), np.zeros(count), np.zeros(count)
+    white = np.zeros(count)
+    drifted = np.zeros(count)
+    response = np.zeros(count)
     for i in range(len(impulse)):
         for k in range(count):
             innovation = impulse[i] * std[ends[k] - i]
@@ -169,7 +174,8 @@ def mean_log_density(
     of ``variance`` plus the squared scale ``least``.
     """
     normal = math.isinf(degrees)
-    unit, constant = 1.0, -0.5 * math.log(2 * math.pi)
+    unit = 1.0
+    constant = -0.5 * math.log(2 * math.pi)
     if not normal:
         unit = (degrees - 2) / degrees
         constant = math.lgamma((degrees + 1) / 2) - math.lgamma(degrees / 2)

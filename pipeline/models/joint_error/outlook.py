@@ -40,7 +40,8 @@ def cell_probability(z: ndarray, half: ndarray, degrees: ndarray) -> ndarray:
     """(...,) probability of z ± ``half`` under the law of :func:`standard_log_density`."""
     from scipy.special import ndtr, stdtr
 
-    low, high = -(z + half), -(z - half)
+    low = -(z + half)
+    high = -(z - half)
     normal = np.isinf(degrees)
     finite = np.where(normal, 1.0, degrees)
     student = stdtr(finite, high)
@@ -58,7 +59,8 @@ def unit_variance_factor(degrees: ndarray) -> ndarray:
 
 def standard_log_density(z: ndarray, degrees: ndarray) -> ndarray:
     """(...,) log density of Student's t of scale 1, or of the normal law for infinite degrees."""
-    normal, square = np.isinf(degrees), z**2
+    normal = np.isinf(degrees)
+    square = z**2
     nu = np.where(normal, 4.0, degrees)
     values, places = np.unique(nu, return_inverse=True)
     gammas = []

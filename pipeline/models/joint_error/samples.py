@@ -62,7 +62,8 @@ def jump_threshold(commands: Sequence[ndarray], rate: float) -> ndarray:
     """
     changes = [accelerations(command, rate) for command in commands]
     samples = [moving_samples(command, rate) for command in commands]
-    change, moving = np.concatenate(changes), np.concatenate(samples)
+    change = np.concatenate(changes)
+    moving = np.concatenate(samples)
     usual = np.full(change.shape[1], SMALL)
     for j, moves in enumerate(moving.T):
         if moves.any():

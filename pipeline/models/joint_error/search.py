@@ -32,7 +32,9 @@ Memory = Literal["none", "persistent", "autoregressive", "full"]
 PENALTIES = (1e-3, 1e-2, 1e-1, 1.0, 10.0, np.inf)  # of the ridge regression, relative
 MOST = (2000, 1000, 500)  # samples by horizon in the composite likelihood
 DEGREES = (4.0, 50.0)  # bounds of ν: σ exists and ±σ holds less than .78
-FIRST, LAST = 20, 60  # iterations of the searches before and after the mean
+# iterations of the searches before and after the mean
+FIRST = 20
+LAST = 60
 ROUNDS = 2  # of memory and likelihood, mean
 LEAST = 20  # commanded samples of a joint that determine its law
 QUARTERS = 4  # parts of the runs of a single motion that are held out
@@ -219,7 +221,8 @@ class NoiseSearch:
         mean_square = np.mean(joint.error**2)
         self.size = float(np.sqrt(mean_square)) or 1e-9
         self.theta: ndarray | None = None  # result of the last search
-        counts, ends = [], []
+        counts = []
+        ends = []
         for steps, before in joint.before.items():
             counts.append(len(before))
             ends.append(before + steps)
@@ -238,7 +241,8 @@ class NoiseSearch:
         """
         from scipy.optimize import minimize
 
-        growth, size = self.joint.inputs.growth, self.size
+        growth = self.joint.inputs.growth
+        size = self.size
         past = self.joint.past(law, r)
         residuals = Residuals(
             r=r / size,
@@ -316,7 +320,9 @@ class NoiseSearch:
         typical = [typical_growth(column) for column in growth.T]
         of_growth = np.log(typical) / 2
         scales = level - 0.7 - of_growth
-        degrees, drift, damping = np.log(4.0), -4.0, -7.0
+        degrees = np.log(4.0)
+        drift = -4.0
+        damping = -7.0
         shift = np.zeros(3)
         return np.r_[scales, degrees, drift, damping, shift]
 
@@ -324,7 +330,9 @@ class NoiseSearch:
         """Return the bounds of the variables."""
         scales = [(level - 7, level + 7)] * self.joint.inputs.growth.shape[1]
         degrees = (-6.0, np.log(DEGREES[1] - DEGREES[0]))
-        drift, damping, shift = (-9.0, 4.0), (-14.0, -1.5), (-3.0, 3.0)
+        drift = (-9.0, 4.0)
+        damping = (-14.0, -1.5)
+        shift = (-3.0, 3.0)
         return [*scales, degrees, drift, damping, shift, shift, shift]
 
 
@@ -396,13 +404,17 @@ def _mean(
     total = moments.inputs.sum(axis=0)
     # of all groups: inputs that a fold lacks have no gain in it
     size_of_input = np.diag(total) + 1e-12 * np.trace(total) + 1e-300
-    least, penalty, gains = np.inf, size_of_input, np.zeros_like(moments.across)
+    least = np.inf
+    penalty = size_of_input
+    gains = np.zeros_like(moments.across)
     for penalties in _penalties(jumps=x[:, JUMP_INPUTS].any()):
         trial = size_of_input * penalties
         trial_gains = moments.gains(trial)
         loss = moments.loss(trial_gains)
         if loss <= least:
-            least, penalty, gains = loss, trial, trial_gains
+            least = loss
+            penalty = trial
+            gains = trial_gains
     gain = ridge(total, moments.across.sum(axis=0), penalty) / unit
     held_out_mean = np.sum(x * gains[groups], axis=1)
     return gain, joint.error - held_out_mean
@@ -438,7 +450,8 @@ def _moments(
     each with the weight that the law's noise gives it, by the numbers ``groups`` (N,).
     """
     weights, impulse = law.response([*joint.before][-1])
-    past_error, past_x = joint.past(law, joint.error), joint.past(law, x)
+    past_error = joint.past(law, joint.error)
+    past_x = joint.past(law, x)
     std = np.sqrt(joint.inputs.growth @ law.scale[0])[:, None]
     count = groups.max() + 1
     moments = Moments.zero(count, x.shape[1])

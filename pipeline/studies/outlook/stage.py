@@ -235,7 +235,8 @@ def error_rows(
             for size in sizes
         )
         estimates = averaged_sigma_s(drawn)
-        model, covariance = cables.matrix_model(fresh), cables.wrench_covariance(fresh)
+        model = cables.matrix_model(fresh)
+        covariance = cables.wrench_covariance(fresh)
         for name, block in BLOCKS.items():
             row = {"part": name, "agents": m}
             for error, (form, distance) in ERRORS.items():
@@ -266,7 +267,8 @@ def slope_rows(errors: pd.DataFrame) -> pd.DataFrame:
 
 def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
     """Return the fields of the page."""
-    motion, errors = tables["hexapod"], tables["towing"]
+    motion = tables["hexapod"]
+    errors = tables["towing"]
     ends = motion.groupby("model", sort=False)["rotation"].agg(["first", "last"])
     means = 100 * errors.groupby(["part", "agents"])[list(ERRORS)].mean()
     few, many = errors["agents"].agg(["min", "max"])

@@ -135,7 +135,8 @@ def tables_of(
     bench = bench_of(arm, cause, options, seed)
     candidates = feasible_motions(bench.task, options.starts)
     training = bench.recorded_steps(bench.recorded, "training")
-    laws, plans = {}, {}
+    laws = {}
+    plans = {}
     for name, model_options in models.items():
         try:
             law = kinds.estimate(training, model_options).model
@@ -268,7 +269,8 @@ def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
     for name, of_cases in taus.items():
         medians.append(f"{number(np.nanmedian(of_cases))} ({name})")
 
-    sure, cells = 0, []
+    sure = 0
+    cells = []
     for case, rows in planning.groupby(CASE, sort=False):
         least = rows.loc[rows["ratio"].idxmin()]
         planned = rows["motion"].str.startswith(PLAN)
@@ -303,9 +305,12 @@ def draw(planning: pd.DataFrame, planning_predictions: pd.DataFrame) -> Figure:
     figure, (row,) = style.panels(style.TWO_COLUMNS, 2.8, columns=len(cases))
     for axes, ((arm, cause), rows) in zip(row, cases, strict=True):
         for point in rows.itertuples():
-            color, above = style.GREY, 2
+            color = style.GREY
+            above = 2
             if point.motion == PLAN + point.model:
-                color, above = style.VERMILLION, 3  # an equal motion is beneath
+                # an equal motion is beneath
+                color = style.VERMILLION
+                above = 3
             elif point.motion == RECORDED_START:
                 color = style.BLACK
             look = {"marker": markers[point.model], "color": color, "ls": "none"}

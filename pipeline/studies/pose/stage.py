@@ -13,7 +13,10 @@ from pipeline.studies.frame import NoAnswerError, Tables, concatenate, interval,
 from pipeline.verdicts.run import read_run
 
 DATASETS = Path("reports/datasets")
-YES, NO, FALLS, UNKNOWN = "yes", "no", "falls", "cannot be told"
+YES = "yes"
+NO = "no"
+FALLS = "falls"
+UNKNOWN = "cannot be told"
 ANSWERS = {
     YES: "the noise grows with the pose quantity beyond the joint speed",
     NO: "no growth with the pose is found, and an exponent of one half is excluded",

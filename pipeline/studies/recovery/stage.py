@@ -48,7 +48,8 @@ def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
     """Return the table ``recovery``; NoAnswerError if the measurement noise is unknown."""
     recorded = training_steps(settings.dataset.robot, settings.dataset.motion)
     # some takes and steps of the recordings with the measurement noise of all
-    takes, steps = slice(options.takes), slice(None, None, options.stride)
+    takes = slice(options.takes)
+    steps = slice(None, None, options.stride)
     try:
         thinned = replace(
             recorded,
@@ -95,7 +96,8 @@ def draw_data(
     """Return ``recorded`` with the noise ω of every step drawn from ``truth`` plus N(0, Σ_m), the
     law that the likelihoods assume. Raises SingularJacobianError, and ModelDomainError without Σ_m.
     """
-    q, v = recorded.q, recorded.v
+    q = recorded.q
+    v = recorded.v
     step, _ = draw_steps(truth, recorded.chain, q, v, rng)
     zero = np.zeros(q.shape[-1])
     measured = rng.multivariate_normal(zero, recorded.measurement, q.shape[:-1])
@@ -113,7 +115,8 @@ def recover(
     case, number = trial
     stream = f"recovery {case.truth.label}"
     law = build_model(case.truth.parameters)
-    data, pairs = draw_data(law, recorded, rng.stream(seed, stream, number)), {}
+    data = draw_data(law, recorded, rng.stream(seed, stream, number))
+    pairs = {}
     for name, model in case.estimators.items():
         try:
             fit = estimate(data, model)
@@ -133,7 +136,8 @@ def recovery_row(
     pairs: Sequence[Pair | None],
 ) -> dict[str, float]:
     """Return mean, error and coverage of a ``parameter`` over two or more data sets."""
-    estimates, again = [], []
+    estimates = []
+    again = []
     for pair in pairs:
         if pair and all(parameter in values for values in pair):
             estimates.append(pair[0][parameter])
@@ -142,8 +146,10 @@ def recovery_row(
     row = {"truth": truth, "datasets": count, "lost": len(pairs) - count}
     if count < 2:
         return row
-    estimates, again = np.array(estimates), np.array(again)
-    mean, std = estimates.mean(), estimates.std(ddof=1)
+    estimates = np.array(estimates)
+    again = np.array(again)
+    mean = estimates.mean()
+    std = estimates.std(ddof=1)
     half = NORMAL_QUANTILE * std / np.sqrt(count)
     error = estimates - truth
     low, high = percentile_interval(again - estimates)

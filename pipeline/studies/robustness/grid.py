@@ -241,7 +241,8 @@ def changed_motion(
     """Return ``motion`` with the end poses in rad, the rest in s and the pace of ``way``. Another
     rest leaves the duration between the rests as it is.
     """
-    pace, rest = way.get("pace", 1.0), way.get("rest", motion.rest)
+    pace = way.get("pace", 1.0)
+    rest = way.get("rest", motion.rest)
     ends = {key: tuple(way[key]) for key in ("folded", "extended") if key in way}
     return replace(
         motion,

@@ -36,7 +36,8 @@ from pipeline.verdicts.decision import (
 from pipeline.verdicts.run import ArmNames
 
 HERE = Path(__file__).parent
-TRACK, ARTICULATE = Path("data/track"), Path("data/articulate")
+TRACK = Path("data/track")
+ARTICULATE = Path("data/articulate")
 BOTH = "differs"  # verdicts of the seeds
 PARTS = ("decisions", "laboratory")
 SQUARE = {"marker": "s", "ms": 4.2, "mew": 0.5}
@@ -99,8 +100,10 @@ def decision_verdicts(
     takes: Takes,
 ) -> Iterator[pd.DataFrame]:
     """Yield the verdicts of the recordings under every decision that the paper leaves open."""
-    dataset, base = settings.dataset, Choices.of_run(settings)
-    chain, joints = takes.training.chain, takes.training.joints
+    dataset = settings.dataset
+    base = Choices.of_run(settings)
+    chain = takes.training.chain
+    joints = takes.training.joints
     arm = ArmNames(tuple(joints), tuple(chain.task))
     cases = grid.decision_cases(base, chain.task, joints, options.others)
     seen = cameras_by_clock(settings)

@@ -28,7 +28,10 @@ from pipeline.statistics.takes import NORMAL_QUANTILE
 from pipeline.studies.which_decomposition.paths import Paths
 from pipeline.verdicts.published import published_results
 
-PIVOTED, QR, QR_TRANSPOSED, GAUSSIAN = "pivoted_lu", "qr", "qr_transposed", "gaussian"
+PIVOTED = "pivoted_lu"
+QR = "qr"
+QR_TRANSPOSED = "qr_transposed"
+GAUSSIAN = "gaussian"
 # LU without pivoting of the planar task (x, z, φ) in every order of its rows
 PLAIN = {
     "lu_" + "".join("xzp"[row] for row in order): order

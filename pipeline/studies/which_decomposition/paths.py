@@ -75,7 +75,8 @@ def draw_paths(
     rng: np.random.Generator,
 ) -> Paths:
     """Return ``count`` random feasible paths of a ``kind``; ``bound`` û on ‖J⁻¹‖_F (1/m and 1)."""
-    q, steps = [], []
+    q = []
+    steps = []
     while sum(map(len, q)) < count:
         feasible = _feasible_paths(chain, law, kind, bound, rng)
         q.append(feasible.q)
@@ -137,7 +138,8 @@ def _feasible_paths(
     count = len(q)
     jacobian = chain.jacobian(q)
     axes = _random_axes(count, rng) * chain.max_speed
-    coin, loop = rng.uniform(size=count) < 0.5, kind == "loop"
+    coin = rng.uniform(size=count) < 0.5
+    loop = kind == "loop"
     in_task = coin if loop else np.full(count, kind == "task line")
     axes[in_task] = np.einsum("pij,psj->psi", jacobian[in_task], axes[in_task])
     start = np.where(in_task[:, None], chain.coordinates(q), q)
@@ -171,9 +173,11 @@ def _feasible_paths(
         within = chain.within_limits(q).all(axis=1)
         within &= ~chain.singular(q).any(axis=1)
         within &= np.abs(speed / peak[chosen] - 1) < tolerance
-        chosen, q = chosen[within], q[within]
+        chosen = chosen[within]
+        q = q[within]
         bounded = (frobenius(chain.inverse_jacobian(q)) < bound).all(axis=1)
-        chosen, q = chosen[bounded], q[bounded]
+        chosen = chosen[bounded]
+        q = q[bounded]
     return Paths(q[:, :-1], np.diff(q, axis=1) / once[chosen, None, None])
 
 

@@ -19,8 +19,11 @@ from pipeline.studies.which_decomposition import evidence as laws
 from pipeline.studies.which_decomposition.evidence import PLAIN, Published
 from pipeline.studies.which_decomposition.paths import KINDS, TimeLaw, draw_paths
 
-STEPS, RATE = 320, 100.0  # M and steps a second of the paper
-RAMPED, FULL_SPEED = "ramps and rest", "constant full speed"
+# M and steps a second of the paper
+STEPS = 320
+RATE = 100.0
+RAMPED = "ramps and rest"
+FULL_SPEED = "constant full speed"
 PAPER_ARM = "youbot"  # independent of the run's dataset
 WIDEST = 30.0  # greatest ratio on the axis of the widths
 NAMES = {
@@ -66,7 +69,8 @@ def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
     for time_law in chunks[0]:
         drawn[time_law] = np.concatenate([chunk[time_law] for chunk in chunks])
 
-    widths, evidence = [], []
+    widths = []
+    evidence = []
     for time_law, paths in drawn.items():
         widths.append(laws.width_rows(paths, stated).assign(prior=time_law))
     for prior, paths in priors(drawn, options.least_norm).items():
@@ -100,7 +104,8 @@ def widths_of_chunk(
 ) -> dict[str, np.ndarray]:
     """Return the widths by time law, on paths of the arm with a last link of random length."""
     stream = rng.stream(seed, "which_decomposition", chunk)
-    links, still = chain.links.copy(), (0.0, 0.0)
+    links = chain.links.copy()
+    still = (0.0, 0.0)
     links[-1] *= stream.uniform(*options.tool) / chain.lengths[-1]
     chain = replace(chain, links=links)
     full = TimeLaw(STEPS, RATE, still, still, (1.0, 1.0), options.once)
@@ -121,7 +126,8 @@ def widths_of_chunk(
 
 def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
     """Return the fields of the page."""
-    evidence, widths = tables["evidence"], tables["widths"]
+    evidence = tables["evidence"]
+    widths = tables["widths"]
     integrated = evidence[evidence["tolerance"] == laws.INTEGRATED]
     rows = rows_of_first(integrated, "size")
     later = rows[rows["reading"].isin(PHI_LATER)]

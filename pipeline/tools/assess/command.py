@@ -36,11 +36,14 @@ from pipeline.statistics.scores import normal_log_score
 from pipeline.tools.characterize.logs import FolderLogs, folder_logs
 from pipeline.tools.new_dataset.command import assigned_values, command_with
 
-HERE, EXPORTS = Path(__file__).parent, Path("data/export")
+HERE = Path(__file__).parent
+EXPORTS = Path("data/export")
 CHARACTERIZED = Path("data/characterize")  # runs of characterize, a folder per dataset
 TEXTS = Environment(loader=FileSystemLoader(HERE), trim_blocks=True)
-TAKE_TEXT, RUN_TEXT = TEXTS.get_template("take.txt"), TEXTS.get_template("run.txt")
-MOTION, TRACK = Path("data/ingest/motion"), Path("data/track")
+TAKE_TEXT = TEXTS.get_template("take.txt")
+RUN_TEXT = TEXTS.get_template("run.txt")
+MOTION = Path("data/ingest/motion")
+TRACK = Path("data/track")
 FACTOR = 2.0  # greatest factor between predicted and measured standard deviation
 ENOUGH = 20  # least number of test takes for a comparison without training takes
 # false positive rate: half of it for the whole take, half for the greatest difference of a span
@@ -54,7 +57,8 @@ SPANS = 10  # number of parts of the motion that are compared
 def run(file: Path, model: Path | None = None, set: Sequence[str] = ()) -> None:
     """Predict each take in the recording by the exported model and print the verdict."""
     export = model or _only_export()
-    law, file = load(export), file.resolve()
+    law = load(export)
+    file = file.resolve()
     if isinstance(law, ExportedErrors):
         runs = _runs_in(file, law, export, assigned_values(set))
         for text in assessments_of_runs(runs, law, export.name):
@@ -212,8 +216,10 @@ def _assessments(file: Path, law: ExportedModel, export: str) -> Iterator[str]:
     reference = np.ones_like(fitted)
     if np.sum(~fitted) >= ENOUGH:
         reference = ~fitted
-    names, fitted_names = np.array(names)[reference], fitted[reference]
-    mean, rate = q[fitted].mean(axis=0), dataset.motion.rate
+    names = np.array(names)[reference]
+    fitted_names = fitted[reference]
+    mean = q[fitted].mean(axis=0)
+    rate = dataset.motion.rate
     takes = new_takes(file, dataset, mean)
 
     share = law.record["closed_loop_share"]
@@ -250,7 +256,8 @@ def new_takes(
         rows, _ = marker_rows(file.stem, file, "test", dataset)
         track = follower(dataset.robot, dataset.mocap)
         return {file.stem: track(rows, take=file.stem).q}
-    steps, rest = dataset.motion.steps, dataset.joint_log.rest
+    steps = dataset.motion.steps
+    rest = dataset.joint_log.rest
     movement = file.name if file.is_dir() else file.stem
     log = read_dataset_movement(movement, file, dataset)
     repetitions, observed, _ = find_takes({movement: log}, dataset)

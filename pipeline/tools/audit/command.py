@@ -92,7 +92,8 @@ def _rounded(project: Path, line: str) -> bool:
     """Return True if a changed file (a ``line`` of git's status) is an image or a lock file, or
     agrees with the commit but for the rounding of numbers.
     """
-    status, name = line[:2].strip(), line[3:].strip('"')
+    status = line[:2].strip()
+    name = line[3:].strip('"')
     if status != "M" or name.endswith((".png", ".svg", "dvc.lock")):
         return status == "M"
     after = (project / name).read_text(encoding="utf-8")

@@ -49,7 +49,9 @@ from pipeline.verdicts.model_card import answer, model_card
 from pipeline.verdicts.report_page import with_plain_names
 from pipeline.verdicts.run import Run
 
-WORK, REPORTS, LOG = Path("data/characterize"), Path("reports"), Path("stages.log")
+WORK = Path("data/characterize")
+REPORTS = Path("reports")
+LOG = Path("stages.log")
 LOGGED = Template(Path(__file__).with_name("logged.txt").read_text(encoding="utf-8"))
 TOOLS = ("tool0", "flange", "ee_link", "tool")  # usual names of the last link
 FIGURES = ("held_out_error", "sigma_over_horizon", "noise_quantiles")
@@ -313,7 +315,8 @@ def _fill_usual_values(draft: Draft, name: str, folder: Path, motion: int) -> No
 @contextmanager
 def _project(name: str, recordings: Path, scale: str) -> Iterator[Path]:
     """Work in a new folder with a params.yaml for the dataset, then return to the old folder."""
-    root, place = Path.cwd(), WORK / name
+    root = Path.cwd()
+    place = WORK / name
     option = config.dataset_values(config.CONF / "dataset" / f"{name}.yaml")
     robot = {"urdf": str(Path(option["robot"]["urdf"]).resolve())}
     overrides = {"dataset": {"recordings": str(recordings), "robot": robot}}

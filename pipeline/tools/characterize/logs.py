@@ -344,8 +344,10 @@ def _clock_of(take: PlacedTake, values: Mapping[str, Any]) -> str:
 
 def _count_joints(take: PlacedTake, log: Mapping[str, Any]) -> int:
     """Return the number of joints of a ``take`` with the values ``log`` of its section."""
-    signals, facts = log.get("signals") or {}, take.finding.facts
-    columns, tables = signals.get("actual", ()), facts.get("tables")
+    signals = log.get("signals") or {}
+    facts = take.finding.facts
+    columns = signals.get("actual", ())
+    tables = facts.get("tables")
     if tables and not columns:
         clock = log.get("time") == 0  # a column of each table
         return _target_table(tables).facts["columns"] - int(clock)

@@ -21,7 +21,9 @@ from pipeline.models.steps import Recorded
 from pipeline.recordings.runs import runs_of_dataset
 from pipeline.recordings.steps import fitted_ranges, training_steps
 
-HERE, EXPORTS, FIT = Path(__file__).parent, Path("data/export"), Path("data/fit")
+HERE = Path(__file__).parent
+EXPORTS = Path("data/export")
+FIT = Path("data/fit")
 # source files of an export, in addition to the fitted parameters
 SOURCES = [Path("data/config.yaml"), Path("data/track/joints.parquet")]
 
@@ -41,7 +43,8 @@ def exported_record(model: str, settings: Any) -> dict[str, Any]:
     Raises ConfigError for an unknown model, and ModelDomainError where the recordings determine no
     model or not all parameters that its predictions need.
     """
-    name, dataset = model.removesuffix(CLOSED), settings.dataset
+    name = model.removesuffix(CLOSED)
+    dataset = settings.dataset
     options = config.model_options([name])[name]
     recorded = training_steps(dataset.robot, dataset.motion)
     if isinstance(options, ErrorOptions):
@@ -53,7 +56,8 @@ def exported_record(model: str, settings: Any) -> dict[str, Any]:
     file = folder / (FOLDER if model != name else "") / "parameters.json"
     if name in settings.models and file.is_file():
         sources = [*SOURCES, file]
-        parameters, estimates = _read(file), _read(folder / "fit.json")
+        parameters = _read(file)
+        estimates = _read(folder / "fit.json")
     else:
         sources = SOURCES
         parameters, estimates = _fit(recorded, options, closed_loop=model != name)

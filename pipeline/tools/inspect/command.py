@@ -199,7 +199,8 @@ def _add_motion(finding: Finding, form: Format) -> None:
             take = form.read(finding.file, "m")
     finding.version = take.version if take.version != form.name else None
     finding.rate, finding.units = take.rate, {"length": unit or take.unit}
-    first, steps = int(take.frame[0]), int(take.frame[-1] - take.frame[0])
+    first = int(take.frame[0])
+    steps = int(take.frame[-1] - take.frame[0])
     finding.duration = steps / take.rate
     markers = [name for name in take.markers if not STRAY.fullmatch(name)]
     if not (markers or take.bodies):
@@ -324,7 +325,8 @@ def _planar_chains(
     """Return joints and tools of all planar chains of three of the ``turning`` joints in a row, and
     the faults of the URDF by which others are none.
     """
-    chains, faults = [], []
+    chains = []
+    faults = []
     for first in range(len(turning) - 2):
         chain = turning[first : first + 3]
         try:

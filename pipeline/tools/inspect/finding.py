@@ -18,7 +18,9 @@ from pipeline.core.typed_yaml import read_yaml
 _TEXTS = read_yaml(Path(__file__).with_name("texts.yaml"))
 QUESTIONS: dict[str, dict[str, str]] = _TEXTS["questions"]
 REASONS: dict[str, str] = _TEXTS["reasons"]  # why a file is of no known format
-UNKNOWN, ROBOT = "unknown", "robot"  # kinds in addition to pipeline.formats.format.Kind
+# kinds in addition to pipeline.formats.format.Kind
+UNKNOWN = "unknown"
+ROBOT = "robot"
 NUMBER = re.compile(r"\d+")
 WIDTH = 100  # greatest number of characters in a line of facts
 LISTED = 4  # number of printed names of a longer list

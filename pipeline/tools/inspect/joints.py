@@ -38,7 +38,8 @@ def add_joint_log(
     if record.guesses:
         _ask_signals(finding, record.arrays, record.guesses)
     finding.count(record.counts)
-    facts, signals = finding.facts, record.signals
+    facts = finding.facts
+    signals = record.signals
     facts["samples"] = len(record.time)
     if record.recordings > 1:
         facts["recordings"] = record.recordings
@@ -79,7 +80,8 @@ def _ask_clock(
     drifts = movement.lasting_deviations(time, rate).any()
     likely = "rows" if smoother > 1 and not drifts else "times"
     jitter = 1e3 * float(steps.std())
-    least, greatest = 1e3 * steps.min(), 1e3 * steps.max()
+    least = 1e3 * steps.min()
+    greatest = 1e3 * steps.max()
     finding.facts["row_distance"] = f"{least:.3g} to {greatest:.3g} ms"
     finding.ask("clock", likely, jitter=jitter, smoother=smoother)
 
@@ -149,7 +151,8 @@ def _clocks_of_table(
     """Return the columns that increase as times do, and the column of the time, if there is one;
     add its step and rate.
     """
-    labels, facts = sheet.labels, finding.facts
+    labels = sheet.labels
+    facts = finding.facts
     columns = {labels[n]: numbers for n, numbers in values.items()} if labels else {}
     named = [labels.index(label) for label in meanings.clocks_of(columns)]
     merged = "missing_cells" in finding.gaps
@@ -273,7 +276,8 @@ def _add_signals(
     """Add units, joints and tracking of the labelled ``signals``, as the stages read them, with the
     time in the column ``clock``.
     """
-    labels, actual = sheet.labels, signals["actual"]
+    labels = sheet.labels
+    actual = signals["actual"]
     first = labels.index(actual[0]) if labels else actual[0]
     units = {}
     for key, column, quantity in (

@@ -58,7 +58,8 @@ def _roles_of(tables: Mapping[str, Finding]) -> dict[str, Finding]:
     actual = roles["actual"].facts
     if actual["columns"] != roles["target"].facts["columns"]:
         return {}
-    speeds, clocks = [], []
+    speeds = []
+    clocks = []
     for name, table in tables.items():
         if meanings.meaning(name)[:2] == ("target", "velocity"):
             speeds.append(table)

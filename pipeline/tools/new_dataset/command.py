@@ -352,7 +352,8 @@ class Draft:
             )
         motion = offered[numbers.index(number)]
         rest = motion.rest(self.values()["motion"]["rate"])
-        start, end = _round(motion.start, 4), _round(motion.end, 4)
+        start = _round(motion.start, 4)
+        end = _round(motion.end, 4)
         values = (motion.steps + 2 * rest, start, end, rest)
         for key, value in zip(KEYS, values, strict=True):
             if key in self.open_values():

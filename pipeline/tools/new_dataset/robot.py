@@ -121,11 +121,13 @@ def _arm_in_space(
     if not arms:
         return {}
     movable = movable_joints(facts)
-    joints, note = arms[0]["joints"], ARM_JOINTS
+    joints = arms[0]["joints"]
+    note = ARM_JOINTS
     for trajectory in recorded.single.get(Kind.TRAJECTORY, []):
         commanded = trajectory.facts.get("commanded_joints", [])
         if commanded and {*commanded} <= {*movable}:
-            joints, note = commanded, COMMANDED_JOINTS
+            joints = commanded
+            note = COMMANDED_JOINTS
     in_space = {"robot.joints": Entry(f"[{list_of_names(joints)}]", note)}
     in_space["robot.tool"] = choice_of(arm["tip"] for arm in arms)
     chosen = get_filled(values, "robot.joints") or joints

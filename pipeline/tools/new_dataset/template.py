@@ -95,7 +95,8 @@ def fill_template(template: str, entries: Mapping[str, Entry]) -> str:
         while key not in used:  # its sections are used too
             used.add(key)
             key = key.rpartition(".")[0]
-    lines, left_out = [], " "
+    lines = []
+    left_out = " "
     for line, key, parts in keyed_lines(template):
         if parts is None:
             lines.append(line)
@@ -116,7 +117,8 @@ def fill_template(template: str, entries: Mapping[str, Entry]) -> str:
 
 def _entry_line(parts: re.Match, entry: Entry) -> str:
     """Return the line of an ``entry``: its value, the template's, or ??? with a suggestion."""
-    value, suggested = OPEN, ""
+    value = OPEN
+    suggested = ""
     if entry.certain and entry.value is not None:
         value = entry.value or parts["value"] or ""
     elif entry.value:

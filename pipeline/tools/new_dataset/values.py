@@ -275,7 +275,8 @@ def _depth(recorded: RecordingLayout, folder: Path) -> Entries:
     takes = recorded.of("depth")
     ((usual, _),) = Counter(take.pattern for take in takes).most_common(1)
     takes = [take for take in takes if take.pattern == usual]
-    place, first = takes[0].path, takes[0].finding
+    place = takes[0].path
+    first = takes[0].finding
     depth = {"takes": choice_of(recorded.patterns("depth"))}
     if first.kind == Kind.SEQUENCE:
         key = "index" if first.option == "index" else "frames"
@@ -435,7 +436,8 @@ def _joints_by_position(
     ranges = [*zip(*log.facts.get("range", ()), strict=True)]
     if len(ranges) != len(order):
         ranges = []
-    places, beyond = [], []
+    places = []
+    beyond = []
     joints = named_joints(urdf, order)
     for name, joint, (least, greatest) in zip(order, joints, ranges, strict=False):
         places.append(f"{name} {least:.3g} to {greatest:.3g}")

@@ -60,10 +60,12 @@ def run(part: str = "results") -> None:
     if part == "results":
         dataset = config.sections("page").dataset.name
         folder = REPORTS / dataset
-        title, out = f"{PAPER}: dataset {dataset}", folder / "index.html"
+        title = f"{PAPER}: dataset {dataset}"
+        out = folder / "index.html"
         files = [Path(os.path.normpath(folder / name)) for name in RESULTS]
     else:
-        title, out = f"{PAPER}: studies beyond the paper", REPORTS / "studies.html"
+        title = f"{PAPER}: studies beyond the paper"
+        out = REPORTS / "studies.html"
         files = sorted(STUDIES.glob("*.md"))
         if not files:
             message = "no study has run; run `dvc repro -P`"
@@ -184,7 +186,8 @@ def _relative(file: Path, folder: Path) -> str:
 
 def _figure_attributes(file: Path) -> dict[str, str]:
     """Return a figure's attributes: data URL of its PNG in few colours, and class by its shape."""
-    picture, written = file.with_suffix(".png"), io.BytesIO()
+    picture = file.with_suffix(".png")
+    written = io.BytesIO()
     try:
         with Image.open(picture) as image:
             shape = "wide" if image.width > WIDE else "high"

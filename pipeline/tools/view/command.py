@@ -21,12 +21,12 @@ from pipeline.core.errors import ConfigError, PipelineError
 from pipeline.core.options.dataset import Robot
 from pipeline.recordings.depth_takes import arm_points
 
-HERE, FOLDER, ENVIRONMENT = Path(__file__).parent, Path("data/view"), Path(".venv-view")
-TRACK, FILTER, ARTICULATE = (
-    Path("data/track"),
-    Path("data/filter"),
-    Path("data/articulate"),
-)
+HERE = Path(__file__).parent
+FOLDER = Path("data/view")
+ENVIRONMENT = Path(".venv-view")
+TRACK = Path("data/track")
+FILTER = Path("data/filter")
+ARTICULATE = Path("data/articulate")
 DEPTH = Path("data/ingest/depth")
 MEASURED = (40, 40, 40)
 COLOURS = ((0, 114, 178), (213, 94, 0), (0, 158, 115), (204, 121, 167), (230, 159, 0))

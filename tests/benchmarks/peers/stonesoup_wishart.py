@@ -14,7 +14,8 @@ from stonesoup.types.state import ParticleState, StateVectors
 from stonesoup.updater.particle import ParticleUpdater
 from takes import Take, take_of
 
-START, STEP = datetime(2017, 1, 1), timedelta(milliseconds=10)
+START = datetime(2017, 1, 1)
+STEP = timedelta(milliseconds=10)
 CONFIGURATION = (
     "the law of a step in NumPy, all particles at once; `ParticlePredictor`, "
     "`ParticleUpdater` and `ESSResampler`, systematic below half of the effective sample size"
@@ -50,13 +51,16 @@ class Sensor(MeasurementModel):
 
 def setup(count, **plain):
     take = take_of(**plain)
-    predictor, joints = ParticlePredictor(Motion(take)), len(take.start_mean)
+    predictor = ParticlePredictor(Motion(take))
+    joints = len(take.start_mean)
     # the estimate is formed before resampling, as everywhere else
     sensor = Sensor(ndim_state=joints, mapping=tuple(range(joints)), take=take)
-    updater, resampler = ParticleUpdater(sensor), ESSResampler()
+    updater = ParticleUpdater(sensor)
+    resampler = ESSResampler()
 
     def call() -> list:
-        particles, weight = StateVectors(take.start(count).T), np.full(count, 1 / count)
+        particles = StateVectors(take.start(count).T)
+        weight = np.full(count, 1 / count)
         state = ParticleState(particles, weight=weight, timestamp=START)
         means = [np.ravel(state.mean).tolist()]
         for k in range(1, len(take.steps) + 1):

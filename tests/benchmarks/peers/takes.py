@@ -87,7 +87,8 @@ class PlanarTake(Take):
     def jacobian(self, q: np.ndarray) -> np.ndarray:
         """(P, 3, 3) rows x, z, φ."""
         heading = np.cumsum(q * self.signs, axis=1)
-        sine, cosine = np.sin(heading), np.cos(heading)
+        sine = np.sin(heading)
+        cosine = np.cos(heading)
         along, across = self.links.T
         x = cosine * along + sine * across
         z = cosine * across - sine * along
@@ -152,8 +153,10 @@ class SpatialTake(Take):
 
     def jacobian(self, q: np.ndarray) -> np.ndarray:
         """(6, n, P) rows of velocity and angular velocity, the particles last."""
-        joints, count = q.shape[1], len(q)
-        sine, cosine = np.sin(q.T), np.cos(q.T)
+        joints = q.shape[1]
+        count = len(q)
+        sine = np.sin(q.T)
+        cosine = np.cos(q.T)
         turned = np.repeat(np.eye(3)[:, :, None], count, axis=2)
         point = np.zeros((3, count))
         axes, points = np.empty((2, joints, 3, count))

@@ -49,7 +49,8 @@ def test_written_frames_read_back_without_loss_and_with_the_same_bytes(tmp_path)
 
     extremes = made.SMALL.copy()
     extremes[0, :4] = 0, 1, 65534, 65535
-    first, second = tmp_path / "1.png", tmp_path / "2.png"
+    first = tmp_path / "1.png"
+    second = tmp_path / "2.png"
     write_depth(first, extremes)
     write_depth(second, extremes)
 
@@ -60,8 +61,10 @@ def test_written_frames_read_back_without_loss_and_with_the_same_bytes(tmp_path)
 @pytest.mark.parametrize("compression", ["raw", "tiff_lzw", "tiff_adobe_deflate"])
 @pytest.mark.parametrize("kind", [np.uint16, np.float32])
 def test_tiffs_keep_their_values_and_their_description(tmp_path, kind, compression):
-    file, image = tmp_path / "d.tif", made.SMALL.astype(kind)
-    text, seen = "depth scale=0.25", image > 0
+    file = tmp_path / "d.tif"
+    image = made.SMALL.astype(kind)
+    text = "depth scale=0.25"
+    seen = image > 0
     file.write_bytes(made.tiff(image, text, compression=compression))
 
     raw = read_depth(file, shape=image.shape)
@@ -144,7 +147,8 @@ def test_a_pcd_has_its_viewpoint_and_zeros_or_rows_behind_its_points(
     behind,
 ):
     file = tmp_path / name
-    origin, moved = b"VIEWPOINT 0 0 0 1 0 0 0", b"VIEWPOINT 1 -2 0.5 0.8 0 0.6 0"
+    origin = b"VIEWPOINT 0 0 0 1 0 0 0"
+    moved = b"VIEWPOINT 1 -2 0.5 0.8 0 0.6 0"
     file.write_bytes(made.CLOUDS[name].replace(origin, moved) + behind)
     if name in BINARY and behind == REMAINDER:
         with pytest.raises(RecordingError, match="not zeros as a padding"):
@@ -163,7 +167,8 @@ def test_a_pcd_has_its_viewpoint_and_zeros_or_rows_behind_its_points(
 @pytest.mark.parametrize("inserted", [b"\0", b"@", b"\n\r"])
 @pytest.mark.parametrize("name", BINARY)
 def test_bytes_inserted_in_binary_points_are_refused(tmp_path, name, inserted, share):
-    file, content = tmp_path / name, made.CLOUDS[name]
+    file = tmp_path / name
+    content = made.CLOUDS[name]
     last_line = b"DATA" if name.endswith("pcd") else b"end_header"
     start = content.index(b"\n", content.index(last_line)) + 1
     length = len(content) - start
@@ -186,7 +191,8 @@ def test_blanks_behind_the_mark_of_a_ply_are_no_matter(tmp_path, mark):
 
 
 def test_written_indexes_read_back(tmp_path):
-    file, stamps = tmp_path / "depth.txt", 1305031102.175304 + np.arange(5) / 30
+    file = tmp_path / "depth.txt"
+    stamps = 1305031102.175304 + np.arange(5) / 30
     names = tuple(f"depth/{n:04d}.png" for n in range(5))
     write_index(file, stamps, names)
 
@@ -295,7 +301,8 @@ def test_a_calibration_that_states_another_size_is_refused(tmp_path, name):
 
 def test_open3ds_matrix_runs_down_the_columns_and_may_stand_beside_its_pose(tmp_path):
     matrix = [525.5, 0, 0, 0, 524.0, 0, 319.5, 239.25, 1]
-    file, camera = tmp_path / "c.json", SIZE | {"intrinsic_matrix": matrix}
+    file = tmp_path / "c.json"
+    camera = SIZE | {"intrinsic_matrix": matrix}
     for stored in (camera, {"intrinsic": camera, "extrinsic": []}):
         text = json.dumps(stored)
         assert read(file, text) == replace(CAMERA, distortion=())
@@ -324,7 +331,8 @@ def test_a_camera_info_that_ros_printed_is_read_however_often_it_is_there(tmp_pa
 
 
 def test_distortion_of_another_model_is_refused_and_none_of_it_is_overlooked(tmp_path):
-    file, four = tmp_path / "c.json", [0.1, 0.2, 0.3, 0.4]
+    file = tmp_path / "c.json"
+    four = [0.1, 0.2, 0.3, 0.4]
     camera = {"K": [[500, 0, 320], [0, 501, 240], [0, 0, 1]]}
     fisheye = camera | {"distortion_model": "equidistant"}
 
@@ -338,7 +346,8 @@ def test_distortion_of_another_model_is_refused_and_none_of_it_is_overlooked(tmp
 
 
 def test_the_distortion_of_a_realsense_needs_its_model(tmp_path):
-    file, keys = tmp_path / "c.json", '"fx": 500, "fy": 501, "ppx": 320, "ppy": 240'
+    file = tmp_path / "c.json"
+    keys = '"fx": 500, "fy": 501, "ppx": 320, "ppy": 240'
     camera = '{%s, "coeffs": [0.1, 0, 0, 0, 0]%s}'
 
     stated = read(file, camera % (keys, ', "model": "distortion.brown_conrady"'))
@@ -384,7 +393,10 @@ def test_clouds_of_any_layout_keep_their_points(fields, step, big, rows):
     assert PointCloud.measured(points).missing == 2
 
 
-X, Y, Z = ("x", 0, 7, 1), ("y", 4, 7, 1), ("z", 8, 7, 1)  # name, offset, type, count
+# name, offset, type, count
+X = ("x", 0, 7, 1)
+Y = ("y", 4, 7, 1)
+Z = ("z", 8, 7, 1)
 PIXELS = image(np.ones((5, 7), np.uint16), 1.0)
 CLOUD = cloud(np.ones((12, 3)), 1.0, [X, Y, Z], 16)
 depth_pixels = partial(image_pixels, shape=(5, 7))

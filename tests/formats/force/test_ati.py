@@ -15,7 +15,8 @@ from pipeline.formats.force.calibration import AXES, read_calibration
 from pipeline.formats.force.daqft import read_daqft, read_netft, write_daqft
 from pipeline.formats.force.record import ForceLogOptions, ForceRecord
 
-KEY, STARTED = "dataset.force.log", "4/2/13 3:45 PM"
+KEY = "dataset.force.log"
+STARTED = "4/2/13 3:45 PM"
 PLAIN = ForceLogOptions()
 SETTINGS = "Frequency = 1000,Averaging Level = 16,F/T Serial Number = FT1"
 ROW = '"1.5","2","3","4","5","6"'
@@ -49,7 +50,8 @@ def test_a_log_of_either_culture_is_read_and_rewritten_to_its_own_bytes(
     tmp_path,
     decimal,
 ):
-    first, again = tmp_path / "1.csv", tmp_path / "2.csv"
+    first = tmp_path / "1.csv"
+    again = tmp_path / "2.csv"
     write_daqft(first, record(rate=62.5), decimal=decimal)
     result = read_daqft(first)
     assert (result.rate, result.serial, result.started) == (62.5, "FT7", STARTED)
@@ -158,7 +160,8 @@ def test_repeated_zero_and_blank_rows_are_counted_and_lost_packets_leave_a_gap(
     tmp_path,
     netft,
 ):
-    zeros, ones = ",".join(['"0"'] * 6), ",".join(['"1"'] * 6)
+    zeros = ",".join(['"0"'] * 6)
+    ones = ",".join(['"1"'] * 6)
     result = read_daqft(log(tmp_path, ones, ones, zeros, "", zeros, ones))
     assert result.force[:, 0].tolist() == [1, 1, 0, 0, 1]
     assert result.counts == {
@@ -171,7 +174,8 @@ def test_repeated_zero_and_blank_rows_are_counted_and_lost_packets_leave_a_gap(
     write_netft(netft, record())
     lines = netft.read_bytes().split(b"\r\n")
     netft.write_bytes(b"\r\n".join([*lines[:17], *lines[21:28], *lines[27:]]))
-    result, received = read_netft(netft), np.delete(np.arange(50), range(10, 14))
+    result = read_netft(netft)
+    received = np.delete(np.arange(50), range(10, 14))
 
     assert (result.counts["lost_packets"], result.counts["doubled_rows"]) == (4, 1)
     assert_array_equal(result.force, record().force[received])
@@ -184,7 +188,8 @@ def test_counts_of_forces_and_of_torques_are_divided_each_by_its_own(
     torque_counts,
 ):
     """Transducers have more counts a N·m than a N, or fewer."""
-    file, share = tmp_path / "log.csv", 1_000_000 / torque_counts
+    file = tmp_path / "log.csv"
+    share = 1_000_000 / torque_counts
     write_netft(file, record(), counts_per_unit=1_000_000)
     stated = "Counts per Unit Torque: "
     change(file, f"{stated}1000000.0", f"{stated}{torque_counts}.0")
@@ -197,7 +202,8 @@ def test_counts_of_forces_and_of_torques_are_divided_each_by_its_own(
 
 
 def test_what_may_be_counts_is_asked(tmp_path):
-    file, sevens = tmp_path / "log.csv", np.full((3, 3), 7.0)
+    file = tmp_path / "log.csv"
+    sevens = np.full((3, 3), 7.0)
     time = np.arange(3) / 500
     write_netft(file, ForceRecord(time, sevens, sevens, 500, "", "", {}))
 

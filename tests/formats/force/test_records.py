@@ -95,7 +95,8 @@ def test_samples_at_or_beyond_full_scale_of_any_axis_are_saturated(torque):
 @pytest.mark.parametrize("torque", [True, False])
 @pytest.mark.parametrize("start", [0, 300, 948])
 def test_identical_samples_that_last_longer_than_the_limit_are_frozen(torque, start):
-    log, rows = record(torque=torque), np.arange(start, start + 52)
+    log = record(torque=torque)
+    rows = np.arange(start, start + 52)
     log.force[rows] = log.force[start]
     log.torque[rows] = log.torque[start]
 

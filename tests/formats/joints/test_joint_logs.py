@@ -81,7 +81,8 @@ def test_a_unit_in_the_header_is_never_read_as_another(
     last,
     angles,
 ):
-    file, options = tmp_path / "log.csv", LogOptions()
+    file = tmp_path / "log.csv"
+    options = LogOptions()
     file.write_text(f"{header}\n0.0,0.5,1.5\n0.1,0.5,1.5\n")
     if key:
         error = refusal(partial(read_joint_log, joints=2), file)
@@ -103,7 +104,8 @@ def test_degrees_that_are_taken_for_radians_are_refused_with_the_option_and_the_
     assert "at 0 s from" in error.message
 
 
-ROWS, PLAIN = 6, LogOptions()
+ROWS = 6
+PLAIN = LogOptions()
 STAMPS = 1.46e9 + np.arange(ROWS) * 0.005  # s since 1970
 ACTUAL = np.random.default_rng(1).normal(size=(ROWS, 3))
 ARRAYS = {"times": STAMPS, "positions": ACTUAL, "target_positions": ACTUAL + 1}
@@ -163,7 +165,8 @@ def test_arrays_are_found_by_their_names(tmp_path, form):
 
 @pytest.mark.parametrize("form", WRITE)
 def test_arrays_and_columns_are_named_by_the_option(tmp_path, form):
-    clock, turned = np.arange(ROWS) * 5, ACTUAL[:, [1, 0, 2]]
+    clock = np.arange(ROWS) * 5
+    turned = ACTUAL[:, [1, 0, 2]]
     file = archive(tmp_path, form, clock=clock, a=ACTUAL, b=turned)
     columns = ["b_1", "b_0", "b_2"] if form == "parquet" else ["b:1", "b:0", "b:2"]
     named = {"actual": ["a"], "target": columns}
@@ -188,8 +191,10 @@ def test_without_times_the_rate_gives_them_and_an_absent_column_is_refused(tmp_p
         assert error.evidence["key"] == f"{KEY}.signals"
 
 
-LOST, BACK = ACTUAL.copy(), STAMPS.copy()
-LOST[4], BACK[2] = np.nan, 0.0
+LOST = ACTUAL.copy()
+BACK = STAMPS.copy()
+LOST[4] = np.nan
+BACK[2] = 0.0
 TWICE = "2 arrays could be the measured angles, positions, q; name one in signals"
 REFUSED = {  # words: arrays, evidence
     "positions:0 holds nan": (

@@ -42,7 +42,8 @@ def test_written_takes_read_back_to_a_half_micrometre_and_keep_their_gaps(tmp_pa
     for name, points in original.markers.items():
         assert_allclose(result.markers[name], points, rtol=0, atol=0.501e-6)
 
-    read, written = result.bodies["Base"], original.bodies["Base"]
+    read = result.bodies["Base"]
+    written = original.bodies["Base"]
     half_micrometre = {"rtol": 0, "atol": 0.501e-6}
     assert_allclose(read.position, written.position, **half_micrometre)
     assert_allclose(read.quaternion, written.quaternion, **half_micrometre)
@@ -51,7 +52,8 @@ def test_written_takes_read_back_to_a_half_micrometre_and_keep_their_gaps(tmp_pa
 
 
 def test_names_keep_colons_commas_quotes_and_letters_of_any_code_page(tmp_path):
-    file, original = tmp_path / "t.csv", random_take(2, 0, body=False)
+    file = tmp_path / "t.csv"
+    original = random_take(2, 0, body=False)
     names = ["Arm:M1", "a, b", 'say "x"', "Glied é"]
     for name in names:
         original.markers[name] = np.ones((2, 3))
@@ -118,7 +120,8 @@ CHANGES = {
 def test_headers_of_other_versions_and_spreadsheets_change_nothing(tmp_path, name):
     file = tmp_path / "t.csv"
     write_motive(file, random_take(), start=START)
-    plain, content = read_motive(file), file.read_bytes()
+    plain = read_motive(file)
+    content = file.read_bytes()
     file.write_bytes(CHANGES[name](content))
     assert file.read_bytes() != content
     take = read_motive(file)
@@ -126,7 +129,8 @@ def test_headers_of_other_versions_and_spreadsheets_change_nothing(tmp_path, nam
     assert list(take.markers) == list(plain.markers)
     for name, points in plain.markers.items():
         assert_array_equal(take.markers[name], points)
-    body, plain_body = take.bodies["Base"], plain.bodies["Base"]
+    body = take.bodies["Base"]
+    plain_body = plain.bodies["Base"]
     assert_array_equal(body.quaternion, plain_body.quaternion)
     assert (take.name, take.rate) == (plain.name, plain.rate)
     assert len(take.frame) == 321
@@ -156,7 +160,8 @@ def test_euler_angles_are_products_of_axis_rotations_in_the_order_of_the_header(
 def axis_rotation(axis: str) -> np.ndarray:
     """Rotation matrix about an axis by 20° (X), -35° (Y) or 50° (Z)."""
     degrees = {"X": 20.0, "Y": -35.0, "Z": 50.0}[axis]
-    cosine, sine = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    cosine = np.cos(np.radians(degrees))
+    sine = np.sin(np.radians(degrees))
     match axis:
         case "X":
             return np.array([[1, 0, 0], [0, cosine, -sine], [0, sine, cosine]])
@@ -165,7 +170,8 @@ def axis_rotation(axis: str) -> np.ndarray:
     return np.array([[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1]])
 
 
-SOLVED, BONE = "Rigid Body Marker", ("Bone Marker", "Hip_1", "1")
+SOLVED = "Rigid Body Marker"
+BONE = ("Bone Marker", "Hip_1", "1")
 
 
 def read_columns(folder: Path, body: str, *rows: str) -> MotionTake:

@@ -37,7 +37,8 @@ def test_the_factors_are_those_of_libraries_for_any_number_of_joints(
         inverse = np.linalg.pinv(j2)
         _, twice = np.linalg.slogdet(j2 @ j2.T)
         scale = np.linalg.cond(j1) * condition[i]
-        band, wide = 1e-12 * scale, 1e-12 * scale**2
+        band = 1e-12 * scale
+        wide = 1e-12 * scale**2
 
         assert_allclose(back[i] @ a[i], inverse @ exact, atol=band)
         assert a[i] @ a[i] == pytest.approx(exact @ exact, rel=band)

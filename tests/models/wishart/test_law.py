@@ -196,7 +196,8 @@ def log_mean_of_normals(residuals, a, back, d, noise) -> np.ndarray:
     """Log density of ``residuals`` (N, n) as the mean of normal densities over the quantiles of z
     and g, in plain NumPy and SciPy.
     """
-    m, r = len(a), np.linalg.norm(a)
+    m = len(a)
+    r = np.linalg.norm(a)
     nodes, weights = np.polynomial.legendre.leggauss(120)
     probabilities = (nodes + 1) / 2
     z = stats.invgamma((d - m + 1) / 2, scale=d / 2).ppf(probabilities)[:, None]

@@ -24,8 +24,12 @@ from pipeline.models.wishart.perturbation import (
     objective_weights,
 )
 
-FLOOR, WEIGHTS, ROOT = 0.2, (0.999, 0.001), np.sqrt(2)
-REST, MOVING = 10, 30  # steps without a command and steps with one
+FLOOR = 0.2
+WEIGHTS = (0.999, 0.001)
+ROOT = np.sqrt(2)
+# steps without a command and steps with one
+REST = 10
+MOVING = 30
 
 
 def weights(ratio: float) -> tuple[float, float]:
@@ -86,7 +90,9 @@ def test_the_perturbations_are_those_of_the_problem_as_printed(n, m, name):
 @pytest.mark.parametrize(("n", "m"), [(4, 4), (8, 3)])
 def test_the_perturbations_are_the_conic_solvers(n, m):
     """B⁻¹ to what a conic solver leaves of a flat optimum. Control: the next step's B⁻¹."""
-    qr, identity = Decomposition("qr"), np.eye(m)  # only here J₁ = I
+    # only here J₁ = I
+    qr = Decomposition("qr")
+    identity = np.eye(m)
     jacobians, v, a, back, noise = arm_problems(n, m, qr, 1.5)
     s = fit_perturbations(noise, a, back, WEIGHTS, FLOOR).s
     sizes = np.linalg.norm(s, axis=(1, 2))
@@ -160,7 +166,8 @@ def test_weights_follow_from_the_noise_at_rest(m):
 def data(chain, poses, step) -> Recorded:
     """The Wishart model's own steps behind a rest, measured with noise of 1e-4 rad."""
     v = np.vstack([np.zeros((REST, 3)), np.tile(step, (MOVING, 1))])
-    measured, model = 1e-8 * np.eye(3), WishartModel(0.2)
+    measured = 1e-8 * np.eye(3)
+    model = WishartModel(0.2)
     drawn = drawn_recording(chain, poses[: len(v)], v, measured, model, 100)
     return replace(drawn, known_measurement=None)
 
@@ -252,7 +259,8 @@ def dual_bound(noise, e, matrix, y, c, ratio, floor) -> np.ndarray:
     x = np.vecdot(e, y)
     size = np.sqrt(np.vecdot(y, y) + c**2)
     scale = ratio / np.where(size > 0, size, 1.0)
-    u, w = scale[:, None] * y, scale * c
+    u = scale[:, None] * y
+    w = scale * c
 
     # p = r/‖r‖, and where the fit is exact what makes m normal to the cone
     residual = noise - np.matvec(matrix, y)
