@@ -154,7 +154,10 @@ def wrench_tables() -> dict[str, pd.DataFrame]:
         "wrench_errors": rows_of(["error"], agents=[3, 10], system=range(40)),
         "force_density": rows_of(["density"], **plane, fx=range(9), fy=range(10)),
         "wrench_marginals": rows_of(
-            ["density"], **space, row=["fx", "mz"], value=values
+            ["density"],
+            **space,
+            row=["fx", "mz"],
+            value=values,
         ),
     }
 

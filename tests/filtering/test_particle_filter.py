@@ -297,7 +297,8 @@ def test_particles_that_leave_the_domain_or_are_no_numbers_end_the_filter_by_nam
     last,
 ):
     with pytest.raises(
-        DegenerateFilterError, match="every particle has left"
+        DegenerateFilterError,
+        match="every particle has left",
     ) as caught:
         filtered(EXACT, arm, steps, STILL, particles=20)
     place = {"take": "test01", "step": last, "time": DT * last}

@@ -84,3 +84,37 @@ def runs_of_law(
             )
             runs.append(run)
     return runs
+
+
+def jumping_runs(rng, motions: int = 4, repeats: int = 2) -> list[JointRun]:
+    """Runs of two joints whose speed jumps: each error rings down after a jump, Δc·τ·e^(−t/τ), and
+    has white noise of 50 µrad.
+    """
+    runs = []
+    samples = 600
+    fade = np.exp(-1 / (RATE * 0.06))
+    for motion in range(motions):
+        speed = np.zeros((samples, 2))
+        for number in range(6):
+            first = 30 + 90 * number
+            speed[first : first + 60] = rng.uniform(0.2, 0.8, 2) * (-1) ** number
+        command = np.cumsum(speed, axis=0) / RATE
+        change = np.diff(speed, axis=0, prepend=0.0)
+        error = np.zeros((samples, 2))
+        for k in range(1, samples):
+            error[k] = fade * error[k - 1] - 0.02 * change[k]
+        for repeat in range(repeats):
+            noise = 5e-5 * rng.standard_normal(error.shape)
+            run = JointRun(
+                name=f"{motion}.{repeat}",
+                rate=RATE,
+                command=command,
+                measured=command + error + noise,
+                joints=("a", "b"),
+                lag=np.zeros(2),
+                quantum=np.zeros(2),
+                pose_noise=None,
+                motion=str(motion),
+            )
+            runs.append(run)
+    return runs

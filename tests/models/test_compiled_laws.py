@@ -254,7 +254,9 @@ ROWS = [  # joints, task rows and decomposition; one row is one pivot: J₁ is a
 
 @pytest.mark.parametrize("n, m, name", ROWS)
 def test_wishart_steps_have_the_moments_of_the_closed_form_whatever_the_size(
-    n, m, name
+    n,
+    m,
+    name,
 ):
     """Bands: five standard errors of the mean and of the covariance, which has heavy tails."""
     chain, q, command = arm_and_command(n, m)
@@ -271,7 +273,9 @@ def test_wishart_steps_have_the_moments_of_the_closed_form_whatever_the_size(
     drawn, _ = draw_steps(model, chain, many, command, default_rng(4))
 
     of_mean, of_covariance = standardised(
-        drawn, mean, step_covariance(a, back, SIGMA_B)
+        drawn,
+        mean,
+        step_covariance(a, back, SIGMA_B),
     )
     assert of_mean < 5 and of_covariance < 0.08
     # control: a dispersion that is 10 % larger

@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from error_runs import MEMORY, RATE, known_law, runs_of_law, sweep
+from error_runs import MEMORY, RATE, jumping_runs, known_law, runs_of_law, sweep
+from numpy.random import default_rng
 from scipy.stats import norm
 from scipy.stats import t as student
 
@@ -52,7 +53,7 @@ LAWS = {
 @pytest.mark.parametrize("steps", [1, 10, 50])
 def test_draws_have_the_mean_and_the_variance_of_the_prediction(name, steps):
     law = LAWS[name]
-    rng = np.random.default_rng(5)
+    rng = default_rng(5)
     start = 200
     draws = 4000
     command = sweep(1)[: start + steps + 1]
@@ -89,7 +90,7 @@ def test_draws_have_the_mean_and_the_variance_of_the_prediction(name, steps):
 
 def test_predictions_of_a_whole_run_are_those_of_each_sample():
     law = LAWS["tails and drift"]
-    rng = np.random.default_rng(6)
+    rng = default_rng(6)
     (run,) = runs_of_law(law, rng, motions=1, repeats=1)
     error = run.measured - run.command
     command = run.command
@@ -130,7 +131,7 @@ def test_the_cells_of_quantised_angles_have_probability_one_together(degrees):
 @pytest.mark.parametrize("name", LAWS)
 def test_the_compiled_loss_is_that_of_the_laws_own_predictions(name):
     law = LAWS[name]
-    (run,) = runs_of_law(law, np.random.default_rng(6), motions=1, repeats=1)
+    (run,) = runs_of_law(law, default_rng(6), motions=1, repeats=1)
     error = run.measured - run.command
     inputs = law.inputs(run.command)
     past = law.residuals(error, inputs)
@@ -175,7 +176,7 @@ def commanded_rows(law: JointErrorModel, runs: Sequence[JointRun]) -> list[dict]
 
 def test_the_memory_of_a_known_law_is_recovered_and_predicts_fresh_runs():
     law = known_law()
-    rng = np.random.default_rng(7)
+    rng = default_rng(7)
     fitted = fit_joint_error(runs_of_law(law, rng), tails=False)
     # 300 samples by horizon: about .06 a coefficient; .2 is three standard errors of a response
     impulse = fitted.response(50)[1]
@@ -197,14 +198,15 @@ def test_the_memory_of_a_known_law_is_recovered_and_predicts_fresh_runs():
 @pytest.mark.slow
 def test_sigma_at_the_horizons_is_determined_and_memory_and_sigma_at_full_speed_are_not():
     """Errors fade in 0.095 s, and their variance grows with the square of the speed."""
-    fade = np.exp(-1 / (RATE * 0.095))
+    decay = 0.095
+    fade = np.exp(-1 / (RATE * decay))
     scale = np.zeros((2, len(GROWTH)))
     scale[:, GROWTH.index("rest")] = 1e-10
     scale[:, GROWTH.index("growth")] = (384e-6) ** 2 * (1 - fade**2)
     memory = np.tile([fade, 0.0, 0.0], (2, 1))
     law = known_law(memory=memory, scale=scale, power=2.0, reach=np.ones(2))
-    runs = runs_of_law(law, np.random.default_rng(1), motions=6, repeats=20)
-    fresh = runs_of_law(law, np.random.default_rng(2), motions=6, repeats=2)
+    runs = runs_of_law(law, default_rng(1), motions=6, repeats=20)
+    fresh = runs_of_law(law, default_rng(2), motions=6, repeats=2)
 
     fitted = fit_joint_error(runs, tails=False)
     rows = pd.DataFrame(commanded_rows(fitted, fresh))
@@ -232,7 +234,7 @@ def test_predictions_of_rounded_angles_include_the_rounding():
 
     def rounded_runs(seed: int) -> list[JointRun]:
         runs = []
-        for run in runs_of_law(known_law(), np.random.default_rng(seed)):
+        for run in runs_of_law(known_law(), default_rng(seed)):
             rounded = quantum * np.round(run.measured / quantum)
             runs.append(replace(run, measured=rounded, quantum=quantum))
         return runs
@@ -260,42 +262,8 @@ def test_samples_after_a_jump_of_the_commanded_speed_are_not_settled():
     assert calm[270:].all()
 
 
-def jumping_runs(rng, motions: int = 4, repeats: int = 2) -> list[JointRun]:
-    """Runs of two joints whose speed jumps: each error rings down after a jump, Δc·τ·e^(−t/τ), and
-    has white noise of 50 µrad.
-    """
-    runs = []
-    samples = 600
-    fade = np.exp(-1 / (RATE * 0.06))
-    for motion in range(motions):
-        speed = np.zeros((samples, 2))
-        for number in range(6):
-            first = 30 + 90 * number
-            speed[first : first + 60] = rng.uniform(0.2, 0.8, 2) * (-1) ** number
-        command = np.cumsum(speed, axis=0) / RATE
-        change = np.diff(speed, axis=0, prepend=0.0)
-        error = np.zeros((samples, 2))
-        for k in range(1, samples):
-            error[k] = fade * error[k - 1] - 0.02 * change[k]
-        for repeat in range(repeats):
-            noise = 5e-5 * rng.standard_normal(error.shape)
-            run = JointRun(
-                name=f"{motion}.{repeat}",
-                rate=RATE,
-                command=command,
-                measured=command + error + noise,
-                joints=("a", "b"),
-                lag=np.zeros(2),
-                quantum=np.zeros(2),
-                pose_noise=None,
-                motion=str(motion),
-            )
-            runs.append(run)
-    return runs
-
-
 def test_the_law_is_right_after_jumps_of_the_commanded_speed():
-    rng = np.random.default_rng(3)
+    rng = default_rng(3)
     runs = jumping_runs(rng)
     fresh = jumping_runs(rng)
     law = fit_joint_error(runs, tails=False)
@@ -351,14 +319,14 @@ def runs_of_three_joints(rng: np.random.Generator) -> list[JointRun]:
 
 
 def test_a_joint_without_jumps_has_the_mean_variance_of_the_others_after_one():
-    runs = runs_of_three_joints(np.random.default_rng(3))
+    runs = runs_of_three_joints(default_rng(3))
     variance = fit_joint_error(runs, memory="persistent", tails=False).scale[:, JUMPS]
     assert variance[2] == pytest.approx(variance[:2].mean())
     assert abs(np.log(variance[0] / variance[1])) > 1e-3  # control: they differ
 
 
 def test_the_errors_of_a_joint_without_jumps_have_the_whole_size_after_one():
-    law = fit_joint_error(runs_of_three_joints(np.random.default_rng(3)), tails=False)
+    law = fit_joint_error(runs_of_three_joints(default_rng(3)), tails=False)
     variance = law.scale[:, JUMPS]
     # the others have a mean response to a jump, and a variance of what it leaves
     assert np.all(law.mean_gain[:2, INPUTS.index("fresh jumps")] < 0)
@@ -366,7 +334,7 @@ def test_the_errors_of_a_joint_without_jumps_have_the_whole_size_after_one():
 
 
 def test_runs_of_the_only_motion_with_jumps_determine_the_response_to_one():
-    rng = np.random.default_rng(3)
+    rng = default_rng(3)
     jumping = jumping_runs(rng, motions=1, repeats=4)
     smooth = runs_of_law(known_law(), rng)
     smooth = [replace(run, motion=f"smooth {run.motion}") for run in smooth]
@@ -382,7 +350,7 @@ def test_runs_of_the_only_motion_with_jumps_determine_the_response_to_one():
 
 
 def test_a_command_between_the_rows_of_a_gap_in_the_clock_is_no_speed():
-    (run,) = jumping_runs(np.random.default_rng(3), motions=1, repeats=1)
+    (run,) = jumping_runs(default_rng(3), motions=1, repeats=1)
     ramp = np.clip(np.arange(60.0) - 10, 0, 20)
     command = ramp[:, None] * [2e-3, -1e-3]
     gap = command.copy()
@@ -396,7 +364,7 @@ def test_a_command_between_the_rows_of_a_gap_in_the_clock_is_no_speed():
 
 @pytest.mark.parametrize("steps", [1, 10, 50])
 def test_a_lag_that_is_not_known_widens_the_predictions_by_its_spread(steps):
-    rng = np.random.default_rng(4)
+    rng = default_rng(4)
     command = sweep(0)
     last = 250
     mean = np.array([5e-3, -8e-3])
@@ -427,7 +395,7 @@ def test_a_lag_that_is_not_known_widens_the_predictions_by_its_spread(steps):
 
 def test_without_known_errors_the_arm_starts_at_rest():
     law = known_law()
-    rng = np.random.default_rng(6)
+    rng = default_rng(6)
     command = sweep(1)[:80]
     draws = 3000
     mean, covariance = law.predict(np.empty((0, 2)), command, 80)
@@ -445,7 +413,7 @@ def test_without_known_errors_the_arm_starts_at_rest():
 
 
 def test_the_lags_of_a_law_are_those_of_its_logs():
-    runs = runs_of_law(known_law(), np.random.default_rng(1), motions=3, repeats=1)
+    runs = runs_of_law(known_law(), default_rng(1), motions=3, repeats=1)
     first = np.array([1e-3, 2e-3])
     second = np.array([3e-3, 2e-3])
     lags = (first, second, second)  # two runs of one log
@@ -461,7 +429,7 @@ def test_the_lags_of_a_law_are_those_of_its_logs():
 
 
 def test_a_constant_about_the_command_has_one_variance_at_all_horizons():
-    runs = runs_of_law(known_law(), np.random.default_rng(1))
+    runs = runs_of_law(known_law(), default_rng(1))
     law = fit_joint_error(runs, memory="none", power=0.0, tails=False)
     moving = np.concatenate([run.moving[1:] for run in runs])
     errors = np.concatenate([(run.measured - run.command)[1:] for run in runs])
@@ -473,14 +441,14 @@ def test_a_constant_about_the_command_has_one_variance_at_all_horizons():
 
 
 def test_runs_without_errors_are_refused():
-    runs = runs_of_law(known_law(), np.random.default_rng(1), motions=1, repeats=1)
+    runs = runs_of_law(known_law(), default_rng(1), motions=1, repeats=1)
     still = [replace(run, measured=run.command) for run in runs]
     with pytest.raises(ModelDomainError, match="equal the commanded"):
         fit_joint_error(still)
 
 
 def test_runs_shorter_than_the_longest_horizon_are_fitted_to_the_shorter_ones():
-    runs = runs_of_law(known_law(), np.random.default_rng(1), motions=1, repeats=4)
+    runs = runs_of_law(known_law(), default_rng(1), motions=1, repeats=4)
 
     def cut(run: JointRun, count: int) -> JointRun:
         return replace(run, command=run.command[:count], measured=run.measured[:count])
@@ -493,7 +461,7 @@ def test_runs_shorter_than_the_longest_horizon_are_fitted_to_the_shorter_ones():
 
 
 def test_a_trial_run_holds_out_the_first_motions_with_all_their_repetitions():
-    runs = runs_of_law(known_law(), np.random.default_rng(1), motions=3, repeats=2)
+    runs = runs_of_law(known_law(), default_rng(1), motions=3, repeats=2)
     names = [run.motion for run in runs]
     chosen = [run.motion for run in of_first_motions(runs, 2)]
     assert chosen == [name for name in names if name != names[-1]] != names

@@ -35,7 +35,8 @@ class FolderLogs(NamedTuple):
     suggested: dict[str, list[str]]  # suggestion that was taken → recordings
     clocks: list[str]  # columns, arrays or files of the times, or "even rows"
     resampled: dict[
-        str, str
+        str,
+        str,
     ]  # recording of uneven rows → their distances and their number
     missing: dict[str, str]  # without a log: key that no file states → value to correct
 
