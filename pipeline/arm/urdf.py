@@ -236,7 +236,9 @@ def describe(robot: Robot, tree: Tree | None = None) -> Description:
     tree = tree or read_urdf(Path(robot.urdf))
     _require_joints(tree, robot)
     tip = _tip(tree, robot)
-    base = None if robot.base is None else tree.link(robot.base, "robot.base")
+    base = None
+    if robot.base is not None:
+        base = tree.link(robot.base, "robot.base")
     for fault in _arm_faults(tree, robot, base, tip):
         raise ConfigError(f"robot.{fault}", file=tree.file)
     held = {}

@@ -131,9 +131,10 @@ def _earlier(noise: ndarray, late: ndarray) -> ndarray:
     """Return ``noise`` (M, n) of the steps ``late`` (n,) samples later, between two steps by linear
     interpolation, without the last steps.
     """
-    steps = np.arange(len(noise))
-    latest = int(np.ceil(np.max(late, initial=0.0)))
-    common = steps[: len(noise) - latest]
+    count = len(noise)
+    steps = np.arange(count)
+    latest = np.ceil(np.max(late, initial=0.0))
+    common = steps[: count - int(latest)]
     columns = []
     for samples, of_joint in zip(late, noise.T, strict=True):
         columns.append(np.interp(common + samples, steps, of_joint))

@@ -303,9 +303,11 @@ def take_log_likelihoods(
 
 def _transitions(space: StateSpace, shares: ndarray) -> ndarray:
     """(K, M, 2n, 2n) transitions of (e, e + b) for each κ of ``shares`` (K,)."""
-    n = space.noise.shape[-1]
-    transition = np.tile(np.eye(2 * n), (len(shares), len(space.noise), 1, 1))
-    of_deviation = space.drift - shares[:, None, None, None] * space.correction
+    steps, n, _ = space.noise.shape
+    identity = np.eye(2 * n)
+    transition = np.tile(identity, (len(shares), steps, 1, 1))
+    share = shares[:, None, None, None]
+    of_deviation = space.drift - share * space.correction
     transition[..., :n, :n] = of_deviation
     transition[..., n:, :n] = of_deviation - np.eye(n)
     return transition

@@ -102,7 +102,8 @@ class Estimate:
         named = {}
         for name, number in numbers.items():
             parameter = next(base for base in self.estimates if name.startswith(base))
-            named[pattern.format(parameter) + name.removeprefix(parameter)] = number
+            suffix = name.removeprefix(parameter)
+            named[pattern.format(parameter) + suffix] = number
         return named
 
     @property

@@ -272,9 +272,11 @@ def nodes_of(frame: Frame, v: np.ndarray) -> np.ndarray:
     if v.size == 4:
         return np.vstack([v.reshape(2, 2), frame.nodes[3]])
     middle, half = _lengths_of(frame)
-    stretched = np.append(np.sin(STRETCH * v[:2]), 0.0)
+    shares = np.sin(STRETCH * v[:2])
+    stretched = np.append(shares, 0.0)
     lengths = middle + half * stretched
-    segments = lengths[:, None] * _directions(v[2:] / middle)
+    headings = v[2:] / middle
+    segments = lengths[:, None] * _directions(headings)
     return frame.nodes[0] + np.cumsum(segments, axis=0)
 
 

@@ -64,10 +64,13 @@ class MarkedArm:
     def _levers(self, link: int, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return a link's position (S, 3) and its points relative to it (S, points, 3) in m."""
         chain = self.chains[link]
-        pose = chain.pose(q[:, : len(chain.lower)])
+        joints = len(chain.lower)  # those that move the link
+        pose = chain.pose(q[:, :joints])
+        position = pose[:, :3]
         rotation = pose[:, 3:].reshape(-1, 3, 3)
         places = self.places[self.owner == link]
-        return pose[:, :3], places @ np.swapaxes(rotation, -1, -2)
+        levers = places @ np.swapaxes(rotation, -1, -2)
+        return position, levers
 
     def solve(self, measured: np.ndarray, starts: np.ndarray) -> Solution:
         """Return the least-squares joint angles for ``measured`` (S, P, 3) m from ``starts`` (S, n)

@@ -56,7 +56,8 @@ class SignalPair(NamedTuple):
         a = self.a[inside]
         time = self.t_a[inside]
         b = self.spline(time + tau) - self.centre
-        regressors = np.column_stack([b, np.ones(len(a))])
+        constant = np.ones(len(a))
+        regressors = np.column_stack([b, constant])
         affine, *_ = np.linalg.lstsq(regressors, a, rcond=None)
         residual = a - regressors @ affine
         return AffineFit(a, regressors, affine, residual)

@@ -100,10 +100,13 @@ def tracking_errors(actual: np.ndarray, target: np.ndarray) -> np.ndarray:
     """
     residual = np.abs(actual - target)
     motion = np.ptp(actual, axis=0)
-    scale = np.maximum(motion, max(LEAST_MOTION * motion.max(), STILL))
+    least = max(LEAST_MOTION * motion.max(), STILL)
+    scale = np.maximum(motion, least)
 
-    steps = np.abs(np.diff(target, axis=0, prepend=target[:1])).max(axis=1)
-    moving = steps > LEAST_MOTION * np.quantile(steps, 0.99)
+    changes = np.diff(target, axis=0, prepend=target[:1])
+    steps = np.abs(changes).max(axis=1)
+    usual = np.quantile(steps, 0.99)
+    moving = steps > LEAST_MOTION * usual
     quantiles = []
     for rows in (moving, ~moving):
         if rows.any():

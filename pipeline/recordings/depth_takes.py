@@ -148,10 +148,13 @@ def _estimated_offset(
 def _marker_path(markers: pd.DataFrame, arm: Arm) -> tuple[np.ndarray, np.ndarray]:
     """Return times (K,) s and centroids (K, 2) m in the arm's plane of the labelled markers."""
     labelled = markers[markers["link"] > 0]
-    in_plane = arm.to_plane(labelled[["x", "y", "z"]].to_numpy())
-    points = pd.DataFrame(in_plane[:, [0, 2]], index=labelled["t"])
-    path = points.groupby(level="t").mean(skipna=False).dropna()
-    return path.index.to_numpy(), np.ascontiguousarray(path)
+    positions = labelled[["x", "y", "z"]].to_numpy()
+    x_and_z = arm.to_plane(positions)[:, [0, 2]]
+    points = pd.DataFrame(x_and_z, index=labelled["t"])
+    centroids = points.groupby(level="t").mean(skipna=False)
+    path = centroids.dropna()
+    times = path.index.to_numpy()
+    return times, np.ascontiguousarray(path)
 
 
 def arm_points(rows: pd.DataFrame, folder: Path) -> list[np.ndarray]:

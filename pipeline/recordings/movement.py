@@ -158,13 +158,15 @@ def lasting_deviations(time: np.ndarray, rate: float) -> np.ndarray:
     shift the later rows for good: a loaded computer's clock is late, and then on time again.
     """
     steps = np.diff(time)
-    shift = median_filter(time * rate - np.arange(len(time)), LASTING, mode="nearest")
+    late = time * rate - np.arange(len(time))
+    lasting = median_filter(late, LASTING, mode="nearest")
     rows = np.arange(len(steps))
     half = LASTING // 2
     after = np.minimum(rows + half + 1, len(steps))
     before = np.maximum(rows - half, 0)
-    lasts = np.abs(shift[after] - shift[before]) > JITTER
-    return (np.abs(steps * rate - 1) > JITTER) & lasts
+    shift = np.abs(lasting[after] - lasting[before])
+    deviation = np.abs(steps * rate - 1)
+    return (deviation > JITTER) & (shift > JITTER)
 
 
 def _rows_to_resample(time: np.ndarray, rate: float, file: Path) -> int:

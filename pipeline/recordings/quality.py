@@ -366,11 +366,14 @@ def _scores(distance: np.ndarray, distinct: np.ndarray, least: float) -> np.ndar
     """Return ``distance`` (takes,) minus the median of the ``distinct`` takes, in robust standard
     deviations of these, at least ``least`` of the median.
     """
-    median = np.median(distance[distinct])
-    deviations = np.abs(distance[distinct] - median)
+    usual = distance[distinct]
+    median = np.median(usual)
+    deviations = np.abs(usual - median)
     deviation = 1.4826 * np.median(deviations)
     scale = max(deviation, least * median)
-    return (distance - median) / scale if scale > 0 else np.zeros_like(distance)
+    if not scale > 0:
+        return np.zeros_like(distance)
+    return (distance - median) / scale
 
 
 def residual_share(

@@ -130,8 +130,9 @@ def autocorrelation_time(record: ndarray) -> float:
         raise ModelDomainError(message, samples=count)
     # zero padding to twice the length avoids the wrap-around of circular correlation
     centred = record - np.mean(record, axis=0)
-    spectrum = np.abs(np.fft.rfft(centred, 2 * count, axis=0)) ** 2
-    covariance = np.fft.irfft(spectrum, axis=0)[:count]
+    spectrum = np.fft.rfft(centred, 2 * count, axis=0)
+    power = np.abs(spectrum) ** 2
+    covariance = np.fft.irfft(power, axis=0)[:count]
     times = 2 * np.cumsum(covariance / covariance[0], axis=0) - 1
     lags = np.arange(count)[:, None]
     ends = np.argmax(lags >= WINDOW * times, axis=0)

@@ -176,8 +176,9 @@ def coverage(run: Run) -> str:
     rows = run.tables["predictions"]
     models = [*rows["model"].unique()]
     means = rows.pivot(index=["steps", "score"], columns="model", values="mean")
+    groups = rows["steps"].unique()
     cells = []
-    for steps, joint in product(rows["steps"].unique(), run.joints):
+    for steps, joint in product(groups, run.joints):
         by_model = means.loc[(steps, f"coverage_of_one_sigma_{joint}"), models]
         cells.append([steps, joint, *by_model])
     names = [plain_name(model) for model in models]

@@ -186,16 +186,19 @@ def _pcd_header(content: bytes) -> CloudHeader:
 def _pcd_record(entries: dict[str, list[str]]) -> np.dtype:
     """Return the record of one point by the ``entries`` of the header."""
     names = entries.get("FIELDS") or entries["COLUMNS"]  # before version 0.6
-    counts = [int(count) for count in entries.get("COUNT", ["1"] * len(names))]
+    ones = ["1"] * len(names)
+    counts = [int(count) for count in entries.get("COUNT", ones)]
     pairs = zip(entries["TYPE"], entries["SIZE"], strict=True)
     types = [kind.lower() + size for kind, size in pairs]
-    if not {*types} <= PCD_TYPES or min(counts) < 1:
+    are_known = PCD_TYPES.issuperset(types)
+    if not are_known or min(counts) < 1:
         raise ValueError(f"TYPE, SIZE and COUNT give {', '.join(types)} of {counts}")
     fields = []
     for name, kind, count in zip(names, types, counts, strict=True):
         # all padding fields have the name _
         unique = name if names.count(name) == 1 else f"{name}{len(fields)}"
-        fields.append((unique, f"<{kind}", () if count == 1 else (count,)))
+        shape = () if count == 1 else (count,)
+        fields.append((unique, f"<{kind}", shape))
     return np.dtype(fields)
 
 

@@ -67,9 +67,11 @@ class GaussianModel(MotionModel):
         """(..., n, n) s‖v‖²·I in rad², zero beyond the bound."""
         inverse = chain.inverse_jacobian(q)
         v = task_step(chain, v)
+        n, m = inverse.shape[-2:]
         bounded = np.minimum(frobenius(inverse), self.u)
-        scale = noise_scale(bounded, self.alpha, self.u, *inverse.shape[-2:])
-        return (scale * np.vecdot(v, v))[..., None, None] * np.eye(q.shape[-1])
+        scale = noise_scale(bounded, self.alpha, self.u, n, m)
+        variance = scale * np.vecdot(v, v)
+        return variance[..., None, None] * np.eye(n)
 
     def with_trace(
         self,
