@@ -177,6 +177,16 @@ def test_a_controllers_lag_is_no_offset_of_two_clocks_where_the_unit_is_wrong_to
         assert pair.delay == expected
 
 
+def test_the_unit_of_joints_that_follow_is_found_beside_a_joint_that_stands():
+    actual, target = logged("without rest", lag=4e-3)
+    target[:, 3] += np.linspace(0.0, 0.5, len(target))
+
+    pair = commands.find_pairing(actual, np.degrees(target), RATE)
+
+    assert_allclose(pair.factor, np.pi / 180)
+    assert pair.order.tolist() == [0, 1, 2, 3]
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_what_is_right_stays_as_it_is(kind):
     actual, target = logged(kind, lag=4e-3)
