@@ -158,15 +158,13 @@ def lasting_deviations(time: np.ndarray, rate: float) -> np.ndarray:
     shift the later rows for good: a loaded computer's clock is late, and then on time again.
     """
     steps = np.diff(time)
-    late = time * rate - np.arange(len(time))
-    lasting = median_filter(late, LASTING, mode="nearest")
+    late = median_filter(time * rate - np.arange(len(time)), LASTING, mode="nearest")
     rows = np.arange(len(steps))
     half = LASTING // 2
     after = np.minimum(rows + half + 1, len(steps))
     before = np.maximum(rows - half, 0)
-    shift = np.abs(lasting[after] - lasting[before])
-    deviation = np.abs(steps * rate - 1)
-    return (deviation > JITTER) & (shift > JITTER)
+    lasts = np.abs(late[after] - late[before]) > JITTER
+    return (np.abs(steps * rate - 1) > JITTER) & lasts
 
 
 def _rows_to_resample(time: np.ndarray, rate: float, file: Path) -> int:

@@ -366,14 +366,11 @@ def _scores(distance: np.ndarray, distinct: np.ndarray, least: float) -> np.ndar
     """Return ``distance`` (takes,) minus the median of the ``distinct`` takes, in robust standard
     deviations of these, at least ``least`` of the median.
     """
-    usual = distance[distinct]
-    median = np.median(usual)
-    deviations = np.abs(usual - median)
+    median = np.median(distance[distinct])
+    deviations = np.abs(distance[distinct] - median)
     deviation = 1.4826 * np.median(deviations)
     scale = max(deviation, least * median)
-    if not scale > 0:
-        return np.zeros_like(distance)
-    return (distance - median) / scale
+    return (distance - median) / scale if scale > 0 else np.zeros_like(distance)
 
 
 def residual_share(

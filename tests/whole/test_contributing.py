@@ -107,10 +107,11 @@ def copy_option_file(project: Path, model: str) -> None:
 
 
 def copy_claim(project: Path) -> None:
-    """Copy the first claim under the name COPIED."""
+    """Copy the first claim that states its numbers itself under the name COPIED."""
     file = project / "pipeline/verdicts/claims.yaml"
     text = file.read_text(encoding="utf-8")
-    claim = re.search(r"(?ms)^  - id: .*?(?=^  - id: )", text)[0]
+    claims = re.findall(r"(?ms)^  - id: .*?(?=^  - id: )", text)
+    claim = next(claim for claim in claims if "published.yaml" not in claim)
     copy = re.sub(r"id: .*", f"id: {COPIED}", claim, count=1)
     file.write_text(text.replace(claim, claim + copy), encoding="utf-8")
 
